@@ -104,6 +104,34 @@ def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
         assert 'no estimation is active' in ask(client).message
 
 
+def test_an_estimation_ends_with_its_model_and_needs_effort(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/carried'):
+        states = client.publisher(JointState, '/carried/joint_states', 1)
+
+        def start() -> None:
+            assert ask(client, start=True, link='tool0').success
+
+        start()
+        assert 'no usable joint states yet' in ask(client).message
+
+        def lacks_effort() -> bool:
+            state = JointState(name=NAMES, position=START.tolist(), velocity=[0.0, 0.0])
+            state.header.stamp = client.node.get_clock().now().to_msg()
+            states.publish(state)
+            return 'joint states have no effort' in ask(client).message
+
+        wait_until(lacks_effort, 'the report of the missing effort', LONG)
+        other = make_payload('link1', 1.0)
+        assert client.call(SetPayload, '/carried/dynamics/set_payload', SetPayload.Request(
+            payload=payload_to_ros(other))).success
+        assert 'the payload of another link has changed' in ask(client).message
+        start()
+        client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -5.0]})
+        wait_until(lambda: 'the gravity of the base has changed' in ask(client).message,
+                   'the end of the estimation', LONG)
+        client.node.destroy_publisher(states)
+
+
 def check(answer: Any) -> None:
     """Check the estimate of a payload in the plane of the arm, of which z is upwards."""
     values = dict(zip(answer.parameters, zip(answer.values, answer.deviations, answer.verdicts)))
