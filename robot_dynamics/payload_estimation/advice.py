@@ -27,6 +27,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.load_regressor import LoadRegressor
 from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
 from robot_dynamics.payload_estimation.information import inverse_of
 
@@ -90,7 +91,7 @@ class _Adviser:
         moves = sorted(self._single_joint(), key=lambda one: abs(one[1]))
         self._moves = [(joint, change) for joint, change, _ in moves]
         self._positions = np.array([knowledge.position, *(position for *_, position in moves)])
-        self._poses = sample_positions(arm, POSES)
+        self._poses = _held_poses(arm)
         both = np.concatenate([self._positions, self._poses])
         zero = np.zeros_like(both)
         self._static = self._regressor(both, zero, zero)
@@ -188,3 +189,13 @@ class _Adviser:
         blocks = SECONDS / self._knowledge.block / len(phase)
         return np.asarray(blocks * np.einsum(
             'mji,mjk,j->ik', Y, Y, 1.0 / self._knowledge.variances['motion']))
+
+
+def _held_poses(arm: ArmModel) -> FloatArray:
+    """Return poses (m, n) that the arm holds within its effort limits, all if it holds none."""
+    poses = sample_positions(arm, POSES)
+    zero = np.zeros_like(poses)
+    effort = UncheckedRigidBody(arm).inverse_dynamics_batch(poses, zero, zero)
+    limit = np.where(arm.limits.effort > 0.0, arm.limits.effort, np.inf)
+    is_held = (np.abs(effort) <= limit).all(axis=1)
+    return poses[is_held] if is_held.any() else poses

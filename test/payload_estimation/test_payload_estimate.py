@@ -36,6 +36,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.load_regressor import load_parameters, LoadRegressor
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.information import inverse_of, student_factor
 from robots import robot_urdf
@@ -187,6 +188,19 @@ def followed(case: Case, advice: str, position: np.ndarray) -> np.ndarray:
     changed = position.copy()
     changed[joint] = float(advice.split('(to ')[1].split(')')[0])
     return changed
+
+
+def test_advised_poses_are_within_the_limits_of_position_and_effort() -> None:
+    # dry friction of a tenth of the limits: one joint does not suffice
+    case = hidden_load('ur10', seed=3, friction=0.1)
+    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4]))
+    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
+    advised = [one for one in estimate.advice if 'hold the poses (' in one]
+    assert advised
+    for advice in advised:
+        pose = followed(case, advice, samples.q[0])
+        assert (np.abs(pose) <= case.arm.limits.upper).all()
+        assert (np.abs(RigidBody(case.arm).gravity(pose)) <= case.arm.limits.effort).all()
 
 
 def test_inertia_is_not_observable_at_rest_and_the_advice_is_to_accelerate() -> None:
