@@ -66,6 +66,7 @@ class PayloadEstimator:
         self._regressor = LoadRegressor(arm, link)
         self._dynamics = ArmDynamics(arm).unchecked
         self._block = max(SHORTEST_BLOCK, 1.0 / cutoff_hz)
+        self._independent_interval = 0.5 / cutoff_hz  # of band-limited white noise
         self._rows = RowBuilder(arm.joint_count, self._block, self._block)
         self._position: FloatArray | None = None
         self._largest_effort = np.zeros(arm.joint_count)
@@ -103,7 +104,7 @@ class PayloadEstimator:
     def estimate(self, with_advice: bool = True) -> PayloadEstimate:
         """Return the estimate from all samples; `with_advice` costs about 0.1 s."""
         rows = self._rows.rows()
-        rests = pair_rests(rows.rests, self._block)
+        rests = pair_rests(rows.rests, self._independent_interval)
         limit = self.arm.limits.effort
         scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, np.maximum(
             self._largest_effort, 1.0))

@@ -46,7 +46,7 @@ EXPECTED_NOISE = 0.003
 """Deviation of an expected observation without friction, relative to the effort limit."""
 BAND_VARIANCE = 1.0 / 3.0
 """Variance of dry friction with a uniform distribution within ± F, relative to F²."""
-PAIRED_FRACTION = 0.2
+PAIRED_FRACTION = 0.1
 """Part of the friction band that remains in a pair, if no residual determines it."""
 BAND_WEIGHT, POOLED_WEIGHT = 12.0, 2.0
 """Number of residuals that the friction band, and the variance of the other joints, count as."""
@@ -156,7 +156,8 @@ def _groups(
                 prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
                 groups.append(_Group(
                     j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
-                    BAND_WEIGHT if band[j] > 0.0 else POOLED_WEIGHT, max(least, noise)))
+                    BAND_WEIGHT if band[j] > 0.0 and kind == 'single' else POOLED_WEIGHT,
+                    max(least, 0.25 * noise)))
     return groups
 
 

@@ -92,6 +92,13 @@ def estimate_from_bags(
         tuple(failed))
 
 
+def estimate_motion(arm: ArmModel, link: str, motion: FilteredMotion) -> PayloadEstimate:
+    """Return the estimate of the body on `link` from one filtered motion with joint effort."""
+    estimator = PayloadEstimator(arm, link, motion.cutoff_hz)
+    _add(estimator, motion)
+    return estimator.estimate()
+
+
 def _read(
     bag: Path, settings: AnalysisSettings,
 ) -> tuple[ArmModel, FilteredMotion, tuple[str, ...]]:

@@ -18,8 +18,8 @@ Regression rows of single joints: averages over blocks of motion and over holds.
 r = Y π is linear, so that averages of r and Y over time satisfy it too. Filtered samples are not
 independent, averages over `block` seconds nearly are. A joint at rest is different: dry friction
 has an unknown value that stays the same during the rest, so that a rest is one observation,
-however long it lasts. Samples close to a velocity reversal, where friction changes its sign, and
-samples just after the beginning of a rest are discarded.
+however long it lasts. The filter mixes the friction before and after a velocity reversal: the
+samples after it and the last block before it are discarded, and so are the first of a rest.
 """
 
 from collections import deque
@@ -111,7 +111,7 @@ class RowBuilder:
         self._begin, self._time = np.zeros(n), -np.inf
         self._sums, self._squares = np.zeros((n, COLUMNS)), np.zeros(n)
         self._samples = np.zeros(n, dtype=np.intp)
-        self._previous = np.full((n, COLUMNS), np.nan)
+        self._previous, self._pending = np.full((2, n, COLUMNS), np.nan)
         self._is_hold = False
         self._position = np.zeros(n)
         self._approach[:] = 0
@@ -163,15 +163,20 @@ class RowBuilder:
         self._stay = self._stay + (is_other & (self._kind == _REST))
         cleared = is_other | ended
         self._sums[cleared], self._squares[cleared], self._samples[cleared] = 0.0, 0.0, 0
-        self._previous[cleared] = np.nan
+        self._previous[cleared], self._pending[cleared] = np.nan, np.nan
         self._since = np.where(cleared, t, self._since)
         self._kind, self._is_hold = kind, is_hold
 
     def _finish_blocks(self, done: BoolArray) -> None:
+        """Keep the block before each; filters mix the last one with the friction after it."""
         if not done.any():
             return
-        rows = self._sums[done] / self._samples[done, None]
-        before = self._previous[done]
+        self._commit(done & np.isfinite(self._pending[:, 0]))
+        self._pending[done] = self._sums[done] / self._samples[done, None]
+        self._sums[done], self._squares[done], self._samples[done] = 0.0, 0.0, 0
+
+    def _commit(self, done: BoolArray) -> None:
+        rows, before = self._pending[done], self._previous[done]
         self._gram[done] += rows[:, :, None] * rows[:, None, :]
         self._count[done] += 1.0
         has_before = np.isfinite(before[:, 0])
@@ -179,7 +184,6 @@ class RowBuilder:
         self._lagged[joints] += before[has_before, :, None] * rows[has_before, None, :]
         self._pairs[joints] += 1.0
         self._previous[done] = rows
-        self._sums[done], self._squares[done], self._samples[done] = 0.0, 0.0, 0
 
     def _is_held(self) -> bool:
         return self._is_hold and bool(self._is_complete().all())

@@ -18,13 +18,16 @@ from typing import NamedTuple
 
 from identification_bench import fourier_motion
 import numpy as np
+from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.load_regressor import load_parameters
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics.payload_estimation.recordings import estimate_motion
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.reader import JointSeries
 from robots import robot_urdf
 
 LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
@@ -143,6 +146,21 @@ def estimated(
     estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
     estimator.add(samples.t, samples.q, samples.v, samples.a, effort)
     return estimator.estimate(with_advice)
+
+
+def estimated_from_raw_samples(case: Case, seconds: float) -> PayloadEstimate:
+    """Return the estimate from a motion with white noise at 200 Hz, as it is recorded."""
+    states = fourier_motion(case.arm, 200.0, seconds, case.seed)
+    samples = Samples(
+        states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
+    rng = np.random.default_rng(case.seed + 30_000)
+    effort = measured(case, samples, noise=0.0)
+    effort += 0.01 * effort_limit(case.arm) * rng.normal(size=effort.shape)
+    series = JointSeries(
+        case.arm.joint_names, np.round(1e9 * states.times).astype(np.int64),
+        states.q + 2e-5 * rng.normal(size=effort.shape),
+        states.v + 1e-3 * rng.normal(size=effort.shape), effort, 0)
+    return estimate_motion(case.arm, case.link, filter_motion_below(series, CUTOFF))
 
 
 def errors_in_deviations(case: Case, estimate: PayloadEstimate) -> dict[int, float]:
