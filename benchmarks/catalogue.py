@@ -25,6 +25,7 @@ from benchmarks import (
     library,
     memory,
     message_profile,
+    payload_estimation,
     peers,
     rate,
     safe_motion,
@@ -48,5 +49,6 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
 }
 LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'safe_motion': safe_motion.main,
+    'payload_estimation': payload_estimation.main,
 }
 """Run only when they are named."""

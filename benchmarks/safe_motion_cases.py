@@ -159,12 +159,15 @@ def all_cases(arms: Sequence[str] = ARMS) -> list[Case]:
 @cache
 def arm_named(name: str) -> ArmModel:
     """Return an arm; raise FileNotFoundError if its description is not installed."""
-    if name == DEFAULT:
-        return load_arm(default_arm_urdf())
-    return load_arm(_description(name).read_text(encoding='utf-8'), JOINTS.get(name, ()))
+    return load_arm(description_of(name), JOINTS.get(name, ()))
 
 
-def _description(name: str) -> Path:
+def description_of(name: str) -> str:
+    """Return the URDF of an arm; raise FileNotFoundError if it is not installed."""
+    return default_arm_urdf() if name == DEFAULT else _path(name).read_text(encoding='utf-8')
+
+
+def _path(name: str) -> Path:
     for prefix in _prefixes():
         path = prefix / 'share' / PACKAGE / 'robots' / FILES[name]
         if path.is_file():

@@ -87,7 +87,7 @@ def advise(
 class _Adviser:
     def __init__(self, arm: ArmModel, link: str, knowledge: Knowledge) -> None:
         self._arm, self._knowledge = arm, knowledge
-        self._regressor = LoadRegressor(arm, link)
+        self._regressor, self._body = LoadRegressor(arm, link), UncheckedRigidBody(arm)
         moves = sorted(self._single_joint(), key=lambda one: abs(one[1]))
         self._moves = [(joint, change) for joint, change, _ in moves]
         self._positions = np.array([knowledge.position, *(position for *_, position in moves)])
@@ -124,23 +124,21 @@ class _Adviser:
         return f'hold the poses {texts} of {list(self._arm.joint_names)}'
 
     def motion(self, parameter: int) -> str:
-        """Return the joints to accelerate, and the smallest amplitude."""
-        best: list[tuple[float, int]] = []
+        """Return the joints to accelerate, and the smallest amplitude, within the limits."""
+        largest = ''
         for amplitude in ACCELERATIONS:
-            gains = [self._dynamic_gain(joint, amplitude)
-                     for joint in range(self._arm.joint_count)]
-            for joint, gain in enumerate(gains):
+            gains = self._dynamic_gains(amplitude)
+            for joint, gain in gains.items():
                 if self._knowledge.suffices(parameter, gain):
                     return self._motion_text([joint], amplitude)
-            best = sorted((self._knowledge.deviation(parameter, gain), joint)
-                          for joint, gain in enumerate(gains))
+            best = sorted(gains, key=lambda j: self._knowledge.deviation(parameter, gains[j]))
             for count in range(2, len(best) + 1):
-                joints = [joint for _, joint in best[:count]]
-                if self._knowledge.suffices(parameter, sum((gains[j] for j in joints),
-                                                           np.zeros((COUNT, COUNT)))):
+                joints, gain = best[:count], sum(gains[j] for j in best[:count])
+                if self._knowledge.suffices(parameter, gain):
                     return self._motion_text(joints, amplitude)
-        return self._motion_text([joint for _, joint in best], ACCELERATIONS[-1]) + (
-            ', and longer; a trajectory of `excite` is better')
+            if best:
+                largest = self._motion_text(best, amplitude) + ', and longer; '
+        return largest + 'follow a trajectory of `excite`'
 
     def _motion_text(self, joints: Sequence[int], amplitude: float) -> str:
         names = ', '.join(repr(self._arm.joint_names[j]) for j in sorted(joints))
@@ -177,16 +175,34 @@ class _Adviser:
         return np.asarray(np.einsum(
             'mji,mjk,j->mik', Y, Y, 1.0 / self._knowledge.variances[kind], optimize=True))
 
-    def _dynamic_gain(self, joint: int, amplitude: float) -> FloatArray:
-        """Return the information (10, 10) of a sinusoidal motion of one joint."""
+    def _dynamic_gains(self, amplitude: float) -> dict[int, FloatArray]:
+        """Return the information (10, 10) of the motion of each joint that its limits permit."""
+        motions = {joint: self._sine(joint, amplitude) for joint in range(self._arm.joint_count)}
+        return {joint: self._dynamic_gain(*motion) for joint, motion in motions.items()
+                if self._is_possible(*motion)}
+
+    def _is_possible(self, q: FloatArray, v: FloatArray, a: FloatArray) -> bool:
+        limits, start = self._arm.limits, self._knowledge.position
+        moves = q != start  # the present position may be at a limit
+        effort = self._body.inverse_dynamics_batch(q, v, a)
+        return bool(
+            ((limits.lower <= q) & (q <= limits.upper) | ~moves).all()
+            and (np.abs(v) <= limits.velocity).all()
+            and (np.abs(effort) <= positive_limit(self._arm)).all())
+
+    def _sine(self, joint: int, amplitude: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return a sinusoidal motion (m, n) of one joint around the present position."""
         omega, phase = 2.0 * np.pi * FREQUENCY, np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
         q, v, a = np.zeros((3, len(phase), self._arm.joint_count))
         q[:] = self._knowledge.position
         q[:, joint] -= amplitude / omega**2 * np.cos(phase)
         v[:, joint] = amplitude / omega * np.sin(phase)
         a[:, joint] = amplitude * np.cos(phase)
+        return q, v, a
+
+    def _dynamic_gain(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         Y = self._regressor(q, v, a)
-        blocks = SECONDS / self._knowledge.block / len(phase)
+        blocks = SECONDS / self._knowledge.block / len(q)
         return np.asarray(blocks * np.einsum(
             'mji,mjk,j->ik', Y, Y, 1.0 / self._knowledge.variances['motion']))
 
@@ -196,6 +212,10 @@ def _held_poses(arm: ArmModel) -> FloatArray:
     poses = sample_positions(arm, POSES)
     zero = np.zeros_like(poses)
     effort = UncheckedRigidBody(arm).inverse_dynamics_batch(poses, zero, zero)
-    limit = np.where(arm.limits.effort > 0.0, arm.limits.effort, np.inf)
-    is_held = (np.abs(effort) <= limit).all(axis=1)
+    is_held = (np.abs(effort) <= positive_limit(arm)).all(axis=1)
     return poses[is_held] if is_held.any() else poses
+
+
+def positive_limit(arm: ArmModel) -> FloatArray:
+    """Return the effort limits (n,), infinite instead of 0."""
+    return np.where(arm.limits.effort > 0.0, arm.limits.effort, np.inf)

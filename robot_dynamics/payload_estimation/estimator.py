@@ -41,6 +41,7 @@ from robot_dynamics.payload_estimation.rows import (
     SLIDING_VELOCITY,
     VELOCITY,
 )
+from robot_dynamics.validation import LARGEST_VALUE
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
@@ -81,10 +82,27 @@ class PayloadEstimator:
         """
         Take filtered samples: times t (m,) [s], all others (m, n), in the order of time.
 
-        `effort` [N·m] or [N] is measured, on the joint side of the gearbox, with gravity.
+        `effort` [N·m] or [N] is measured, on the joint side of the gearbox, with gravity. Raises
+        InvalidInputError, and takes none of the samples, if the model has no finite effort for
+        one of them.
         """
         if not len(t):
             return
+        rows = self._observations(q, v, a, effort)
+        if not (np.abs(rows) < LARGEST_VALUE).all():
+            raise InvalidInputError(
+                'the motion has an effort, velocity or acceleration beyond all bounds, expected '
+                f'numbers below {LARGEST_VALUE:g}')
+        for i, time in enumerate(t.tolist()):
+            self._rows.add(time, q[i], v[i], rows[0, i], rows[1, i])
+        self._position = q[-1]
+        self._largest_effort = np.maximum(self._largest_effort, np.abs(effort).max(axis=0))
+
+    @np.errstate(over='ignore', invalid='ignore')
+    def _observations(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, effort: FloatArray,
+    ) -> FloatArray:
+        """Return the rows (2, m, n, COLUMNS) of joints that slide and that rest."""
         dynamics = self._dynamics
         rigid = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
         rows = np.zeros((2, *q.shape, COLUMNS))
@@ -96,10 +114,7 @@ class PayloadEstimator:
         # at rest, dry friction is unknown
         rows[1, ..., RESIDUAL] = friction.load_behind(
             np.zeros_like(v), effort, np.zeros_like(v)) - rigid
-        for i, time in enumerate(t.tolist()):
-            self._rows.add(time, q[i], v[i], rows[0, i], rows[1, i])
-        self._position = q[-1]
-        self._largest_effort = np.maximum(self._largest_effort, np.abs(effort).max(axis=0))
+        return rows
 
     def estimate(self, with_advice: bool = True) -> PayloadEstimate:
         """Return the estimate from all samples; `with_advice` costs about 0.1 s."""

@@ -17,7 +17,8 @@ Rests that were approached from both directions, averaged in pairs.
 
 A joint that stops while it moves in the positive direction keeps friction of one sign, and one
 that stops from the other side keeps friction of the other sign. The average of both does not
-depend on dry friction of equal size. A rest without a partner has the whole band of friction.
+depend on dry friction of equal size. A rest without a partner has the whole band of friction, of
+the sign of its approach.
 """
 
 from collections.abc import Sequence
@@ -36,8 +37,9 @@ class RestRows:
     """
     The observations at rest, k of them.
 
-    `joint` (k,), `row` (k, COLUMNS), `paired` (k,), `weight` (k,) in (0, 1]: parts of one
-    uninterrupted rest share the weight of one observation, because friction may be the same.
+    `joint` (k,), `row` (k, COLUMNS), whose SIGN is the direction of approach, `paired` (k,),
+    `weight` (k,) in (0, 1]: parts of one uninterrupted rest share the weight of one observation,
+    because friction may be the same.
     `noise` (k,) is the variance of the average due to noise between samples.
     """
 
@@ -81,12 +83,12 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
 
 def _pairs_and_others(rests: Sequence[Rest]) -> list[tuple[Rest, ...]]:
     """Return pairs of opposite approaches, nearest first, and the rests without a partner."""
-    ups = [i for i, rest in enumerate(rests) if rest.approach > 0]
-    downs = [i for i, rest in enumerate(rests) if rest.approach < 0]
-    near = sorted(
-        (distance, i, k) for i in ups for k in downs
-        if (distance := float(np.abs(rests[i].position - rests[k].position).max()))
-        <= PAIR_DISTANCE)
+    ups, downs = (
+        [i for i, rest in enumerate(rests) if rest.approach == side] for side in (1, -1))
+    position = np.array([rest.position for rest in rests])
+    distance = np.abs(position[ups, None] - position[None, downs]).max(axis=2)
+    near = sorted((float(distance[i, k]), ups[i], downs[k])
+                  for i, k in np.argwhere(distance <= PAIR_DISTANCE).tolist())
     used: set[int] = set()
     groups: list[tuple[Rest, ...]] = []
     for _, i, k in near:

@@ -33,12 +33,14 @@ from robot_dynamics.payload_estimation.rows import Rows
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
 OBSERVABLE, UNOBSERVABLE = 'observable', 'not observable'
 INSEPARABLE, NO_EFFECT = 'inseparable', 'no effect'
-LARGEST_DEVIATIONS = np.array([0.1, *(0.01,) * 3, *(0.003,) * 6])
+LARGEST_DEVIATIONS = np.array([0.1, *(0.005,) * 3, *(0.003,) * 6])
 """
 Largest deviations of observable parameters per kilogram of mass [kg, kg·m, kg·m²].
 
-A mass below 1 kg counts as 1 kg.
+With that of the first moments, the centre of mass is known to 1 cm in 95 % of the cases.
 """
+LEAST_MASSES = np.array([1.0, *(0.2,) * 3, *(1.0,) * 6])
+"""Masses [kg] that a smaller mass counts as."""
 LENGTH = 0.1
 """Length [m] with which parameters are scaled to compare them."""
 EFFORT_REMARK = (
@@ -142,7 +144,8 @@ def make_result(
     block: float, position: FloatArray | None, with_advice: bool,
 ) -> PayloadEstimate:
     """Return the result of a solution; `position` (n,) is the present one, None without data."""
-    limit = LARGEST_DEVIATIONS * max(abs(float(solution.values[0])), 1.0)
+    certain_mass = abs(solution.values[0]) - 2.0 * solution.deviations[0]
+    limit = LARGEST_DEVIATIONS * np.maximum(LEAST_MASSES, certain_mass)
     verdicts = _verdicts(LoadRegressor(arm, link), solution, limit)
     missing = [i for i, verdict in enumerate(verdicts) if verdict == UNOBSERVABLE]
     advice: tuple[str, ...] = ()

@@ -20,10 +20,15 @@ independent, averages over `block` seconds nearly are. A joint at rest is differ
 has an unknown value that stays the same during the rest, so that a rest is one observation,
 however long it lasts. The filter mixes the friction before and after a velocity reversal: the
 samples after it and the last block before it are discarded, and so are the first of a rest.
+
+Dry friction at rest has the direction of the last displacement, however slow it was. An arm that
+sags after its motion has stopped moves in the opposite direction at less than REST_VELOCITY. The
+direction is therefore determined from the position, and a rest ends where it changes.
 """
 
 from collections import deque
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
@@ -35,8 +40,10 @@ SLIDING_VELOCITY = 0.03
 """Velocity [rad/s] or [m/s] from which the direction of dry friction is known."""
 SHORTEST_REST = 0.3
 """Shortest rest [s] that is an observation."""
-MOST_RESTS = 2000
-"""Number of rests that are kept; older ones are discarded."""
+MOST_RESTS = 200
+"""Number of rests that are kept per joint; older ones are discarded."""
+REVERSAL = 5e-4
+"""Displacement [rad] or [m] after which the direction of motion has changed."""
 LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
 VELOCITY, SIGN, RESIDUAL, EFFORT = COUNT, COUNT + 1, COUNT + 2, COUNT + 3
@@ -51,7 +58,7 @@ class Rest:
     The average over a rest of one joint, [N·m] or [N].
 
     `row` (COLUMNS,); `variance` is that of the residual between samples, `duration` is in [s].
-    `approach` is the direction of motion before the rest, ±1, or 0 if unknown. Rests with one
+    `approach` is the direction of the last displacement, ±1, or 0 if unknown. Rests with one
     `stay` of a joint are parts of one uninterrupted rest. `position` (n,) is that of the arm.
     """
 
@@ -92,7 +99,7 @@ class RowBuilder:
         self._block, self._settling = block, settling
         self._gram, self._lagged = np.zeros((2, n, COLUMNS, COLUMNS))
         self._count, self._pairs = np.zeros((2, n))
-        self._rests: deque[Rest] = deque(maxlen=MOST_RESTS)
+        self._rests = [deque[Rest](maxlen=MOST_RESTS) for _ in range(n)]
         self._holds, self._duration = 0, 0.0
         self._approach = np.zeros(n, dtype=np.intp)
         self._stay = np.zeros(n, dtype=np.intp)
@@ -114,6 +121,7 @@ class RowBuilder:
         self._previous, self._pending = np.full((2, n, COLUMNS), np.nan)
         self._is_hold = False
         self._position = np.zeros(n)
+        self._low, self._high = np.full(n, np.inf), np.full(n, -np.inf)
         self._approach[:] = 0
         self._stay += 1
 
@@ -129,7 +137,7 @@ class RowBuilder:
             self.restart()
         self._duration += t - self._time if np.isfinite(self._time) else 0.0
         self._time = t
-        self._change_kind(t, v)
+        self._change_kind(t, q, v)
         is_rest = self._kind == _REST
         used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)
         z = np.where(is_rest[:, None], resting, moving)
@@ -146,26 +154,39 @@ class RowBuilder:
         current = [self._rest(j) for j in np.flatnonzero(self._is_complete()).tolist()]
         return Rows(
             self._gram.copy(), self._lagged.copy(), self._count.copy(), self._pairs.copy(),
-            (*self._rests, *current), self._duration, self._holds + self._is_held())
+            (*chain(*self._rests), *current), self._duration, self._holds + self._is_held())
 
-    def _change_kind(self, t: float, v: FloatArray) -> None:
+    def _change_kind(self, t: float, q: FloatArray, v: FloatArray) -> None:
         speed = np.abs(v)
         kind = np.where(speed < REST_VELOCITY, _REST, np.where(
             speed >= SLIDING_VELOCITY, np.sign(v), _BETWEEN)).astype(np.intp)
-        is_other = kind != self._kind
+        direction = self._direction(q)
+        is_reversed = (direction != self._approach) & (kind == _REST) & (self._approach != 0)
+        is_other = (kind != self._kind) | is_reversed
         is_hold = bool((kind == _REST).all())
-        # The pose of a joint at rest changes when the others begin to move.
         ended = (self._kind == _REST) & (is_other | (is_hold != self._is_hold))
         self._holds += not is_hold and self._is_held()
-        self._finish_rests(ended)
-        slid = is_other & (np.abs(self._kind) == 1)
-        self._approach = np.where(slid, self._kind, self._approach)
-        self._stay = self._stay + (is_other & (self._kind == _REST))
+        self._finish_rests(ended & ~is_reversed)  # whose last samples have the friction after it
+        # Friction at rest changes with the load, when the others begin to move.
+        is_unknown = (kind == _REST) & (self._kind == _REST) & (self._is_hold and not is_hold)
+        self._approach = np.where(is_unknown, 0, direction)
+        self._low, self._high = (
+            np.where(is_unknown, q, bound) for bound in (self._low, self._high))
+        self._stay = self._stay + (is_other & (kind == _REST))
         cleared = is_other | ended
         self._sums[cleared], self._squares[cleared], self._samples[cleared] = 0.0, 0.0, 0
         self._previous[cleared], self._pending[cleared] = np.nan, np.nan
         self._since = np.where(cleared, t, self._since)
         self._kind, self._is_hold = kind, is_hold
+
+    def _direction(self, q: FloatArray) -> IntArray:
+        """Return the directions (n,) of the last displacements by REVERSAL, 0 if unknown."""
+        self._low, self._high = np.minimum(self._low, q), np.maximum(self._high, q)
+        rises, falls = q - self._low >= REVERSAL, self._high - q >= REVERSAL
+        if rises.any() or falls.any():
+            self._low, self._high = np.where(rises | falls, q, self._low), np.where(
+                rises | falls, q, self._high)
+        return np.where(rises, 1, np.where(falls, -1, self._approach))
 
     def _finish_blocks(self, done: BoolArray) -> None:
         """Keep the block before each; filters mix the last one with the friction after it."""
@@ -194,10 +215,11 @@ class RowBuilder:
 
     def _finish_rests(self, ended: BoolArray) -> None:
         for j in np.flatnonzero(ended & self._is_complete()).tolist():
-            self._rests.append(self._rest(j))
+            self._rests[j].append(self._rest(j))
 
     def _rest(self, j: int) -> Rest:
         row = self._sums[j] / self._samples[j]
+        row[SIGN] = self._approach[j]
         variance = max(self._squares[j] / self._samples[j] - row[RESIDUAL]**2, 0.0)
         return Rest(
             j, row, float(variance), float(self._time - self._begin[j]), int(self._approach[j]),

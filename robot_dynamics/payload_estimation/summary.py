@@ -14,6 +14,7 @@
 
 """An estimate as text, and as a dictionary for JSON."""
 
+from collections.abc import Iterable
 import math
 from typing import Any
 
@@ -41,12 +42,14 @@ def data_text(estimate: PayloadEstimate) -> str:
             f'{estimate.singles} single rests of joints), {estimate.blocks} blocks of motion')
 
 
-def parameter_rows(estimate: PayloadEstimate) -> list[list[str]]:
-    """Return a table: a row of headings, then one row per parameter."""
+def parameter_rows(
+    values: Iterable[float], deviations: Iterable[float], per_percent: Iterable[float],
+    verdicts: Iterable[str],
+) -> list[list[str]]:
+    """Return a table: a row of headings, then one row per parameter of π."""
     rows = [['parameter', 'value', 'deviation', 'per 1 % of effort', 'unit', 'verdict']]
     for name, value, deviation, change, unit, verdict in zip(
-            NAMES, estimate.values.tolist(), estimate.deviations.tolist(),
-            estimate.per_percent.tolist(), UNITS, estimate.verdicts):
+            NAMES, values, deviations, per_percent, UNITS, verdicts):
         has_effect = verdict != NO_EFFECT
         rows.append([
             name, f'{value:.4f}' if has_effect else '-',

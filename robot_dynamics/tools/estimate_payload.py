@@ -104,7 +104,8 @@ def print_payload(found: 'RecordedPayload') -> None:
     from robot_dynamics.recordings.sample_faults import counted
     from robot_dynamics.reporting.text_table import text_table
     estimate = found.estimate
-    rows = parameter_rows(estimate)
+    rows = parameter_rows(
+        estimate.values, estimate.deviations, estimate.per_percent, estimate.verdicts)
     print(headline(estimate))
     print(f'{counted(len(found.bags), "recording")}, {data_text(estimate)}\n')
     print(text_table(rows[0], rows[1:], left_columns=1))

@@ -28,6 +28,7 @@ from payload_bench import (
     LINKS,
     measured,
     motion,
+    sagging,
     Samples,
 )
 import pytest
@@ -40,10 +41,13 @@ from robot_dynamics.model.regressor import random_states
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.information import inverse_of, student_factor
+from robot_dynamics.payload_estimation.rows import COLUMNS, RowBuilder, SIGN
 from robots import robot_urdf
 
-SEEDED_CASES = 240
+SEEDED_CASES = 200
 """Cases per kind of motion, divided among the robots."""
+FIRST_SEED = 6000
+"""The constants of the library were chosen with seeds below 5100."""
 
 
 # --- the regressor -------------------------------------------------------------------------------
@@ -99,20 +103,23 @@ def test_a_hidden_load_is_recovered_from_raw_samples(name: str) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion', 'raw'])
 def test_intervals_cover_the_truth_in_95_percent(kind: str) -> None:
-    inside = total = observable = 0
-    for seed in range(SEEDED_CASES // len(LINKS)):
+    inside, masses, moments = list[bool](), list[bool](), list[bool]()
+    for seed in range(FIRST_SEED, FIRST_SEED + SEEDED_CASES // len(LINKS)):
         for name in LINKS:
             case = hidden_load(name, seed)
-            estimate = estimate_of(case, kind)
-            check_recovery(case, estimate, least_moment=0.02)
-            observable += estimate.is_observable
-            errors = [error for i, error in errors_in_deviations(case, estimate).items()
-                      if i < 4 or kind in ('motion', 'raw')]
-            total += len(errors)
-            inside += sum(abs(error) <= 1.96 for error in errors)
-    print(f'{kind}: {inside / total:.3f} of {total} intervals')
-    assert observable >= 0.95 * SEEDED_CASES
-    assert 0.93 <= inside / total <= 0.97
+            estimate, truth = estimate_of(case, kind), load_parameters(case.load)
+            error = np.abs(estimate.values - truth)
+            inside += [abs(one) <= 1.96 for i, one in errors_in_deviations(case, estimate).items()
+                       if i < 4 or kind in ('motion', 'raw')]
+            masses.append(error[0] <= max(0.02 * truth[0], 0.02))
+            if estimate.is_observable:
+                moments.append(bool((error[1:4] <= 0.01 * max(truth[0], 0.2)).all()))
+    print(f'{kind}: {np.mean(inside):.1%} of {len(inside)} intervals; mass within 2 % or 20 g in '
+          f'{np.mean(masses):.1%}; moments within 1 cm × mass in {np.mean(moments):.1%} of '
+          f'{len(moments)} observable ones')
+    assert 0.93 <= np.mean(inside) <= 0.97
+    assert np.mean(masses) >= 0.95
+    assert np.mean(moments) >= 0.95
 
 
 def estimate_of(case: Case, kind: str) -> PayloadEstimate:
@@ -126,15 +133,12 @@ def samples_of(case: Case, kind: str) -> Samples:
     return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
-def check_recovery(
-    case: Case, estimate: PayloadEstimate, least_moment: float = 0.01,
-) -> None:
-    """Mass within 2 % or 20 g, moments within 1 cm × mass or a least error; small deviations."""
+def check_recovery(case: Case, estimate: PayloadEstimate) -> None:
+    """Mass within 2 % or 20 g, moments within 1 cm × mass; small deviations."""
     truth = load_parameters(case.load)
     values, deviations = estimate.values, estimate.deviations
     assert abs(values[0] - truth[0]) <= max(0.02 * truth[0], 0.02), case.seed
-    assert (np.abs(values[1:4] - truth[1:4]) <= np.maximum(
-        0.01 * truth[0], least_moment)).all(), case.seed
+    assert (np.abs(values[1:4] - truth[1:4]) <= 0.01 * truth[0]).all(), case.seed
     assert all(deviation < 0.05 for deviation, verdict in zip(deviations[:4], estimate.verdicts)
                if verdict == 'observable')
 
@@ -155,6 +159,29 @@ def test_holds_from_both_directions_are_free_of_friction() -> None:
         assert estimate.deviations[0] < 0.2
 
 
+@pytest.mark.parametrize('name', ['ur10', 'panda'])
+def test_friction_that_supports_the_load_of_a_sagging_arm_is_in_the_deviations(name: str) -> None:
+    load = make_payload(LINKS[name], 3.0, (0.05, 0.0, 0.1))
+    case = hidden_load(name, seed=3)._replace(load=load)
+    samples = sagging(case, holds(case, 8, both_sides=True))
+    estimate = estimated(case, samples, measured(case, samples))
+    # a joint that the load moves in one direction only has no rests that form a pair
+    assert estimate.singles > estimate.pairs
+    errors = errors_in_deviations(case, estimate)
+    assert max(abs(errors.get(i, 0.0)) for i in range(4)) < 3.0
+    assert abs(estimate.mass - 3.0) < 3.0 * estimate.deviations[0]
+
+
+def test_the_direction_of_a_rest_is_that_of_the_last_slow_displacement() -> None:
+    rows = np.zeros((1, COLUMNS))
+    builder, t = RowBuilder(1, 0.2, 0.2), 0.04 * np.arange(100)
+    q = np.where(t < 1.0, 0.5 * t, np.maximum(0.5 - 0.005 * (t - 1.0), 0.49))
+    for time, position in zip(t.tolist(), q.tolist()):
+        v = np.array([0.5 if time < 1.0 else 0.0])
+        builder.add(time, np.array([position]), v, rows, rows)
+    assert [(rest.approach, rest.row[SIGN]) for rest in builder.rows().rests] == [(-1, -1.0)]
+
+
 # --- verdict and advice --------------------------------------------------------------------------
 
 def one_hold(case: Case, position: np.ndarray, seconds: float = 2.0) -> Samples:
@@ -164,7 +191,8 @@ def one_hold(case: Case, position: np.ndarray, seconds: float = 2.0) -> Samples:
 
 
 def test_one_hold_leaves_moments_open_and_the_advice_closes_them() -> None:
-    case = hidden_load('ur10', seed=3, friction=0.0005)
+    case = hidden_load('ur10', seed=3, friction=0.0005)._replace(
+        load=make_payload('tool0', 2.0, (0.05, -0.03, 0.1)))
     start = np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4])
     samples = one_hold(case, start)
     first = estimated(case, samples, measured(case, samples), with_advice=True)
@@ -271,6 +299,21 @@ def test_impossible_estimates_are_reported_and_not_clipped() -> None:
     assert 'expected a mass > 0' in estimate.implausible[0]
     with pytest.raises(InvalidInputError, match='the estimate is implausible: m is -'):
         estimate.payload()
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf, 1e200])
+def test_samples_beyond_all_bounds_are_rejected_and_change_nothing(value: float) -> None:
+    case = hidden_load('ur10', seed=1)
+    samples = one_hold(case, np.zeros(6))
+    effort = measured(case, samples)
+    estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
+    estimator.add(*samples[:4], effort)
+    before = estimator.estimate().values
+    v = samples.v.copy()
+    v[-1, 2] = value
+    with pytest.raises(InvalidInputError, match='beyond all bounds'):
+        estimator.add(samples.t + 10.0, samples.q, v, samples.a, effort)
+    assert estimator.estimate().values.tolist() == before.tolist()
 
 
 def test_without_data_nothing_is_observable() -> None:

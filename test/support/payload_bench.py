@@ -21,7 +21,7 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.load_regressor import load_parameters
+from robot_dynamics.model.load_regressor import load_parameters, LoadRegressor
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
@@ -112,6 +112,23 @@ def holds(case: Case, count: int, both_sides: bool) -> Samples:
     a = np.gradient(v, 1.0 / RATE, axis=0)
     a[~np.isnan(np.concatenate(rest))] = 0.0
     return Samples(np.arange(len(position)) / RATE, position, v, a, np.concatenate(rest))
+
+
+def sagging(case: Case, samples: Samples) -> Samples:
+    """Return holds in which every joint yields slowly to the load, against dry friction."""
+    still, SAG = ~np.isnan(samples.rest[:, 0]), 3e-3  # [rad]
+    zero = np.zeros_like(samples.q)
+    load = LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load)
+    q, v, rest = samples.q.copy(), samples.v.copy(), samples.rest.copy()
+    begins = np.flatnonzero(still & ~np.r_[False, still[:-1]])
+    for begin in begins.tolist():
+        count = int(np.argmin(np.r_[still[begin:], False]))
+        part, t = slice(begin, begin + count), np.arange(count) / RATE
+        direction = -np.sign(load[begin])
+        q[part] += SAG * direction * (t / t[-1])[:, None]
+        v[part] = SAG * direction / t[-1]
+        rest[part] = case.arm.friction.static * direction
+    return samples._replace(q=q, v=v, rest=rest)
 
 
 def motion(case: Case, seconds: float) -> Samples:

@@ -186,7 +186,8 @@ class PayloadEstimation:
         found = self._run.estimate()
         if found.duration == 0.0:
             raise InvalidInputError('no usable joint states yet: ' + (
-                self._samples.obstacle or 'expected more of them'))
+                self._samples.obstacle or (
+                    f'expected them at most {LONGEST_STEP:g} s apart for 1 s')))
         return found
 
     def _others(self, link: str) -> tuple[Payload, ...]:

@@ -18,13 +18,11 @@ from argparse import Namespace
 import math
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.payload_estimation.result import NO_EFFECT, UNITS
+from robot_dynamics.payload_estimation.summary import parameter_rows
 from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.ros2_dynamics.answers import Answer
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_interfaces.srv import EstimatePayload
-
-HEADINGS = ('parameter', 'value', 'deviation', 'per 1 % of effort', 'unit', 'verdict')
 
 
 def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -46,17 +44,10 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
         'per_percent_of_effort': list(response.per_percent_of_effort),
         'advice': list(response.advice), 'remarks': list(response.remarks)}
     if response.parameters:
-        text += f'\n{response.duration:.1f} s, {response.holds} holds\n\n{_table(response)}\n'
+        rows = parameter_rows(
+            response.values, response.deviations, response.per_percent_of_effort,
+            response.verdicts)
+        text += (f'\n{response.duration:.1f} s, {response.holds} holds\n\n'
+                 f'{text_table(rows[0], rows[1:], left_columns=1)}\n')
         text += ''.join(f'\n{line}' for line in (*response.advice, *response.remarks))
     return Answer(data, text)
-
-
-def _table(response: EstimatePayload.Response) -> str:
-    rows = []
-    for name, value, deviation, change, unit, verdict in zip(
-            response.parameters, response.values, response.deviations,
-            response.per_percent_of_effort, UNITS, response.verdicts):
-        figures = ['-'] * 3 if verdict == NO_EFFECT else [
-            f'{value:.4f}', f'{deviation:.2g}', f'{change:+.2g}']
-        rows.append([name, *figures, unit, verdict])
-    return text_table(HEADINGS, rows, left_columns=1)

@@ -1,0 +1,178 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The observations in groups with a common variance, and these variances from the residuals.
+
+A group has the rows of one joint and one kind: blocks of motion, paired rests, or single rests.
+Few residuals determine a variance poorly. It is therefore combined with a prior: that of dry
+friction within the known band ± F, or the variance of the other joints relative to their effort
+limits. Blocks whose residuals are correlated with the next block count less, by
+(1 − ρ) / (1 + ρ).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.payload_estimation.pairing import RestRows
+from robot_dynamics.payload_estimation.rows import RESIDUAL, Rows, SIGN, VELOCITY
+
+LEAST_NOISE = 1e-5
+"""Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
+ASSUMED_NOISE = 0.01
+"""Deviation of an observation relative to the effort limit, if no residual determines it."""
+POOLED_PAIRS = 30.0
+"""Number of pairs of consecutive rows that the correlation of all joints counts as."""
+BAND_VARIANCE = 1.0 / 3.0
+"""Variance of dry friction with a uniform distribution within ± F, relative to F²."""
+PAIRED_FRACTION = 0.5
+"""Part of the friction band that remains in a pair, if no residual determines it."""
+BAND_WEIGHT, POOLED_WEIGHT = 12.0, 2.0
+"""Number of residuals that the friction band, and the variance of the other joints, count as."""
+_ASSUMED_WEIGHT, _PAIRED_WEIGHT = 0.01, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Rows of one joint: `gram` is Σ w z zᵀ; `prior` and `prior_weight` are of the variance."""
+
+    joint: int
+    kind: str
+    gram: FloatArray
+    count: float
+    prior: float
+    prior_weight: float
+    least: float
+    band: float = 0.0
+    lagged: FloatArray | None = None
+    pairs: float = 0.0
+
+
+def make_groups(
+    rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray,
+) -> list[Group]:
+    groups = []
+    for j in range(len(scale)):
+        least = (LEAST_NOISE * scale[j])**2
+        if rows.count[j]:
+            groups.append(Group(
+                j, 'motion', rows.gram[j], rows.count[j], 0.0, POOLED_WEIGHT, least,
+                lagged=rows.lagged[j], pairs=rows.pairs[j]))
+        for kind, fraction in (('single', 1.0), ('paired', PAIRED_FRACTION)):
+            own = (rests.joint == j) & (rests.paired == (kind == 'paired'))
+            if own.any():
+                z, w = rests.row[own], rests.weight[own]
+                noise = float(np.sum(w * rests.noise[own]) / w.sum())
+                prior = BAND_VARIANCE * (fraction * band[j])**2 + noise if band[j] > 0.0 else 0.0
+                groups.append(Group(
+                    j, kind, (z * w[:, None]).T @ z, float(w.sum()), prior,
+                    BAND_WEIGHT if band[j] > 0.0 and kind == 'single' else POOLED_WEIGHT,
+                    max(least, 0.25 * noise), band[j]))
+    return groups
+
+
+def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
+    """Return the unknowns of a group, and their columns in its rows."""
+    unknowns, columns = list(range(COUNT)), list(range(COUNT))
+    if group.kind == 'motion':
+        unknowns += [COUNT + group.joint, COUNT + n + group.joint]
+        columns += [VELOCITY, SIGN]
+    elif group.kind == 'single':
+        unknowns.append(COUNT + 2 * n + group.joint)
+        columns.append(SIGN)
+    return unknowns, columns
+
+
+def embedded(group: Group, n: int) -> FloatArray:
+    unknowns, columns = _columns(group, n)
+    A = np.zeros((COUNT + 3 * n, COUNT + 3 * n))
+    A[np.ix_(unknowns, unknowns)] = group.gram[np.ix_(columns, columns)]
+    return A
+
+
+def right_side(group: Group, n: int, column: int) -> FloatArray:
+    unknowns, columns = _columns(group, n)
+    b = np.zeros(COUNT + 3 * n)
+    b[unknowns] = group.gram[columns, column]
+    return b
+
+
+def _residual_form(group: Group, theta: FloatArray, n: int) -> FloatArray:
+    """Return u (COLUMNS,) with u·z the residual of a row z."""
+    unknowns, columns = _columns(group, n)
+    u = np.zeros(len(group.gram))
+    u[columns], u[RESIDUAL] = -theta[unknowns], 1.0
+    return u
+
+
+def squares_of(group: Group, theta: FloatArray, n: int) -> float:
+    u = _residual_form(group, theta, n)
+    return max(float(u @ group.gram @ u), 0.0)
+
+
+def rows_per_independent_row(
+    groups: list[Group], theta: FloatArray, n: int,
+) -> FloatArray:
+    """
+    Return the number of rows (groups,) that count as one, from consecutive residuals.
+
+    The filter causes most of the correlation, and is the same for all joints. The correlation of
+    one joint is therefore combined with that of all joints.
+    """
+    sums, pairs = np.zeros(len(groups)), np.zeros(len(groups))
+    for i, group in enumerate(groups):
+        if group.lagged is not None:
+            u = _residual_form(group, theta, n)
+            power = max(float(u @ group.gram @ u), 1e-300) / group.count
+            sums[i], pairs[i] = float(u @ group.lagged @ u) / power, group.pairs
+    pooled = sums.sum() / max(pairs.sum(), 1.0)
+    rho = np.clip((sums + POOLED_PAIRS * pooled) / (pairs + POOLED_PAIRS), 0.0, 0.95)
+    is_motion = np.array([group.lagged is not None for group in groups])
+    return np.where(is_motion, (1.0 + rho) / (1.0 - rho), 1.0)
+
+
+def estimated_variances(
+    groups: list[Group], squares: FloatArray, free: FloatArray, scale: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the variances of the groups and their degrees of freedom."""
+    relative = np.array([scale[group.joint]**2 for group in groups])
+    variances, freedom = np.zeros(len(groups)), np.zeros(len(groups))
+    remainder = _remainder_of_pairs(groups, squares, free)
+    for kinds in (('motion',), ('single', 'paired')):
+        own = np.array([group.kind in kinds for group in groups])
+        pooled = (float(np.sum(squares[own] / relative[own]))
+                  + _ASSUMED_WEIGHT * ASSUMED_NOISE**2) / (
+                      float(free[own].sum()) + _ASSUMED_WEIGHT)
+        for i in np.flatnonzero(own).tolist():
+            group = groups[i]
+            prior = remainder * group.band**2 if group.kind == 'paired' and group.band > 0.0 else (
+                group.prior if group.prior > 0.0 else pooled * relative[i])
+            freedom[i] = free[i] + group.prior_weight
+            variances[i] = max(
+                (squares[i] + group.prior_weight * prior) / freedom[i], group.least)
+    return variances, freedom
+
+
+def _remainder_of_pairs(groups: list[Group], squares: FloatArray, free: FloatArray) -> float:
+    """
+    Return the variance of friction in pairs relative to F², from the residuals of all joints.
+
+    It depends on the controller: friction at rest is any part of F in the direction of approach.
+    """
+    own = [i for i, group in enumerate(groups) if group.kind == 'paired' and group.band > 0.0]
+    total = sum(squares[i] / groups[i].band**2 for i in own)
+    expected = _PAIRED_WEIGHT * BAND_VARIANCE * PAIRED_FRACTION**2
+    return float((total + expected) / (free[own].sum() + _PAIRED_WEIGHT))
