@@ -45,7 +45,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
 """The link that carries the load, by the name of the arm."""
 KINDS = ('standstill', 'motion')
-NODES, LOADS = 2, 3
+NODES, LOADS = 2, 2
 """Starts of the nodes per arm, each with another friction, and loads per start and kind."""
 RATE = 250.0
 """Joint states per second."""

@@ -19,7 +19,8 @@ r = Y π is linear, so that averages of r and Y over time satisfy it too. Filter
 independent, averages over `block` seconds nearly are. A joint at rest is different: dry friction
 has an unknown value that stays the same during the rest, so that a rest is one observation,
 however long it lasts. The filter mixes the friction before and after a velocity reversal: the
-samples after it and the last block before it are discarded, and so are the first of a rest.
+samples after it and the last block before it are discarded, and so are the first and the last of a
+rest.
 
 Dry friction at rest has the direction of the last displacement, however slow it was. An arm that
 sags after its motion has stopped moves in the opposite direction at less than REST_VELOCITY. The
@@ -49,6 +50,9 @@ LARGEST_GAP = 0.5
 VELOCITY, SIGN, RESIDUAL, EFFORT = COUNT, COUNT + 1, COUNT + 2, COUNT + 3
 COLUMNS = COUNT + 4
 """Columns of a row: Y, velocity, sign of the velocity, residual, measured effort."""
+_SQUARE, _SAMPLES, _TIME, _POSITION = range(COLUMNS, COLUMNS + 4)
+"""Further columns of the sums over a block or a rest; the last two are of its last sample."""
+_STANDSTILL = 0.2 * REVERSAL
 _REST, _BETWEEN = 0, 2
 
 
@@ -115,9 +119,9 @@ class RowBuilder:
         n = len(self._count)
         self._kind: IntArray = np.full(n, _BETWEEN)
         self._since = np.full(n, -np.inf)
-        self._begin, self._time = np.zeros(n), -np.inf
-        self._sums, self._squares = np.zeros((n, COLUMNS)), np.zeros(n)
-        self._samples = np.zeros(n, dtype=np.intp)
+        self._begin, self._begin_position, self._time = np.zeros(n), np.zeros(n), -np.inf
+        # the sums, and those of a rest one or two blocks ago
+        self._sums, self._recent, self._settled = np.zeros((3, n, _POSITION + 1))
         self._previous, self._pending = np.full((2, n, COLUMNS), np.nan)
         self._is_hold = False
         self._position = np.zeros(n)
@@ -141,13 +145,19 @@ class RowBuilder:
         is_rest = self._kind == _REST
         used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)
         z = np.where(is_rest[:, None], resting, moving)
-        self._begin = np.where(used & (self._samples == 0), t, self._begin)
-        self._sums[used] += z[used]
-        self._squares[used] += z[used, RESIDUAL]**2
-        self._samples[used] += 1
+        is_first = used & (self._sums[:, _SAMPLES] == 0.0)
+        self._begin = np.where(is_first, t, self._begin)
+        self._begin_position = np.where(is_first, q, self._begin_position)
+        self._sums[used, :COLUMNS] += z[used]
+        self._sums[used, _SQUARE] += z[used, RESIDUAL]**2
+        self._sums[used, _SAMPLES] += 1.0
+        self._sums[used, _TIME], self._sums[used, _POSITION] = t, q[used]
         self._position = q
-        self._finish_blocks(
-            used & ~is_rest & (t - self._begin >= self._block) & (self._samples > 1))
+        is_done = used & (self._sums[:, _SAMPLES] > 1.0)
+        self._finish_blocks(is_done & ~is_rest & (t - self._begin >= self._block))
+        begin = np.maximum(self._recent[:, _TIME], self._begin)
+        done = is_done & is_rest & (t - begin >= self._block)
+        self._settled[done], self._recent[done] = self._recent[done], self._sums[done]
 
     def rows(self) -> Rows:
         """Return all observations, with those of the current rest."""
@@ -166,7 +176,8 @@ class RowBuilder:
         is_hold = bool((kind == _REST).all())
         ended = (self._kind == _REST) & (is_other | (is_hold != self._is_hold))
         self._holds += not is_hold and self._is_held()
-        self._finish_rests(ended & ~is_reversed)  # whose last samples have the friction after it
+        moved = (self._settled[:, _POSITION] - self._begin_position) * self._approach
+        self._finish_rests(ended & ~(is_reversed & (moved < -_STANDSTILL)))
         # Friction at rest changes with the load, when the others begin to move.
         is_unknown = (kind == _REST) & (self._kind == _REST) & (self._is_hold and not is_hold)
         self._approach = np.where(is_unknown, 0, direction)
@@ -174,7 +185,7 @@ class RowBuilder:
             np.where(is_unknown, q, bound) for bound in (self._low, self._high))
         self._stay = self._stay + (is_other & (kind == _REST))
         cleared = is_other | ended
-        self._sums[cleared], self._squares[cleared], self._samples[cleared] = 0.0, 0.0, 0
+        self._sums[cleared] = self._recent[cleared] = self._settled[cleared] = 0.0
         self._previous[cleared], self._pending[cleared] = np.nan, np.nan
         self._since = np.where(cleared, t, self._since)
         self._kind, self._is_hold = kind, is_hold
@@ -193,8 +204,9 @@ class RowBuilder:
         if not done.any():
             return
         self._commit(done & np.isfinite(self._pending[:, 0]))
-        self._pending[done] = self._sums[done] / self._samples[done, None]
-        self._sums[done], self._squares[done], self._samples[done] = 0.0, 0.0, 0
+        sums = self._sums[done]
+        self._pending[done] = sums[:, :COLUMNS] / sums[:, _SAMPLES, None]
+        self._sums[done] = 0.0
 
     def _commit(self, done: BoolArray) -> None:
         rows, before = self._pending[done], self._previous[done]
@@ -210,17 +222,18 @@ class RowBuilder:
         return self._is_hold and bool(self._is_complete().all())
 
     def _is_complete(self) -> BoolArray:
-        return np.asarray((self._kind == _REST) & (self._samples > 1) & (
-            self._time - self._begin >= SHORTEST_REST))
+        return np.asarray((self._kind == _REST) & (
+            self._settled[:, _TIME] - self._begin >= SHORTEST_REST))
 
     def _finish_rests(self, ended: BoolArray) -> None:
         for j in np.flatnonzero(ended & self._is_complete()).tolist():
             self._rests[j].append(self._rest(j))
 
     def _rest(self, j: int) -> Rest:
-        row = self._sums[j] / self._samples[j]
+        sums = self._settled[j]
+        row = sums[:COLUMNS] / sums[_SAMPLES]
         row[SIGN] = self._approach[j]
-        variance = max(self._squares[j] / self._samples[j] - row[RESIDUAL]**2, 0.0)
+        variance = max(sums[_SQUARE] / sums[_SAMPLES] - row[RESIDUAL]**2, 0.0)
         return Rest(
-            j, row, float(variance), float(self._time - self._begin[j]), int(self._approach[j]),
-            int(self._stay[j]), self._position)
+            j, row, float(variance), float(sums[_TIME] - self._begin[j]),
+            int(self._approach[j]), int(self._stay[j]), self._position)

@@ -165,8 +165,8 @@ def test_friction_that_supports_the_load_of_a_sagging_arm_is_in_the_deviations(n
     case = hidden_load(name, seed=3)._replace(load=load)
     samples = sagging(case, holds(case, 8, both_sides=True))
     estimate = estimated(case, samples, measured(case, samples))
-    # a joint that the load moves in one direction only has no rests that form a pair
-    assert estimate.singles > estimate.pairs
+    assert estimate.pairs < 3  # a joint that yields from both sides ends in one direction
+    assert estimate.singles > 90
     errors = errors_in_deviations(case, estimate)
     assert max(abs(errors.get(i, 0.0)) for i in range(4)) < 3.0
     assert abs(estimate.mass - 3.0) < 3.0 * estimate.deviations[0]

@@ -37,6 +37,8 @@ RATE, CUTOFF = 25.0, 5.0
 NOISE, FRICTION = 0.004, 0.01
 """Deviation of the filtered effort noise, and dry friction, relative to the effort limits."""
 LARGEST_MASS = 5.0
+SAG, SAG_TIME = 2e-3, 0.25
+"""Displacement [rad] of a joint that yields to the load, and its time constant [s]."""
 SECONDS = 1.2
 """Duration of a hold and of a motion to it."""
 
@@ -116,7 +118,7 @@ def holds(case: Case, count: int, both_sides: bool) -> Samples:
 
 def sagging(case: Case, samples: Samples) -> Samples:
     """Return holds in which every joint yields slowly to the load, against dry friction."""
-    still, SAG = ~np.isnan(samples.rest[:, 0]), 3e-3  # [rad]
+    still = ~np.isnan(samples.rest[:, 0])
     zero = np.zeros_like(samples.q)
     load = LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load)
     q, v, rest = samples.q.copy(), samples.v.copy(), samples.rest.copy()
@@ -125,8 +127,9 @@ def sagging(case: Case, samples: Samples) -> Samples:
         count = int(np.argmin(np.r_[still[begin:], False]))
         part, t = slice(begin, begin + count), np.arange(count) / RATE
         direction = -np.sign(load[begin])
-        q[part] += SAG * direction * (t / t[-1])[:, None]
-        v[part] = SAG * direction / t[-1]
+        decay = np.exp(-t / SAG_TIME)[:, None]
+        q[part] += SAG * direction * (1.0 - decay)
+        v[part] = SAG / SAG_TIME * direction * decay
         rest[part] = case.arm.friction.static * direction
     return samples._replace(q=q, v=v, rest=rest)
 
