@@ -49,7 +49,7 @@ NODES, LOADS = 2, 2
 """Starts of the nodes per arm, each with another friction, and loads per start and kind."""
 RATE = 250.0
 """Joint states per second."""
-FREQUENCY = 12.0
+FREQUENCY = 30.0
 """Natural frequency [rad/s] of the control law."""
 COULOMB, VISCOUS, FRICTION_ERROR = 0.01, 0.005, 0.3
 """Friction of the model relative to the effort limits, and its largest relative error."""
@@ -92,7 +92,7 @@ class Bench:
         self._node, self._states = node, StampReader(node)
         self._trajectories = node.create_publisher(
             JointTrajectoryMsg, 'dynamics/joint_trajectory', 1)
-        self._stamp = self._states.after(0.0)[0]
+        self._stamp = self._states.after(SETTLING)[0]
 
     def call(self, service_type: Any, name: str, request: Any) -> Any:
         """Return the response of a service; raise RuntimeError if it has no success."""
@@ -176,11 +176,12 @@ def _with_nodes(name: str, seed: int) -> list[Result]:
 def _estimated(
     bench: Bench, name: str, kind: str, load: Payload, trajectory: JointTrajectory,
 ) -> Result:
-    bench.call(SetPayload, 'simulated_arm/set_payload', SetPayload.Request(
-        payload=payload_to_ros(load)))
     bench.follow(make_trajectory(
         trajectory.joint_names, [FIRST_MOVE], [trajectory.points[0].position], (), (),
         trajectory.joint_names))
+    bench.call(SetPayload, 'simulated_arm/set_payload', SetPayload.Request(
+        payload=payload_to_ros(load)))
+    bench.wait(SETTLING)
     bench.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
         start=True, link=load.link))
     bench.follow(trajectory)
@@ -210,8 +211,8 @@ def _nodes(name: str, arm: ArmModel, rng: np.random.Generator) -> Iterator[None]
             for one, other in (np.ones((2, n)), change))
         with running({
                 'dynamics': node_command(DYNAMICS, {
-                    **common, **model, 'effort_check': False,
-                    'gains.natural_frequency': [FREQUENCY]}),
+                    **common, **model, 'effort_check': False, 'state_timeout': TIMEOUT,
+                    'following_error_limit': [0.0], 'gains.natural_frequency': [FREQUENCY]}),
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **true, 'lock_step': True, 'rate': RATE,
                     'initial_position': _start(arm).tolist(), 'seed': int(rng.integers(1000)),
