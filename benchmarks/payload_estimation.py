@@ -212,7 +212,8 @@ def _nodes(name: str, arm: ArmModel, rng: np.random.Generator) -> Iterator[None]
         with running({
                 'dynamics': node_command(DYNAMICS, {
                     **common, **model, 'effort_check': False, 'state_timeout': TIMEOUT,
-                    'following_error_limit': [0.0], 'gains.natural_frequency': [FREQUENCY]}),
+                    'overspeed_factor': 10.0, 'following_error_limit': [0.0],
+                    'gains.natural_frequency': [FREQUENCY]}),
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **true, 'lock_step': True, 'rate': RATE,
                     'initial_position': _start(arm).tolist(), 'seed': int(rng.integers(1000)),

@@ -15,8 +15,10 @@
 """
 Weighted least squares in information form, with variances that are estimated from the residuals.
 
-The unknowns are π (10,) of the load, and for each joint an error of the viscous and of the dry
-friction of the model, and the mean dry friction of its single rests in the direction of approach.
+The unknowns are π (10,) of the load; for each joint an error of the viscous and of the dry
+friction of the model, and the mean dry friction of its single rests in the direction of approach;
+and a delay of all measured efforts, because drives hold an effort during a period.
+
 The rows form groups with a variance each (`variance_groups`): Λ = Σ_g Λ_g / σ_g², with σ_g² from
 the residuals of the group and its degrees of freedom.
 
@@ -47,6 +49,8 @@ from robot_dynamics.payload_estimation.variance_groups import (
 
 PRIOR_DEVIATION = 100.0
 """Deviation [kg, kg·m, kg·m²] of the parameters without data: no restriction."""
+LARGEST_DELAY = 0.005
+"""Deviation [s] of the delay of the measured effort without data."""
 FRICTION_ERROR = 0.5
 """Deviation of the friction of the model, relative to the effort limit, without data."""
 EXPECTED_NOISE = 0.003
@@ -84,7 +88,7 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
     """
     n = len(scale)
     groups = make_groups(rows, rests, band, scale)
-    size = COUNT + 3 * n
+    size = COUNT + 3 * n + 1
     information = [embedded(group, n) for group in groups]
     right = [right_side(group, n, RESIDUAL) for group in groups]
     variances = np.array([max(group.prior, (ASSUMED_NOISE * scale[group.joint])**2)
@@ -108,7 +112,7 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
     factor = _widening(inverse, information, variances, freedom)
     deviations = np.sqrt(np.diag(covariance)) * factor
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
-                    _expected(groups, variances, scale, band, np.diag(inverse)[-n:]))
+                    _expected(groups, variances, scale, band, np.diag(inverse)[-n - 1:-1]))
 
 
 def _prior(
@@ -120,7 +124,8 @@ def _prior(
         if group.kind == 'single' and band[group.joint] == 0.0:  # from the scatter of its rests
             friction[group.joint] = variance / BAND_VARIANCE
     return np.concatenate([
-        np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction])
+        np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction,
+        [LARGEST_DELAY**2]])
 
 
 def inverse_of(A: FloatArray) -> FloatArray:

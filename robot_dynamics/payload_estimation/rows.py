@@ -47,9 +47,9 @@ REVERSAL = 5e-4
 """Displacement [rad] or [m] after which the direction of motion has changed."""
 LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
-VELOCITY, SIGN, RESIDUAL, EFFORT = COUNT, COUNT + 1, COUNT + 2, COUNT + 3
-COLUMNS = COUNT + 4
-"""Columns of a row: Y, velocity, sign of the velocity, residual, measured effort."""
+VELOCITY, SIGN, RATE, RESIDUAL, EFFORT = range(COUNT, COUNT + 5)
+COLUMNS = COUNT + 5
+"""Columns of a row: Y, velocity, sign of the velocity, rate of the effort, residual, effort."""
 _SQUARE, _SAMPLES, _TIME, _POSITION = range(COLUMNS, COLUMNS + 4)
 """Further columns of the sums over a block or a rest; the last two are of its last sample."""
 _STANDSTILL = 0.2 * REVERSAL
@@ -124,7 +124,7 @@ class RowBuilder:
         self._sums, self._recent, self._settled = np.zeros((3, n, _POSITION + 1))
         self._previous, self._pending = np.full((2, n, COLUMNS), np.nan)
         self._is_hold = False
-        self._position = np.zeros(n)
+        self._position, self._effort = np.zeros((2, n))
         self._low, self._high = np.full(n, np.inf), np.full(n, -np.inf)
         self._approach[:] = 0
         self._stay += 1
@@ -135,12 +135,15 @@ class RowBuilder:
         Take a sample at the time t [s] with the position and velocity (n,).
 
         `moving` and `resting` (n, COLUMNS) are the rows of joints that slide and rest, which
-        differ in the friction of the model.
+        differ in the friction of the model. Their RATE is determined here.
         """
         if not 0.0 < t - self._time <= LARGEST_GAP and np.isfinite(self._time):
             self.restart()
-        self._duration += t - self._time if np.isfinite(self._time) else 0.0
-        self._time = t
+        dt, self._time = t - self._time if np.isfinite(self._time) else 0.0, t
+        self._duration += dt
+        if dt > 0.0:
+            moving[:, RATE] = (moving[:, EFFORT] - self._effort) / dt
+        self._effort = moving[:, EFFORT]
         self._change_kind(t, q, v)
         is_rest = self._kind == _REST
         used = (self._kind != _BETWEEN) & (t - self._since >= self._settling)

@@ -28,7 +28,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.payload_estimation.pairing import RestRows
-from robot_dynamics.payload_estimation.rows import RESIDUAL, Rows, SIGN, VELOCITY
+from robot_dynamics.payload_estimation.rows import RATE, RESIDUAL, Rows, SIGN, VELOCITY
 
 LEAST_NOISE = 1e-5
 """Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
@@ -88,8 +88,8 @@ def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
     """Return the unknowns of a group, and their columns in its rows."""
     unknowns, columns = list(range(COUNT)), list(range(COUNT))
     if group.kind == 'motion':
-        unknowns += [COUNT + group.joint, COUNT + n + group.joint]
-        columns += [VELOCITY, SIGN]
+        unknowns += [COUNT + group.joint, COUNT + n + group.joint, COUNT + 3 * n]
+        columns += [VELOCITY, SIGN, RATE]
     elif group.kind == 'single':
         unknowns.append(COUNT + 2 * n + group.joint)
         columns.append(SIGN)
@@ -98,14 +98,15 @@ def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
 
 def embedded(group: Group, n: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    A = np.zeros((COUNT + 3 * n, COUNT + 3 * n))
+    size = COUNT + 3 * n + 1
+    A = np.zeros((size, size))
     A[np.ix_(unknowns, unknowns)] = group.gram[np.ix_(columns, columns)]
     return A
 
 
 def right_side(group: Group, n: int, column: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    b = np.zeros(COUNT + 3 * n)
+    b = np.zeros(COUNT + 3 * n + 1)
     b[unknowns] = group.gram[columns, column]
     return b
 
