@@ -133,9 +133,9 @@ class _Adviser:
                     return self._motion_text([joint], amplitude)
             best = sorted(gains, key=lambda j: self._knowledge.deviation(parameter, gains[j]))
             for count in range(2, len(best) + 1):
-                joints, gain = best[:count], sum(gains[j] for j in best[:count])
-                if self._knowledge.suffices(parameter, gain):
-                    return self._motion_text(joints, amplitude)
+                total = np.sum([gains[j] for j in best[:count]], axis=0)
+                if self._knowledge.suffices(parameter, total):
+                    return self._motion_text(best[:count], amplitude)
             if best:
                 largest = self._motion_text(best, amplitude) + ', and longer; '
         return largest + 'follow a trajectory of `excite`'
