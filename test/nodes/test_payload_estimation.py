@@ -43,7 +43,7 @@ NAMES = ['joint1', 'joint2']
 START = np.array([0.8, 0.5])
 ROBOT = {'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5]}
 LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1))
-SECONDS = 16
+SECONDS = 8
 
 
 def swing() -> JointTrajectory:

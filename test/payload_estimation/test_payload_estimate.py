@@ -246,6 +246,19 @@ def test_advised_poses_are_within_the_limits_of_position_and_effort() -> None:
         assert (np.abs(RigidBody(case.arm).gravity(pose)) <= case.arm.limits.effort).all()
 
 
+def test_advised_accelerations_are_within_the_velocity_limits() -> None:
+    case = hidden_load('ur10', seed=3, friction=0.1)
+    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4]))
+    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
+    advised = [one for one in estimate.advice if 'accelerate' in one]
+    assert advised
+    for advice in advised:
+        amplitude = float(advice.split('amplitude of ')[1].split()[0])
+        for name in advice.split("'")[1::2]:
+            joint = case.arm.joint_names.index(name)
+            assert amplitude / (2.0 * np.pi) <= case.arm.limits.velocity[joint]
+
+
 def test_inertia_is_not_observable_at_rest_and_the_advice_is_to_accelerate() -> None:
     case = hidden_load('ur10', seed=4)
     samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.5, 0.4]))
