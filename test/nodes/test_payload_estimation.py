@@ -41,7 +41,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
 START = np.array([0.8, 0.5])
-ROBOT = {'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5]}
+ROBOT = {
+    'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5],
+    'effort.scale': [0.8, 1.2], 'effort.offset': [0.5, -0.3]}
 LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1))
 SECONDS = 8
 

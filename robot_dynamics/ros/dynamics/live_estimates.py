@@ -30,6 +30,7 @@ from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
@@ -92,10 +93,7 @@ class Estimates:
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
     ) -> FloatArray:
         """Return the joint effort (n,) for a measured effort (n,)."""
-        arm = self._controller.arm
-        effort = joint_from_measured(
-            self.semantics.measured_effort, measured, v, robot_gravity, arm.actuators)
-        return effort if arm.drive is None else arm.drive.torque(effort)
+        return joint_effort(self._controller.arm, self.semantics, measured, v, robot_gravity)
 
     def update(
         self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
@@ -141,6 +139,16 @@ class Estimates:
             self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:
                 estimator.use(dynamics)
+
+
+def joint_effort(
+    arm: ArmModel, semantics: EffortConvention, measured: FloatArray, v: FloatArray,
+    robot_gravity: FloatArray,
+) -> FloatArray:
+    """Return the joint effort (n,) for an effort (n,) that the robot or the drives report."""
+    effort = joint_from_measured(
+        semantics.measured_effort, measured, v, robot_gravity, arm.actuators)
+    return effort if arm.drive is None else arm.drive.torque(effort)
 
 
 class LiveEstimates:

@@ -25,7 +25,7 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
+from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
@@ -33,6 +33,7 @@ from robot_dynamics.monitoring.low_pass import LowPass
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.summary import headline
 from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
+from robot_dynamics.ros.dynamics.live_estimates import joint_effort
 from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples, Sample
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
@@ -120,9 +121,8 @@ class _Run:
         self._settled += dt
         self._since_used += dt
         self._position = nearest_turn(sample.q, self._position, self._arm.is_continuous)
-        effort = joint_from_measured(
-            self._semantics.measured_effort, sample.effort, sample.v, sample.robot_gravity,
-            self._arm.actuators)
+        effort = joint_effort(
+            self._arm, self._semantics, sample.effort, sample.v, sample.robot_gravity)
         position, velocity, torque = self._filters
         q, v = position.update(self._position, dt), velocity.update(sample.v, dt)
         tau = torque.update(effort, dt, held=True)
