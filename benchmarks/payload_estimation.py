@@ -275,13 +275,13 @@ def _shortest_move(arm: ArmModel, distance: FloatArray) -> float:
 
 
 def _motion(arm: ArmModel, load: Payload, rng: np.random.Generator) -> JointTrajectory:
-    """Return sines around a pose, that begin and end at rest in it."""
+    """Return sines from a pose towards the middle of the range, that begin and end at rest."""
     pose, t = _pose(arm, load, rng), np.arange(round(SECONDS / STEP) + 1) * STEP
     turns = rng.integers(4, 9, (2, arm.joint_count))  # per SECONDS
     phase = 2.0 * np.pi * turns[:, None, :] * t[:, None] / SECONDS
     rate = 2.0 * np.pi * turns[:, None, :] / SECONDS
-    size = rng.uniform(0.15, 0.3, (2, 1, arm.joint_count)) * rng.choice(
-        [-1.0, 1.0], (2, 1, arm.joint_count))
+    inwards = np.where(pose < _start(arm), 1.0, -1.0)
+    size = rng.uniform(0.15, 0.3, (2, 1, arm.joint_count)) * inwards
     return make_trajectory(
         arm.joint_names, t + 0.5, pose + (size * (1.0 - np.cos(phase))).sum(axis=0),
         (size * rate * np.sin(phase)).sum(axis=0), (), arm.joint_names)
