@@ -141,11 +141,10 @@ def _plausible(
     """Return the samples within IMPLAUSIBLE times the limits, and the number of the others."""
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
     is_motor_side = parameters.get('measured_effort') in MOTOR_SIDE
-    effort_limit = arm.limits.effort if arm.drive is None else arm.drive.limit
     reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
     for values, limit in (
             (series.position, reach), (series.velocity, arm.limits.velocity),
-            (None if is_motor_side else series.effort, effort_limit)):
+            (None if is_motor_side else series.effort, arm.drive_limits)):
         if values is not None:
             bound = np.where(limit > 0.0, IMPLAUSIBLE * limit, np.inf)
             good &= (np.abs(values) <= bound).all(axis=1)

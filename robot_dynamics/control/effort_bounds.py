@@ -43,7 +43,7 @@ class RobotEffort(NamedTuple):
         if self.gravity is None and self.friction is None:
             return terms
         gravity = terms.gravity - self.gravity if self.gravity is not None else terms.gravity
-        friction = terms.friction if self.friction is None else terms.friction - self.friction
+        friction = terms.friction - self.friction if self.friction is not None else terms.friction
         return terms._replace(
             gravity=gravity, friction=friction, effort=self.command(terms.effort))
 
@@ -64,7 +64,7 @@ def robot_effort(
         return NOTHING
     if drive is not None:
         gravity = drive.scale * gravity
-        friction = None if friction is None else drive.scale * friction
+        friction = drive.scale * friction if friction is not None else None
     return RobotEffort(
         gravity if convention.compensates_gravity else None,
         friction if convention.compensates_friction else None)

@@ -137,7 +137,7 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
             'the mass of the tool is not given, expected it, or holds with a known weight: effort '
             'scale and mass are confounded')
     reference = Reference.WEIGHT if has_weight else (
-        Reference.URDF if tool is None else Reference.TOOL)
+        Reference.TOOL if tool is not None else Reference.URDF)
     counts = sum((one.paired.is_paired.sum(axis=0) for one in sets),
                  start=np.zeros(arm.joint_count, dtype=np.int64))
     seen, basis = _observations(arm, sets, tool, reference)
@@ -173,7 +173,7 @@ def drive_of(arm: ArmModel) -> DriveEffort:
 def _check_poses(one: HoldSet) -> None:
     count = len(one.paired.times)
     if count < LEAST_POSES:
-        load = 'without weight' if one.weight is None else 'with the weight'
+        load = 'with the weight' if one.weight is not None else 'without weight'
         raise InvalidInputError(
             f'{len(one.paired.holds)} holds {load} have {count} poses that a joint approached '
             f'from both sides, expected at least {LEAST_POSES}: hold each pose for 1 s or longer '

@@ -112,7 +112,7 @@ def find_holds(series: JointSeries, joint_kinds: Sequence[str]) -> list[Hold]:
     Raises RecordingError if position or effort is missing.
     """
     if series.position is None or series.effort is None:
-        missing = 'position' if series.position is None else 'effort'
+        missing = 'effort' if series.position is not None else 'position'
         raise RecordingError(f'the recording has no {missing}, expected joint states with it')
     found: list[Hold] = []
     gaps = np.flatnonzero(np.diff(series.times) > LONGEST_GAP) + 1

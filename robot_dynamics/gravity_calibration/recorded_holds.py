@@ -64,7 +64,7 @@ def calibrate_recordings(
         raise _different_joints(loaded, without)
     return RecordedCalibration(
         calibrate_holds(
-            without.arm, without.holds, () if loaded is None else loaded.holds, weight, tool),
+            without.arm, without.holds, loaded.holds if loaded is not None else (), weight, tool),
         without, loaded)
 
 

@@ -66,7 +66,7 @@ def _figures(found: Calibration) -> str:
         rows = slice(first, first + len(one.paired.times))
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
-        title = 'Without weight' if one.weight is None else 'With the weight'
+        title = 'With the weight' if one.weight is not None else 'Without weight'
         figure = joint_figure(title, arm.joint_names, arm.joint_kinds, [
             effort_panel('Effort', found.times[rows], {'measured': measured, 'model': model}),
             residual_panel(found.times[rows], measured - model)])

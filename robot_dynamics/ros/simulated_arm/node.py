@@ -231,9 +231,7 @@ class SimulatedArmNode(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             self._plant.commands.timeout = values['command_timeout']
-            drive = self._arm.drive
-            limit = self._arm.limits.effort if drive is None else drive.limit
-            self._plant.effort_limit = limit if values['clip_efforts'] else None
+            self._plant.effort_limit = self._arm.drive_limits if values['clip_efforts'] else None
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']

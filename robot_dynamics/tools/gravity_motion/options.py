@@ -94,7 +94,7 @@ def motion_request(
     """
     Return the request of the options.
 
-    `urdf` and `parameters` describe the arm; `weight` is None without --with-weight-after.
+    `urdf` and `parameters` describe the arm; without --with-weight-after, there is no `weight`.
     """
     from robot_dynamics.tools.gravity_motion.plan import MotionSettings
     from robot_dynamics.tools.gravity_motion.poses import PoseChoice

@@ -125,7 +125,7 @@ def _check_within(
 def _check_holds(arm: ArmModel, poses: FloatArray, weight: Payload | None) -> None:
     share = gravity_share(arm, poses, weight)
     for i, j in np.argwhere(share > LARGEST_SHARE)[:1]:
-        load = '' if weight is None else f' with {weight.mass:g} kg on {weight.link}'
+        load = f' with {weight.mass:g} kg on {weight.link}' if weight is not None else ''
         raise InvalidInputError(
             f'gravity at pose {i + 1} takes {100.0 * share[i, j]:.0f} % of the effort limit of '
             f'{arm.joint_names[j]}{load}, expected at most {100.0 * LARGEST_SHARE:.0f} %')

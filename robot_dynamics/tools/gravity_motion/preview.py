@@ -56,7 +56,7 @@ def _facts(
     arm = plan.arm
     way = plan.poses[0] - plan.start
     farthest = int(np.argmax(np.abs(way) / plan.velocity))
-    passes = 1 if weight is None else 2
+    passes = 2 if weight is not None else 1
     return [
         ['Sequence', f'each pose is approached from +δ and from −δ, and held {plan.hold:g} s '
                      'each time'],
