@@ -14,95 +14,14 @@
 
 """docs/tutorial.md from top to bottom: its files, its commands, and the expected results."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-import os
 from pathlib import Path
 import re
-import shlex
-import signal
-import subprocess
-import sys
 
-import children
-from children import LONG, TIMEOUT
+from page_commands import files_and_commands, NODES, printed_by, run_all, write_files
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
-FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-FILE_NAME = re.compile(r'# ([\w.]+)\n')
-NODES = ('dynamics_node', 'simulated_arm')
 DATA_SHEET_LEAVES = (4.3, 1.9)
 """[N m] that the last program of the page prints where the node has the data sheet for a model."""
-
-
-def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
-    """Return the files that a page shows, by the name in their first line, and its commands."""
-    files, commands = {}, []
-    for language, text in FENCE.findall(page):
-        named = FILE_NAME.match(text)
-        if language == 'bash':
-            commands += [shlex.split(line, comments=True) for line in
-                         text.replace('\\\n', ' ').splitlines() if line.strip()]
-        elif language != 'text':
-            assert named, f'a block of {language} has no name in its first line:\n{text}'
-            files[named[1]] = text
-    return files, commands
-
-
-def executable(name: str) -> str:
-    """Return the path of an executable of this package, found as by `ros2 run`."""
-    for prefix in os.environ['AMENT_PREFIX_PATH'].split(':'):
-        path = Path(prefix) / 'lib' / 'robot_dynamics' / name
-        if path.exists():
-            return str(path)
-    raise AssertionError(f'robot_dynamics has no executable {name!r}')
-
-
-def resolved(command: list[str]) -> list[str]:
-    """Return the command to run for a command of the page; no other form is allowed."""
-    if command[:3] == ['ros2', 'run', 'robot_dynamics']:
-        return [executable(command[3]), *command[4:]]
-    assert command[0] == 'python', f'{command} is neither ros2 run nor python'
-    return [sys.executable, *command[1:]]
-
-
-@contextmanager
-def running_node(command: list[str], directory: Path) -> Iterator[None]:
-    """Run a node as in a separate terminal, and end it by Ctrl-C, with status 0."""
-    with children.popen(
-            resolved(command), cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            text=True) as process:
-        try:
-            yield
-        finally:
-            process.send_signal(signal.SIGINT)
-            try:
-                out, _ = process.communicate(timeout=TIMEOUT)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                raise
-    assert process.returncode == 0, f'{command[3]}:\n{out}'
-
-
-def run_all(commands: list[list[str]], directory: Path) -> dict[str, str]:
-    """Run all commands in order, nodes in parallel with later ones; return the output of each."""
-    printed: dict[str, str] = {}
-    for i, command in enumerate(commands):
-        if command[0] == 'ros2' and command[3] in NODES:
-            with running_node(command, directory):
-                return {**printed, **run_all(commands[i + 1:], directory)}
-        result = children.run(
-            resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONG)
-        assert result.returncode == 0, f'{command}:\n{result.stdout}{result.stderr}'
-        printed[' '.join(command)] = result.stdout
-    return printed
-
-
-def printed_by(printed: Mapping[str, str], start: str, end: str = '') -> str:
-    """Return the output of the command with this start and end."""
-    found, = [out for command, out in printed.items()
-              if command.startswith(start) and command.endswith(end)]
-    return found
 
 
 def relative_residuals(out: str) -> list[float]:
@@ -119,10 +38,9 @@ def table_headings(text: str) -> set[str]:
 def test_the_tutorial(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding='utf-8')
     files, commands = files_and_commands(page)
-    for name, text in files.items():
-        (tmp_path / name).write_text(text, encoding='utf-8')
+    write_files(files, tmp_path)
     printed = run_all(commands, tmp_path)
-    assert table_headings(page) <= table_headings('\n'.join(printed.values()))
+    assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
     used = {command[3] for command in commands if command[0] == 'ros2'}
     assert used >= {'excite', 'demo', 'analyze_bag', 'identify', *NODES}
     analyze = 'ros2 run robot_dynamics analyze_bag '

@@ -1,0 +1,44 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/sagging_arm.md from top to bottom: an arm that sags holds its position at the end."""
+
+from pathlib import Path
+import re
+
+from page_commands import files_and_commands, NODES, printed_by, run_all, write_files
+import pytest
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'sagging_arm.md'
+
+
+def final_errors(out: str) -> list[float]:
+    """Return the column `error` of the output of `dynamics move` [rad]."""
+    return [float(error) for error in re.findall(r'^joint\d .* (\S+)$', out, re.MULTILINE)]
+
+
+def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path: Path) -> None:
+    files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
+    write_files(files, tmp_path)
+    printed = run_all(commands, tmp_path)
+    assert {command[3] for command in commands} >= {'calibrate_gravity', *NODES}
+    before, *_, after = [
+        final_errors(out) for command, out in printed if ' dynamics move ' in command]
+    assert len(before) == len(after) == 2
+    assert max(map(abs, before)) > 0.015
+    assert max(map(abs, after)) < 0.005
+    out = printed_by(printed, 'ros2 run robot_dynamics calibrate_gravity')
+    scales = [float(scale) for scale in re.findall(
+        r'^  joint\d: good: scale (\S+) ', out, re.MULTILINE)]
+    assert scales == pytest.approx([0.8, 1.2], rel=0.01)

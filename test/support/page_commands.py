@@ -1,0 +1,116 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The files and commands of a page of the documentation, and their execution in its order."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
+import os
+from pathlib import Path
+import re
+import shlex
+import signal
+import subprocess
+import sys
+
+import children
+from children import LONG, TIMEOUT
+
+FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+FILE_NAME = re.compile(r'# ([\w.]+)\n')
+NODES = ('dynamics_node', 'simulated_arm')
+
+
+def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
+    """Return the files that a page shows, by the name in their first line, and its commands."""
+    files, commands = {}, []
+    for language, text in FENCE.findall(page):
+        named = FILE_NAME.match(text)
+        if language == 'bash':
+            commands += [shlex.split(line, comments=True) for line in
+                         text.replace('\\\n', ' ').splitlines() if line.strip()]
+        elif language != 'text':
+            assert named, f'a block of {language} has no name in its first line:\n{text}'
+            files[named[1]] = text
+    return files, commands
+
+
+def executable(name: str) -> str:
+    """Return the path of an executable of this package, found as by `ros2 run`."""
+    for prefix in os.environ['AMENT_PREFIX_PATH'].split(':'):
+        path = Path(prefix) / 'lib' / 'robot_dynamics' / name
+        if path.exists():
+            return str(path)
+    raise AssertionError(f'robot_dynamics has no executable {name!r}')
+
+
+def resolved(command: list[str]) -> list[str]:
+    """Return the command to run for a command of the page; no other form is allowed."""
+    if command[:3] == ['ros2', 'run', 'robot_dynamics']:
+        return [executable(command[3]), *command[4:]]
+    assert command[0] == 'python', f'{command} is neither ros2 run nor python'
+    return [sys.executable, *command[1:]]
+
+
+@contextmanager
+def running_node(command: list[str], directory: Path) -> Iterator[None]:
+    """Run a node as in a separate terminal, and end it by Ctrl-C, with status 0."""
+    with children.popen(
+            resolved(command), cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True) as process:
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                out, _ = process.communicate(timeout=TIMEOUT)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+    assert process.returncode == 0, f'{command[3]}:\n{out}'
+
+
+def run_all(commands: list[list[str]], directory: Path) -> list[tuple[str, str]]:
+    """
+    Run all commands in order; return each command with its output.
+
+    A node runs in parallel with the later commands, until the same node is started again.
+    """
+    printed: list[tuple[str, str]] = []
+    with ExitStack() as nodes:
+        running: dict[str, ExitStack] = {}
+        for command in commands:
+            if command[0] == 'ros2' and command[3] in NODES:
+                running.pop(command[3], ExitStack()).close()
+                running[command[3]] = nodes.enter_context(ExitStack())
+                running[command[3]].enter_context(running_node(command, directory))
+                continue
+            result = children.run(
+                resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONG)
+            assert result.returncode == 0, f'{command}:\n{result.stdout}{result.stderr}'
+            printed.append((' '.join(command), result.stdout))
+    return printed
+
+
+def printed_by(printed: list[tuple[str, str]], start: str, end: str = '') -> str:
+    """Return the output of the command with this start and end."""
+    found, = [out for command, out in printed
+              if command.startswith(start) and command.endswith(end)]
+    return found
+
+
+def write_files(files: dict[str, str], directory: Path) -> None:
+    """Write the files of a page."""
+    for name, text in files.items():
+        (directory / name).write_text(text, encoding='utf-8')
