@@ -37,6 +37,8 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
+from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
+from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
@@ -86,8 +88,9 @@ class RunningNodes:
     def _services_of(self, name: str) -> DynamicsServices:
         if name not in self._servers:
             node = Node(f'services_of_{name}')
-            self._servers[name] = node, DynamicsServices(node, PayloadKeeper(
-                node, lambda: {'allow_implausible_payload': False}))
+            keeper = PayloadKeeper(node, lambda: {'allow_implausible_payload': False})
+            self._servers[name] = node, DynamicsServices(
+                node, keeper, PayloadEstimation(node, PayloadSamples(), keeper))
         return self._servers[name][1]
 
     # ------------------------------------------------------------------ services

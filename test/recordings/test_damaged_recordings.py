@@ -42,6 +42,10 @@ pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 MOTION = KnownMotion(seconds=60.0)
 MESSAGES = MOTION.messages()
 WHOLE = len(MESSAGES)
+SOME_FORMATS = [
+    form if form in ('mcap', 'mcap_chunk', 'sqlite3', 'sqlite3_file') else pytest.param(
+        form, marks=pytest.mark.soak) for form in FORMATS]
+"""The others differ in the compression only, which takes long."""
 
 
 @pytest.fixture(scope='module')
@@ -80,7 +84,7 @@ def resave(file, change):
 
 # --- undamaged -----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('form', SOME_FORMATS)
 def test_every_format_is_read_as_directory_and_as_file(recordings, form):
     for path in (recordings[form], stored_file(recordings[form])):
         series, losses, notes = read(path)
@@ -193,7 +197,7 @@ def test_an_empty_file_next_to_complete_ones(tmp_path):
 
 # --- truncation ----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('form', SOME_FORMATS)
 @pytest.mark.parametrize('fraction', [0.4, pytest.param(0.8, marks=pytest.mark.soak)])
 def test_of_a_cut_off_file_about_its_fraction_is_read(copied, form, fraction):
     path = copied(form)
@@ -340,14 +344,14 @@ def spoil_and_read(path, seed):
     assert all(loss.words() for loss in losses)
 
 
-@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('form', SOME_FORMATS)
 @pytest.mark.parametrize('seed', range(2))
 def test_any_damage_of_a_recording_is_handled(copied, form, seed):
     spoil_and_read(copied(form), seed)
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize('form', FORMATS)
+@pytest.mark.parametrize('form', SOME_FORMATS)
 def test_a_thousand_recordings_with_noise_are_answered(copied, form):
     first = secrets.randbelow(2**32)
     for seed in range(first, first + 1000):

@@ -148,6 +148,7 @@ def recorded(bag: Path) -> JointSeries:
 
 # --- the whole sequence --------------------------------------------------------------------------
 
+@pytest.mark.soak
 def test_the_tool_moves_the_arm_and_calibrates(
     request_of: Callable[..., MotionRequest], capsys: pytest.CaptureFixture[str], tmp_path: Path,
 ) -> None:
@@ -302,6 +303,7 @@ def test_states_that_stop_are_an_error(client: RosClient) -> None:
                 pause(False)
 
 
+@pytest.mark.soak
 def test_a_joint_that_does_not_arrive_is_an_error(
     request_of: Callable[..., MotionRequest], client: RosClient,
 ) -> None:

@@ -80,8 +80,8 @@ class ArmWatch(MotionWatch):
         with super().following():
             yield
 
-    def _on_state(self, message: JointState) -> None:
-        super()._on_state(message)
+    def on_state(self, message: JointState) -> None:
+        super().on_state(message)
         self._has_effort |= bool(
             set(message.name) & set(self._arm.joint_names)) and bool(message.effort)
 

@@ -73,12 +73,12 @@ class MotionWatch:
         """Receive in `with`."""
         client = self._client
         with client.subscribed(
-                (JointState, client.joint_state_topic(), self._on_state, qos_profile_sensor_data),
+                (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
                 (JointState, client.resolve('~/reference'), self._on_reference, _RELIABLE),
                 (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
             yield
 
-    def _on_state(self, message: JointState) -> None:
+    def on_state(self, message: JointState) -> None:
         self.position |= {
             name: value for name, value in zip(message.name, message.position)
             if name in self._names}
