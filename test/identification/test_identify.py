@@ -274,6 +274,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     assert (tmp_path / 'out' / 'report.json').read_text() == figures
 
 
+@pytest.mark.soak
 def test_processes_and_a_dask_cluster_give_the_same(tmp_path, urdf):
     distributed = pytest.importorskip('distributed', reason='needs the extra dask')
     (tmp_path / 'bags').mkdir()
@@ -363,6 +364,7 @@ def test_options_are_checked(capsys, option, value, words):
 
 # --- a real arm ----------------------------------------------------------------------------------
 
+@pytest.mark.soak
 def test_an_arm_with_six_joints(tmp_path):
     """As of the real arm below, with a recording made here, of masses that the URDF has not."""
     record(tmp_path / 'bag', arm=load_arm(robot_urdf('ur10')))

@@ -286,7 +286,7 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
             stack.enter_context(gated(client, namespace, path, 0.5, {
                 'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}))
         first, again, other = (
-            [content(state) for state in until(collector, 2.0)] for collector in collectors)
+            [content(state) for state in until(collector, 1.0)] for collector in collectors)
     # an observer may miss a message; the states that both received have to be the same
     seen_twice = {s[:8] for s in first} & {s[:8] for s in again}
     assert seen_twice

@@ -90,7 +90,8 @@ def test_names_that_are_none_are_reported(arguments):
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-@pytest.mark.parametrize('arm', [(), ('--robot', 'arm.urdf')])
+@pytest.mark.parametrize('arm', [
+    pytest.param((), marks=pytest.mark.soak), ('--robot', 'arm.urdf')])
 def test_a_signal_ends_it_in_order_while_a_page_is_open(name, arm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
