@@ -150,7 +150,7 @@ def test_a_set_point_is_reached_within_the_limits(
     assert (past <= np.maximum(0.05 * moved, 0.01)).all()
 
 
-@pytest.mark.parametrize('moves', [False, True])
+@pytest.mark.parametrize('moves', [pytest.param(False, marks=pytest.mark.soak), True])
 def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
     start, goal = np.array([0.3, 0.5]), np.array([2.3, -1.5])
     namespace, names = f'/stopped_{moves}', ['joint1', 'joint2']

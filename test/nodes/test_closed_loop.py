@@ -208,7 +208,8 @@ DEFAULTS = {'condition_references': True, 'soften_gains': True, 'effort_rate_lim
             'overspeed_factor': 1.2, 'following_error_limit': []}
 
 
-@pytest.mark.parametrize('law', [{}, DEFAULTS], ids=['exact', 'defaults'])
+@pytest.mark.parametrize('law', [
+    pytest.param({}, id='exact', marks=pytest.mark.soak), pytest.param(DEFAULTS, id='defaults')])
 def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any]) -> None:
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
     with client.collect(JointState, '/follow/joint_states') as states, \

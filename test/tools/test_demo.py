@@ -230,6 +230,7 @@ def test_a_node_that_dies_is_named_with_its_log(tmp_path):
     assert all(is_gone(pid) for pid in nodes.values())
 
 
+@pytest.mark.soak
 def test_replay_of_its_own_recording(closed_loop, tmp_path):
     recorded, _, _ = closed_loop
     status, out, err = run_demo(

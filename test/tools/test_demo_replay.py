@@ -28,6 +28,7 @@ from robots import robot_path, robot_urdf
 UR10 = Path(__file__).parents[3] / 'shared' / 'data' / 'ur10'
 
 
+@pytest.mark.soak
 def test_replay_of_positions_that_wrap(tmp_path):
     """Exact effort of the default arm in a swing about its rest pose, positions within ±π."""
     motion = KnownMotion(seconds=4.0, rest=(np.pi, 0.0))
