@@ -38,7 +38,7 @@ EXECUTABLES = {
     'identify': 'robot_dynamics.tools.identify:main',
     'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
     'torque_map': 'robot_dynamics.tools.torque_map:main',
-    'viewer': 'robot_dynamics.tools.viewer.cli:main',
+    'viewer': 'robot_dynamics.tools.viewer.cli:execute',
 }
 # colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts
 # them on the PATH, where their names must not be those of other programs.

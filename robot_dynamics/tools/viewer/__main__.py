@@ -14,8 +14,6 @@
 
 """Run the executable `viewer`."""
 
-import sys
+from robot_dynamics.tools.viewer.cli import execute
 
-from robot_dynamics.tools.viewer.cli import main
-
-sys.exit(main())
+execute()

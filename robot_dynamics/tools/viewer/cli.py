@@ -25,6 +25,7 @@ from pathlib import Path
 import signal
 import sys
 import threading
+from typing import NoReturn
 
 from robot_dynamics.dependencies import require_ros
 from robot_dynamics.exceptions import InvalidInputError
@@ -33,6 +34,12 @@ from robot_dynamics.tools.command_line import add_robot, DONE, FAILED, Parser, r
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8080
 AT = 'viewer: open'
 PAGE_OPEN = 'viewer: a page is open'
+
+
+def execute(argv: Sequence[str] | None = None) -> NoReturn:
+    """Run the executable; it ends without waiting for threads of the web server."""
+    from robot_dynamics.ros.shutdown import leave
+    leave(main(argv))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -96,6 +103,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
     from robot_dynamics.ros.running import MiddlewareError
+    from robot_dynamics.ros.shutdown import ends_in_time
     from robot_dynamics.tools.viewer.app import Viewer
     from robot_dynamics.tools.viewer.node import ViewerNode
     try:
@@ -115,7 +123,8 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         viewer.run(is_over.is_set)
         viewer.close()
     finally:
-        stop_server(server)
-        node.close()
-        rclpy.try_shutdown()
+        with ends_in_time():
+            stop_server(server)
+            node.close()
+            rclpy.try_shutdown()
     return DONE
