@@ -19,10 +19,10 @@ Comments, order, spaces and elements that this package does not read are preserv
 """
 
 from collections.abc import Mapping
+import html
 import re
 from typing import NamedTuple
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import check_document
@@ -76,7 +76,7 @@ class _Finder:
         if tag == 'link':
             return self._links[name]
         attributes = {**self._others, **self._joints[name]}
-        listed = ''.join(f' {key}={quoteattr(value)}' for key, value in attributes.items())
+        listed = ''.join(f' {key}="{html.escape(value)}"' for key, value in attributes.items())
         return f'<dynamics{listed}/>'
 
     def _insert(self, first: int, tag: str, name: str) -> None:

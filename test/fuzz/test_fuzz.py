@@ -53,7 +53,7 @@ from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 SOAK_EXAMPLES = 100_000
-SHORT_EXAMPLES = 120
+SHORT_EXAMPLES = 60
 """Inputs of each target in the short form."""
 LEAST_ACCEPTED, LEAST_REFUSED = 0.2, 0.03
 """Shares: a test whose inputs all end at the first check, or at none, tests nothing."""

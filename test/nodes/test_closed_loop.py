@@ -15,7 +15,7 @@
 """Both nodes together: the closed loop without hardware."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, ExitStack
+from contextlib import contextmanager
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -280,14 +280,13 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
     """Equal seeds give the same noisy motion along a trajectory, another seed another motion."""
     seeds = {'/repeat1': 7, '/repeat2': 7, '/repeat3': 8}
     path = quintic_point_to_point(NAMES, START, [0.2, 1.0], 1.0)
-    with ExitStack() as stack:
-        collectors = [stack.enter_context(
-            client.collect(JointState, f'{namespace}/joint_states')) for namespace in seeds]
-        for namespace, seed in seeds.items():
-            stack.enter_context(gated(client, namespace, path, 0.5, {
-                'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}))
-        first, again, other = (
-            [content(state) for state in until(collector, 1.0)] for collector in collectors)
+    recorded = []
+    for namespace, seed in seeds.items():
+        with client.collect(JointState, f'{namespace}/joint_states') as states, gated(
+                client, namespace, path, 0.5, {
+                    'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}):
+            recorded.append([content(state) for state in until(states, 1.0)])
+    first, again, other = recorded
     # an observer may miss a message; the states that both received have to be the same
     seen_twice = {s[:8] for s in first} & {s[:8] for s in again}
     assert seen_twice

@@ -61,7 +61,8 @@ def both(
     """Run both nodes, the arm in lock-step by default; yield the process of `dynamics`."""
     node = NodeProcess(DYNAMICS, dynamics, namespace=namespace)
     with running(node, NodeProcess(SIMULATED_ARM, {
-            'rate': 200.0, 'lock_step': True, 'initial_position': START, **arm},
+            'rate': 200.0, 'lock_step': True, 'real_time_factor': 3.0, 'initial_position': START,
+            **arm},
             namespace=namespace)):
         yield node
 

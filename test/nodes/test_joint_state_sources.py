@@ -45,7 +45,7 @@ Q = [0.4, -0.3]
 HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
 SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
 NOTHING = 'no command; one error names these joints and `robot_description_file`'
-STATES = 200
+STATES = 100
 PERIOD = 10_000_000
 """[ns]"""
 

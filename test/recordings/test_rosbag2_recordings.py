@@ -101,8 +101,7 @@ def test_analyze_bag(name, urdf, capsys, directory):
     assert max(relative) < 0.5  # the arm was simulated with this model
 
 
-@pytest.mark.parametrize('name', recordings_of([
-    'made_mcap_file', 'sqlite3_lock_step', 'mcap_split_zstd']))
+@pytest.mark.parametrize('name', recordings_of(['sqlite3_lock_step']))
 def test_identify(name, urdf, tmp_path, directory):
     assert identify.main([
         str(recording_path(name, directory)), '--urdf', urdf,

@@ -55,7 +55,8 @@ Ask = Callable[..., tuple[int, str, str]]
 def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS, {'condition_references': True}),
-            NodeProcess(SIMULATED_ARM, {'rate': 100.0, 'lock_step': True}),
+            NodeProcess(SIMULATED_ARM, {
+                'rate': 100.0, 'lock_step': True, 'real_time_factor': 2.0}),
             NodeProcess(DYNAMICS, namespace='/idle')):
         yield
 

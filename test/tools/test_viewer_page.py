@@ -61,7 +61,7 @@ def browser(tmp_path_factory):
 
 
 @contextmanager
-def viewed(browser, namespace, parameters=None, start=(), arguments=(), scale=1.0):
+def viewed(browser, namespace, parameters=None, start=(), arguments=(), scale=COARSE):
     """Run the nodes and the viewer; yield the page and the viewer."""
     parameters = parameters or {}
     nodes = (
@@ -98,7 +98,7 @@ def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
     joint = load_arm(robot_urdf(robot)).joint_names[slider - 1]
     parameters = {'robot_description_file': str(path)}
     with viewed(
-            browser, '/meshes', parameters, start, ('--robot', str(path)), COARSE) as (page, _), \
+            browser, '/meshes', parameters, start, ('--robot', str(path))) as (page, _), \
             client.collect(JointState, '/meshes/joint_states', KEEP_MANY) as states:
         assert 'not drawn' not in page.words()
         page.wait_for_words('gravity compensation')
@@ -123,7 +123,7 @@ def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
         try:
             address = wait_for_line(demo, r'Open (http://127\.0\.0\.1:\d+) in a browser')[1]
-            with Page(browser, address):
+            with Page(browser, address, COARSE):
                 wait_for_line(demo, 'Following')
                 wait_for_line(demo, 'Move the arm with the sliders')
             demo.send_signal(signal.SIGINT)
