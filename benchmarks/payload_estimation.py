@@ -13,61 +13,73 @@
 # limitations under the License.
 
 """
-`~/estimate_payload` on `dynamics` and `simulated_arm` in lock-step: loads that only the arm has.
+`calibrate_gravity`, then `~/estimate_payload`, on `dynamics` and `simulated_arm` in lock-step.
 
-The friction of the simulated arm differs from that of the model by up to 30 %, its measured
-efforts have noise, and the controller compensates gravity without the load: the arm sags. Each
-case is a load of up to 5 kg, at standstill (poses approached from both directions) or in motion.
+The drives of the simulated arm have torque constants that are wrong by up to 30 %, and offsets.
+Its friction differs from that of the model by up to 30 %, and its measured efforts have noise.
+First the arm holds poses without and with a known weight: they determine scale and offset of the
+efforts. The nodes then start again with the calibrated parameter file. Each case is a load of up
+to 5 kg that only the simulated arm has, at standstill (poses approached from both directions) or
+in motion; the controller compensates gravity without the load, and the arm sags.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
+import sys
 import tempfile
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from benchmarks.lock_step import StampReader
-from benchmarks.processes import bench_node, DYNAMICS, node_command, running, SIMULATED_ARM
-from benchmarks.safe_motion_cases import arm_named, description_of
+from benchmarks.hidden_drives import (
+    calibrate,
+    Calibrated,
+    HiddenArm,
+    holds,
+    LINKS,
+    position_range,
+    sag_of,
+    Session,
+    SETTLING,
+)
 import numpy as np
-from rclpy.node import Node
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.gravity_calibration import find_holds
+from robot_dynamics.gravity_calibration.verdict import joint_verdicts
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.load_regressor import load_parameters
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.ros.conversions import payload_to_ros, trajectory_to_ros
+from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
-from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
+from robot_dynamics_interfaces.srv import EstimatePayload
 
-LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
-"""The link that carries the load, by the name of the arm."""
 KINDS = ('standstill', 'motion')
-NODES, LOADS = 2, 2
-"""Starts of the nodes per arm, each with another friction, and loads per start and kind."""
-RATE = 250.0
-"""Joint states per second."""
-FREQUENCY = 30.0
-"""Natural frequency [rad/s] of the control law."""
-COULOMB, VISCOUS, FRICTION_ERROR = 0.01, 0.005, 0.3
-"""Friction of the model relative to the effort limits, and its largest relative error."""
-NOISE = 0.01
-"""Standard deviation of the measured efforts relative to the smallest effort limit."""
+ARMS, LOADS = 5, 5
+"""Arms of each name, each with other drives and friction, and loads per arm and kind."""
 LARGEST_MASS = 5.0
-LARGEST_SHARE = 0.7
+LARGEST_SHARE = 0.6
 """Largest share of the effort limits that gravity needs in a pose."""
-POSES, SIDE, MOVE, APPROACH, HOLD = 6, 0.2, 2.0, 1.0, 1.5
-"""Poses, distance of their approach [rad], durations [s] of both moves and of a hold."""
+POSES, SIDE, APPROACH, HOLD = 6, 0.2, 1.5, 1.5
+"""Poses, distance of their approach [rad], durations [s] of the approach and of a hold."""
 SECONDS, STEP = 20.0, 0.1
 """Duration of a motion, and the interval between its points [s]."""
-FIRST_MOVE = 3.0
-"""[s] to the first pose."""
-SETTLING = 1.0
-"""[s] after the end of a trajectory."""
-TIMEOUT = 60.0
 NORMAL = 1.96
+
+
+class Drives(NamedTuple):
+    """
+    Errors of a calibration: of scales, and of offsets relative to the effort limits.
+
+    `is_good` marks the joints with this verdict, `ratio` are all known errors in deviations, and
+    `sag` is the largest distance [rad] from a pose at rest, before and after the calibration.
+    """
+
+    arm: str
+    scale: FloatArray
+    offset: FloatArray
+    is_good: BoolArray
+    ratio: FloatArray
+    sag: tuple[float, float]
 
 
 class Result(NamedTuple):
@@ -78,209 +90,149 @@ class Result(NamedTuple):
     truth: FloatArray
     values: FloatArray
     deviations: FloatArray
-    is_observable: FloatArray
+    is_observable: BoolArray
 
     @property
     def errors(self) -> FloatArray:
         return self.values - self.truth
 
 
-class Bench:
-    """A client of both nodes."""
-
-    def __init__(self, node: Node) -> None:
-        self._node, self._states = node, StampReader(node)
-        self._trajectories = node.create_publisher(
-            JointTrajectoryMsg, 'dynamics/joint_trajectory', 1)
-        self._stamp = self._states.after(SETTLING)[0]
-
-    def call(self, service_type: Any, name: str, request: Any) -> Any:
-        """Return the response of a service; raise RuntimeError if it has no success."""
-        client = self._node.create_client(service_type, name)
-        if not client.wait_for_service(TIMEOUT):
-            raise TimeoutError(f'no service {name} in {TIMEOUT:g} s')
-        future, deadline = client.call_async(request), time.monotonic() + TIMEOUT
-        while not future.done():
-            if time.monotonic() > deadline:
-                raise TimeoutError(f'no response of {name} in {TIMEOUT:g} s')
-            time.sleep(1e-3)
-        response = future.result()
-        self._node.destroy_client(client)
-        if not response.success:
-            raise RuntimeError(f'{name}: {response.message}')
-        return response
-
-    def wait(self, seconds: float) -> None:
-        """Wait for simulated time to pass."""
-        self._stamp = self._states.after(self._stamp)[0]
-        end = self._stamp + seconds
-        while self._stamp < end:
-            self._stamp = self._states.after(self._stamp)[0]
-
-    def follow(self, trajectory: JointTrajectory) -> None:
-        """Make the arm follow a trajectory; return at its end."""
-        while self._trajectories.get_subscription_count() == 0:
-            time.sleep(0.01)
-        self._trajectories.publish(trajectory_to_ros(trajectory))
-        self.wait(trajectory.duration + SETTLING)
-
-
 def main() -> None:
-    """Print accuracy and coverage per arm and kind of motion."""
-    start, results = time.monotonic(), list[Result]()
-    for name in LINKS:
-        for seed in range(NODES):
-            results += _with_nodes(name, seed)
-    print(f'{len(results)} loads of 0 to {LARGEST_MASS:g} kg in '
+    """Print accuracy and coverage of the calibrations, then of the loads."""
+    start, drives, results = time.monotonic(), list[Drives](), list[Result]()
+    for seed in range(ARMS):
+        for name in LINKS:
+            one, more = _with_arm(name, seed)
+            drives.append(one)
+            results += more
+            print(f'{time.monotonic() - start:.0f} s: {name} {seed}', file=sys.stderr)
+    print(f'{len(drives)} calibrations, {len(results)} loads of 0 to {LARGEST_MASS:g} kg in '
           f'{time.monotonic() - start:.0f} s of wall time')
-    print('| arm | motion | loads | mean error of m [g] | m in 2 % or 20 g | '
-          'm c in 1 cm × m | observable | in 95 % intervals |')
-    print('| --- | --- | --: | --: | --: | --: | --: | --: |')
-    for name in LINKS:
+    print('| arm | calibrations | good joints | largest error of a good scale | of an offset | '
+          'in 95 % intervals | sag before [mrad] | after |')
+    print('| --- | --: | --: | --: | --: | --: | --: | --: |')
+    for name in (*LINKS, ''):
+        print(_drive_row(name or 'all', [one for one in drives if name in ('', one.arm)]))
+    print('\n| arm | motion | loads | mean error of m [g] | m in 2 % or 20 g | '
+          'm c in 1 cm × m | of the observable | observable | in 95 % intervals |')
+    print('| --- | --- | --: | --: | --: | --: | --: | --: | --: |')
+    for name in (*LINKS, ''):
         for kind in KINDS:
-            print(_row(name, kind, [
-                one for one in results if (one.arm, one.kind) == (name, kind)]))
+            print(_row(name or 'all', kind, [
+                one for one in results if name in ('', one.arm) and one.kind == kind]))
     print(_row('all', 'both', results))
+
+
+def _drive_row(name: str, found: Sequence[Drives]) -> str:
+    scale = np.concatenate([one.scale[one.is_good] for one in found])
+    offset = np.concatenate([one.offset[one.is_good] for one in found])
+    inside = np.abs(np.concatenate([one.ratio for one in found])) <= NORMAL
+    before, after = zip(*(one.sag for one in found))
+    return (f'| {name} | {len(found)} | {len(scale)} of {sum(len(one.scale) for one in found)} | '
+            f'{np.abs(scale).max(initial=0.0):.2%} | {np.abs(offset).max(initial=0.0):.2%} | '
+            f'{inside.mean():.1%} of {len(inside)} | {1e3 * min(before):.1f} to '
+            f'{1e3 * max(before):.1f} | {1e3 * min(after):.1f} to {1e3 * max(after):.1f} |')
 
 
 def _row(name: str, kind: str, results: Sequence[Result]) -> str:
     error = np.array([one.errors for one in results])
     mass = np.array([one.truth[0] for one in results])
-    known = np.array([one.is_observable for one in results])
+    known = np.array([one.is_observable for one in results]).all(axis=1)
     ratio = np.array([one.errors / one.deviations for one in results])
     is_near = np.abs(error[:, 0]) <= np.maximum(0.02 * mass, 0.02)
-    is_central = (np.abs(error[:, 1:]) <= 0.01 * mass[:, None]) | ~np.isfinite(ratio[:, 1:])
+    is_central = ((np.abs(error[:, 1:]) <= 0.01 * mass[:, None])
+                  | ~np.isfinite(ratio[:, 1:])).all(axis=1)
     inside = np.abs(ratio) <= NORMAL
-    has_effect = np.array([np.isfinite(one.deviations) for one in results])
+    has_effect = np.isfinite(np.array([one.deviations for one in results]))
     return (f'| {name} | {kind} | {len(results)} | {1e3 * error[:, 0].mean():+.0f} | '
-            f'{is_near.mean():.0%} | {is_central.all(axis=1).mean():.0%} | '
-            f'{known.all(axis=1).mean():.0%} | '
-            f'{inside[has_effect].mean():.1%} of {has_effect.sum()} |')
+            f'{is_near.sum()} | {is_central.sum()} | {is_central[known].sum()} of {known.sum()} | '
+            f'{known.mean():.0%} | {inside[has_effect].mean():.1%} of {has_effect.sum()} |')
 
 
-def _with_nodes(name: str, seed: int) -> list[Result]:
-    """Return the results of one start of the nodes."""
-    rng = np.random.default_rng([seed, *name.encode()])
-    arm, results = arm_named(name), []
-    with _nodes(name, arm, rng), bench_node() as node:
-        bench = Bench(node)
-        for _ in range(LOADS):
-            for kind in KINDS:
-                load = _load(name, rng)
-                trajectory = _holds(arm, load, rng) if kind == KINDS[0] else (
-                    _motion(arm, load, rng))
-                results.append(_estimated(bench, name, kind, load, trajectory))
-    return results
+def _with_arm(name: str, seed: int) -> tuple[Drives, list[Result]]:
+    """Return the errors of the calibration of one arm, and the estimates of its loads."""
+    hidden, results = HiddenArm(name, seed), list[Result]()
+    with tempfile.TemporaryDirectory() as folder:
+        directory = Path(folder)
+        found = calibrate(hidden, directory)
+        with hidden.nodes(directory, found.file) as session:
+            trajectory = holds(hidden.arm, found.poses, SIDE, APPROACH, HOLD)
+            session.move_to(trajectory.points[0].position)
+            after = sag_of(
+                find_holds(session.follow(trajectory), hidden.arm.joint_kinds), found.poses)
+            for _ in range(LOADS):
+                for kind in KINDS:
+                    results.append(_estimated(session, hidden, kind))
+    return _drives(hidden, found, after), results
 
 
-def _estimated(
-    bench: Bench, name: str, kind: str, load: Payload, trajectory: JointTrajectory,
-) -> Result:
-    bench.follow(make_trajectory(
-        trajectory.joint_names, [FIRST_MOVE], [trajectory.points[0].position], (), (),
-        trajectory.joint_names))
-    bench.call(SetPayload, 'simulated_arm/set_payload', SetPayload.Request(
-        payload=payload_to_ros(load)))
-    bench.wait(SETTLING)
-    bench.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
+def _drives(hidden: HiddenArm, found: Calibrated, after: float) -> Drives:
+    one = found.calibration
+    scale, offset = one.scale - hidden.scale, one.offset - hidden.offset
+    deviations = np.sqrt(np.diag(one.covariance))
+    is_known = np.isfinite([*one.scale_interval, *one.offset_interval])
+    return Drives(
+        hidden.name, scale / hidden.scale, offset / hidden.arm.limits.effort,
+        np.array([verdict.grade is Grade.GOOD for verdict in joint_verdicts(one)]),
+        (np.concatenate([scale, offset]) / deviations)[is_known], (found.sag, after))
+
+
+def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
+    load = _load(hidden)
+    trajectory = (_holds if kind == KINDS[0] else _motion)(hidden, load)
+    session.move_to(trajectory.points[0].position)
+    session.set_payload('simulated_arm', load)
+    session.wait(SETTLING)
+    session.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
         start=True, link=load.link))
-    bench.follow(trajectory)
-    answer = bench.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
+    session.follow(trajectory)
+    answer = session.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
         stop=True))
     least = 0.9 * trajectory.duration
     if answer.duration < least:
-        raise RuntimeError(f'{name}: {answer.duration:.1f} s estimated, expected {least:.1f} s')
+        raise RuntimeError(
+            f'{hidden.name}: {answer.duration:.1f} s estimated, expected {least:.1f} s')
     return Result(
-        name, kind, load_parameters(load)[:4], np.array(answer.values[:4]),
+        hidden.name, kind, load_parameters(load)[:4], np.array(answer.values[:4]),
         np.array(answer.deviations[:4]),
         np.array([one in ('observable', 'no effect') for one in answer.verdicts[:4]]))
 
 
-@contextmanager
-def _nodes(name: str, arm: ArmModel, rng: np.random.Generator) -> Iterator[None]:
-    """Run both nodes; the friction of the simulated arm differs from that of the model."""
-    limit, n = arm.limits.effort, arm.joint_count
-    change = rng.uniform(1.0 - FRICTION_ERROR, 1.0 + FRICTION_ERROR, (2, n))
-    with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory, 'arm.urdf')
-        path.write_text(description_of(name), encoding='utf-8')
-        common = {'robot_description_file': path, 'joints': list(arm.joint_names)}
-        model, true = ({
-            'friction.viscous': (VISCOUS * limit * one).tolist(),
-            'friction.coulomb': (COULOMB * limit * other).tolist()}
-            for one, other in (np.ones((2, n)), change))
-        with running({
-                'dynamics': node_command(DYNAMICS, {
-                    **common, **model, 'effort_check': False, 'state_timeout': TIMEOUT,
-                    'overspeed_factor': 10.0, 'following_error_limit': [0.0],
-                    'gains.natural_frequency': [FREQUENCY]}),
-                'simulated_arm': node_command(SIMULATED_ARM, {
-                    **common, **true, 'lock_step': True, 'rate': RATE,
-                    'initial_position': _start(arm).tolist(), 'seed': int(rng.integers(1000)),
-                    'effort_noise': float(NOISE * limit.min())})}):
-            yield
-
-
-def _load(name: str, rng: np.random.Generator) -> Payload:
+def _load(hidden: HiddenArm) -> Payload:
     """Return a box of up to LARGEST_MASS; in the plane of the motion of the default arm."""
+    rng = hidden.rng
     mass, half, com = rng.uniform(0.0, LARGEST_MASS), rng.uniform(0.03, 0.1, 3), (
         rng.uniform(-0.1, 0.1, 3))
-    if name == 'default':
+    if hidden.name == 'default':
         com[1] = 0.0
     inertia = mass / 3.0 * np.diag(half @ half - half**2)
-    return make_payload(LINKS[name], mass, com, inertia)
-
-
-def _range(arm: ArmModel) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper bound (n,) of poses, away from the limits."""
-    low, high = np.maximum(arm.limits.lower, -2.5), np.minimum(arm.limits.upper, 2.5)
-    return low + 0.2 * (high - low), high - 0.2 * (high - low)
-
-
-def _start(arm: ArmModel) -> FloatArray:
-    low, high = _range(arm)
-    return 0.5 * (low + high)
+    return make_payload(LINKS[hidden.name], mass, com, inertia)
 
 
 def _pose(arm: ArmModel, load: Payload, rng: np.random.Generator) -> FloatArray:
     """Return a pose (n,) whose gravity the drives can hold."""
     body = RigidBody(arm.with_payloads([load]))
-    low, high = _range(arm)
+    low, high = position_range(arm)
     while True:
         pose = rng.uniform(low, high)
         if (np.abs(body.gravity(pose)) <= LARGEST_SHARE * arm.limits.effort).all():
             return np.asarray(pose)
 
 
-def _holds(arm: ArmModel, load: Payload, rng: np.random.Generator) -> JointTrajectory:
-    """Return poses, each approached from both directions of all joints."""
-    times, positions, t = list[float](), list[FloatArray](), 0.5
-    for _ in range(POSES):
-        pose = _pose(arm, load, rng)
-        for side in (SIDE, -SIDE):
-            for position, duration in (
-                    (pose + side, MOVE), (pose, APPROACH), (pose, HOLD)):
-                before = positions[-1] if positions else position
-                t += max(duration, _shortest_move(arm, position - before))
-                times.append(t)
-                positions.append(position)
-    zero = np.zeros_like(positions)
-    return make_trajectory(
-        arm.joint_names, times, positions, zero, (), arm.joint_names)
+def _holds(hidden: HiddenArm, load: Payload) -> JointTrajectory:
+    poses = np.array([_pose(hidden.arm, load, hidden.rng) for _ in range(POSES)])
+    return holds(hidden.arm, poses, SIDE, APPROACH, HOLD)
 
 
-def _shortest_move(arm: ArmModel, distance: FloatArray) -> float:
-    """Return the duration [s] of a move within 75 % of the velocity limits."""
-    return float(2.5 * (np.abs(distance) / arm.limits.velocity).max())
-
-
-def _motion(arm: ArmModel, load: Payload, rng: np.random.Generator) -> JointTrajectory:
+def _motion(hidden: HiddenArm, load: Payload) -> JointTrajectory:
     """Return sines from a pose towards the middle of the range, that begin and end at rest."""
+    arm, rng = hidden.arm, hidden.rng
     pose, t = _pose(arm, load, rng), np.arange(round(SECONDS / STEP) + 1) * STEP
     turns = rng.integers(4, 9, (2, arm.joint_count))  # per SECONDS
     phase = 2.0 * np.pi * turns[:, None, :] * t[:, None] / SECONDS
     rate = 2.0 * np.pi * turns[:, None, :] / SECONDS
-    inwards = np.where(pose < _start(arm), 1.0, -1.0)
+    low, high = position_range(arm)
+    inwards = np.where(pose < 0.5 * (low + high), 1.0, -1.0)
     size = rng.uniform(0.15, 0.3, (2, 1, arm.joint_count)) * inwards
     return make_trajectory(
         arm.joint_names, t + 0.5, pose + (size * (1.0 - np.cos(phase))).sum(axis=0),

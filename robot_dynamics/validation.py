@@ -39,6 +39,8 @@ Products of a few larger numbers overflow, and no arm has such values.
 """
 SMALLEST_DIVISOR = 1e-12
 """Smallest magnitude of a divisor, in SI units."""
+_ROUNDING = 1e-8
+"""Largest negative eigenvalue of a covariance, scaled to unit variances, that is rounding."""
 
 
 def holds_numbers(value: Any) -> bool:
@@ -196,6 +198,35 @@ def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
         raise InvalidInputError(
             f'{field} is {entries.tolist()}, expected a finite 3 × 3 tensor')
     return _check_size(field, array, entries, None, largest)
+
+
+def covariance_root(field: str, value: Sequence[float], names: Sequence[str]) -> FloatArray:
+    """
+    Return B (k, k) with the covariance B Bᵀ of k named quantities.
+
+    `value` is the lower triangle of the covariance, row by row. Raises InvalidInputError for
+    another number of values, a value that is not finite, a variance below 0, or a matrix that is
+    not positive semidefinite.
+    """
+    k = len(names)
+    count = k * (k + 1) // 2
+    if len(value) != count:
+        raise InvalidInputError(
+            f'{field} has {len(value)} values, expected {count}: the lower triangle for the '
+            f'{k} parameters {list(names)}')
+    C = np.zeros((k, k))
+    C[np.tril_indices(k)] = check_vector(field, value, count)
+    C = C + np.tril(C, -1).T
+    variances = np.diag(C)
+    for name, variance in zip(names, variances.tolist()):
+        check_scalar(f'{field} of {name!r} with itself', variance, 0.0)
+    scale = np.where(variances > 0.0, np.sqrt(variances), 1.0)
+    sizes, vectors = np.linalg.eigh(C / np.outer(scale, scale))
+    if sizes.min(initial=0.0) < -_ROUNDING * max(k, 1):
+        raise InvalidInputError(
+            f'{field} has the eigenvalue {sizes.min(initial=0.0):.3g} after scaling to unit '
+            'variances, expected a positive semidefinite matrix, given by its lower triangle')
+    return np.asarray(scale[:, np.newaxis] * vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
 def is_empty(value: Any) -> bool:

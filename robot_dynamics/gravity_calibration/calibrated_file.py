@@ -26,19 +26,19 @@ from robot_dynamics.model.yaml_text import load_yaml
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""
-CALIBRATED = 'effort.scale', 'effort.offset'
+CALIBRATED = 'effort.scale', 'effort.offset', 'effort.covariance'
 """The parameters that a calibration determines."""
-_DIGITS = 6
+_DIGITS, _COVARIANCE_DIGITS = 6, 10
 
 
 def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()) -> str:
     """
-    Return a parameter file of ROS 2 with `effort.scale` and `effort.offset`, comments first.
+    Return a parameter file of ROS 2 with scale, offset and covariance of the efforts.
 
     `given` is the text of the previous file, or ''. Its other parameters, also those of other
     nodes, are kept, its comments are not. The new parameters are in the last section that applies
     to `dynamics`, and have one value for each of the parameter `joints`, which is added if the
-    file does not set it. Joints that were not recorded keep their values.
+    file does not set it. Joints that were not recorded keep their values, which count as exact.
     """
     document = load_yaml(given, 'a parameter file') or {}
     present = [name for name in SECTIONS if isinstance(document.get(name), dict)] or ['/**']
@@ -55,7 +55,8 @@ def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()
         values['joints'] = joints
     values['effort'] = {
         **values.get('effort', {}), 'scale': _in_order(found, joints, before, 'scale', 1.0),
-        'offset': _in_order(found, joints, before, 'offset', 0.0)}
+        'offset': _in_order(found, joints, before, 'offset', 0.0),
+        'covariance': _covariance(found, joints)}
     return ''.join(f'# {comment}'.rstrip() + '\n' for comment in comments) + _as_yaml(document)
 
 
@@ -79,6 +80,17 @@ def _in_order(
     for joint, value in zip(found.arm.joint_names, getattr(found, name)):
         values[joint] = float(f'{value:.{_DIGITS}g}')
     return [values[joint] for joint in joints]
+
+
+def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
+    """Return the lower triangle of the covariance of all scales, then all offsets."""
+    n, recorded = len(joints), found.arm.joint_names
+    places = [(joints.index(joint), j) for j, joint in enumerate(recorded) if joint in joints]
+    to, source = np.array(places, dtype=np.int64).reshape(-1, 2).T
+    to, source = np.concatenate([to, n + to]), np.concatenate([source, len(recorded) + source])
+    C = np.zeros((2 * n, 2 * n))
+    C[np.ix_(to, to)] = found.covariance[np.ix_(source, source)]
+    return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in C[np.tril_indices(2 * n)]]
 
 
 def _as_yaml(document: Mapping[str, Any]) -> str:

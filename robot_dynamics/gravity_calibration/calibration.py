@@ -35,7 +35,13 @@ from robot_dynamics.gravity_calibration.gravity_model import (
     link_columns,
 )
 from robot_dynamics.gravity_calibration.holds import Hold, pair_holds, PairedHolds
-from robot_dynamics.gravity_calibration.scale_fit import fit_scales, Observations, ScaleFit
+from robot_dynamics.gravity_calibration.scale_fit import (
+    fit_scales,
+    NORMAL,
+    Observations,
+    ScaleFit,
+    TYPICAL_SCALE_ERROR,
+)
 from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.model.arm import ArmModel
@@ -46,6 +52,8 @@ LEAST_POSES = 4
 """Smallest number of poses that a joint must approach from both sides."""
 UNOBSERVABLE = 0.1
 """Relative standard deviation from which on a scale is not observable."""
+UNKNOWN_OFFSET = 0.05
+"""Standard deviation of an unknown offset, relative to the effort limit."""
 _SAME = 1e-9
 """Relative singular value below which gravity parameters have no effect on the poses."""
 
@@ -73,7 +81,10 @@ class Calibration:
     """
     Effort scale (n,) and offset (n,) [N·m] or [N] of an arm.
 
-    They have standard deviations and half widths of the 95 % intervals (n,), infinite if kept.
+    They have standard deviations and half widths of the 95 % intervals (n,), infinite if kept, and
+    the `covariance` (2n, 2n) of all scales, then all offsets, which is never infinite: a scale
+    that is kept has the relative deviation TYPICAL_SCALE_ERROR, an offset UNKNOWN_OFFSET. Few
+    residuals enlarge it as the intervals, so that ±1.96 deviations contain the truth in 95 %.
     A joint that `is_observable` does not mark keeps its previous scale; one with fewer than
     LEAST_POSES poses (`pose_count`) also keeps its previous offset. `noise` is the standard
     deviation of the effort at a pose, `torque_range` the range of the gravity torque in the poses,
@@ -92,6 +103,7 @@ class Calibration:
     scale_interval: FloatArray
     offset_deviation: FloatArray
     offset_interval: FloatArray
+    covariance: FloatArray
     is_observable: BoolArray
     pose_count: IntArray
     noise: FloatArray
@@ -156,12 +168,32 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
         np.where(is_observable, k.deviation * scale**2, np.inf),
         np.where(is_observable, k.interval * scale**2, np.inf),
         np.where(has_enough, o.deviation, np.inf), np.where(has_enough, o.interval, np.inf),
-        is_observable, counts, fit.noise,
+        _covariance(arm, seen, fit, scale, is_observable, has_enough), is_observable, counts,
+        fit.noise,
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
                   for j, rows in enumerate(seen.is_used.T)]),
         np.ptp(gravity_torque(arm, sample_positions(arm, 128)), axis=0), fit.condition,
         np.concatenate([one.paired.times for one in sets]), used * seen.effort,
         used * (torque / scale + offset))
+
+
+def _covariance(
+    arm: ArmModel, seen: Observations, fit: ScaleFit, scale: FloatArray,
+    is_observable: BoolArray, has_enough: BoolArray,
+) -> FloatArray:
+    """Return the covariance (2n, 2n) of s and o, from that of k = 1 / s and o."""
+    n = len(scale)
+    spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
+    is_known = np.concatenate([is_observable, has_enough & ~fit.is_lost[n:2 * n]])
+    ratio = np.divide(
+        spread.interval, NORMAL * spread.deviation, out=np.zeros(2 * n), where=is_known)
+    slope = ratio * np.concatenate([-scale**2, np.ones(n)])
+    limit = np.where(np.isfinite(arm.limits.effort), arm.limits.effort,
+                     np.abs(seen.effort).max(axis=0))
+    unknown = np.concatenate([TYPICAL_SCALE_ERROR * scale, UNKNOWN_OFFSET * limit])
+    return np.asarray(np.where(
+        np.outer(is_known, is_known), fit.covariance[:2 * n, :2 * n] * np.outer(slope, slope),
+        np.diag(unknown**2)))
 
 
 def drive_of(arm: ArmModel) -> DriveEffort:

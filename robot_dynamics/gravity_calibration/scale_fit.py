@@ -31,6 +31,8 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.dependencies import optional
 
 CONFIDENCE = 0.95
+NORMAL = 1.959964
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
 TYPICAL_SCALE_ERROR = 0.3
 """Standard deviation of 1/s about its assumed value, at a joint without observable scale."""
 _STEPS, _ROUNDS = 30, 6

@@ -199,6 +199,11 @@ def parameter_values(
         gain = 1.0 if drive_gain is None else np.asarray(drive_gain)
         values['effort.scale'] = rounded(arm.drive.scale.tolist())
         values['effort.offset'] = rounded((gain * arm.drive.offset).tolist())
+        if arm.drive.covariance is not None:
+            n = arm.joint_count
+            slope = np.concatenate([np.ones(n), gain * np.ones(n)])
+            C = arm.drive.covariance * np.outer(slope, slope)
+            values['effort.covariance'] = C[np.tril_indices(2 * n)].tolist()
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
     values['command'] = kept.get('command', values['command'])

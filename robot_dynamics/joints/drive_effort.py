@@ -48,12 +48,14 @@ class DriveEffort:
 
     `scale` s (n,) is the torque at the joint per unit of the driver's effort, `offset` o (n,)
     [N·m] or [N] the driver's effort at zero torque. `limit` L (n,) [N·m] or [N] is the effort
-    limit of the URDF, which applies to the driver's effort; infinite for no limit.
+    limit of the URDF, which applies to the driver's effort; infinite for no limit. `covariance`
+    (2n, 2n) is that of s, then o; None if both are exact.
     """
 
     scale: FloatArray
     offset: FloatArray
     limit: FloatArray
+    covariance: FloatArray | None = None
 
     def torque(self, effort: FloatArray) -> FloatArray:
         """Return the torque at the joints (..., n) for the driver's effort."""
@@ -67,6 +69,18 @@ class DriveEffort:
         """Return the driver's effort (..., n) for a torque, never beyond the effort limit."""
         return np.minimum(np.maximum(self.effort(torque), -self.limit), self.limit)
 
+    def torque_error_covariance(self) -> FloatArray:
+        """
+        Return the covariance (2n, 2n) of the errors of `torque`.
+
+        The torque of a joint is τ + ε τ + δ, with the relative error ε of the scale and the error
+        δ of the offset as a torque. The order is ε of all joints, then δ.
+        """
+        if self.covariance is None:
+            return np.zeros((2 * len(self.scale), 2 * len(self.scale)))
+        slope = np.concatenate([1.0 / self.scale, -self.scale])
+        return np.asarray(self.covariance * np.outer(slope, slope))
+
     def torque_limit(self, fraction: float = 1.0) -> FloatArray:
         """
         Return the largest torque (n,) in both directions within a fraction of the effort limit.
@@ -79,15 +93,21 @@ class DriveEffort:
             np.minimum(limit, self.scale * (limit - np.abs(self.offset))), 0.0)
 
 
+def drive_quantities(joint_names: Sequence[str]) -> list[str]:
+    """Return the names of the quantities of a covariance, in its order."""
+    return [f'{name}({joint})' for name in ('scale', 'offset') for joint in joint_names]
+
+
 def make_drive_effort(
     joint_names: Sequence[str], scale: Any = (), offset: Any = (),
-    limit: FloatArray | None = None,
+    limit: FloatArray | None = None, covariance: FloatArray | None = None,
 ) -> DriveEffort | None:
     """
-    Return checked drives, None if s is 1 and o is 0 at every joint.
+    Return checked drives, None if s is exactly 1 and o exactly 0 at every joint.
 
     `scale` and `offset` are empty (1 and 0), one value for all joints, or one value per joint.
-    `limit` (n,) are the effort limits of the joints [N·m] or [N], None for no limits. Raises
+    `limit` (n,) are the effort limits of the joints [N·m] or [N], None for no limits;
+    `covariance` (2n, 2n) is already checked (`validation.covariance_root`). Raises
     InvalidInputError for another number of values, for a scale outside LEAST_SCALE to
     LARGEST_SCALE, and for an offset beyond LARGEST_OFFSET of the effort limit.
     """
@@ -106,4 +126,6 @@ def make_drive_effort(
                 f'effort.offset of {name!r} is {zero:g}, expected a number in '
                 f'[{-bound:g}, {bound:g}], {100.0 * LARGEST_OFFSET:g} % of the effort limit '
                 f'{most:g}')
-    return DriveEffort(s, o, limit) if (s != 1.0).any() or o.any() else None
+    if covariance is None and (s == 1.0).all() and not o.any():
+        return None
+    return DriveEffort(s, o, limit, covariance)

@@ -25,16 +25,18 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.drive_effort import drive_quantities, make_drive_effort
 from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.yaml_text import load_yaml
-from robot_dynamics.validation import check_vector, LARGEST_VALUE
+from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VALUE
 
 NODE = 'dynamics'
 
@@ -97,7 +99,8 @@ def arm_from_parameters(
         for group, kind in (('friction', JointFriction), ('actuator', Actuators)))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
     arm = arm.with_drive(make_drive_effort(
-        names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort))
+        names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort,
+        _drive_covariance(values, whole, names)))
     if set(names) == set(whole.joint_names):
         arm = replace(arm, uncertainty=make_uncertainty(
             arm, values.get('uncertainty.parameters', ()),
@@ -128,6 +131,26 @@ def _of_joints(
             f'{name} has no value for {without}, expected them in the parameter joints, which is '
             f'{list(arm.joint_names)}')
     return [by_name[joint] for joint in joints]
+
+
+def _drive_covariance(
+    values: Mapping[str, Any], arm: ArmModel, joints: Sequence[str],
+) -> FloatArray | None:
+    """Return the covariance (2m, 2m) of the drives of m `joints`, None if it is not given."""
+    name = 'effort.covariance'
+    value = values.get(name, ())
+    if not len(value):
+        return None
+    check_order_is_given(values, name, arm)
+    B = covariance_root(name, value, drive_quantities(arm.joint_names))
+    without = [joint for joint in joints if joint not in arm.joint_names]
+    if without:
+        raise InvalidInputError(
+            f'{name} has no value for {without}, expected them in the parameter joints, which is '
+            f'{list(arm.joint_names)}')
+    rows = np.array([arm.joint_names.index(joint) for joint in joints])
+    B = B[np.concatenate([rows, arm.joint_count + rows])]
+    return np.asarray(B @ B.T)
 
 
 def check_order_is_given(values: Mapping[str, Any], name: str, arm: ArmModel) -> None:

@@ -32,11 +32,15 @@ from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import parameter_names, TorqueRegressor
-from robot_dynamics.validation import check_per_joint, check_scalar, check_unique, check_vector
+from robot_dynamics.validation import (
+    check_per_joint,
+    check_scalar,
+    check_unique,
+    covariance_root,
+)
 
 JOINT_PARAMETERS = ('Ia', 'viscous', 'effort_offset', 'sigmoid', 'load', 'coulomb')
 """Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
-_ROUNDING = 1e-8
 _FIELD = 'uncertainty'
 
 
@@ -100,7 +104,9 @@ def make_uncertainty(
         check_scalar(
             f'{_FIELD}.noise_bandwidth', noise_bandwidth, 0.0, exclusive_minimum=True)
     return ModelUncertainty(
-        _columns(arm, parameters), _root(parameters, covariance), noise, noise_bandwidth or 1.0)
+        _columns(arm, parameters),
+        covariance_root(f'{_FIELD}.covariance', covariance, parameters), noise,
+        noise_bandwidth or 1.0)
 
 
 def _columns(arm: ArmModel, parameters: Sequence[str]) -> IntArray:
@@ -113,30 +119,6 @@ def _columns(arm: ArmModel, parameters: Sequence[str]) -> IntArray:
                 f'{next(iter(known))!r} or {next(reversed(known))!r}, with the links and joints '
                 'of the arm')
     return np.array([known[name] for name in parameters], dtype=np.int64)
-
-
-def _root(parameters: Sequence[str], covariance: Sequence[float]) -> FloatArray:
-    """Return B (k, k) with the covariance B Bᵀ."""
-    field, k = f'{_FIELD}.covariance', len(parameters)
-    count = k * (k + 1) // 2
-    if len(covariance) != count:
-        raise InvalidInputError(
-            f'{field} has {len(covariance)} values, expected {count}: the lower triangle for the '
-            f'{k} parameters in {_FIELD}.parameters')
-    values = check_vector(field, covariance, count)
-    C = np.zeros((k, k))
-    C[np.tril_indices(k)] = values
-    C = C + np.tril(C, -1).T
-    variances = np.diag(C)
-    for name, variance in zip(parameters, variances.tolist()):
-        check_scalar(f'{field} of {name!r} with itself', variance, 0.0)
-    scale = np.where(variances > 0.0, np.sqrt(variances), 1.0)
-    sizes, vectors = np.linalg.eigh(C / np.outer(scale, scale))
-    if sizes.min(initial=0.0) < -_ROUNDING * max(k, 1):
-        raise InvalidInputError(
-            f'{field} has the eigenvalue {sizes.min(initial=0.0):.3g} after scaling to unit '
-            'variances, expected a positive semidefinite matrix, given by its lower triangle')
-    return np.asarray(scale[:, np.newaxis] * vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
 class EffortDeviation:

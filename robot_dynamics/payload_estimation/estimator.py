@@ -35,6 +35,7 @@ from robot_dynamics.payload_estimation.result import make_result, PayloadEstimat
 from robot_dynamics.payload_estimation.rows import (
     COLUMNS,
     EFFORT,
+    ONE,
     RESIDUAL,
     RowBuilder,
     SIGN,
@@ -107,7 +108,7 @@ class PayloadEstimator:
         rigid = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
         rows = np.zeros((2, *q.shape, COLUMNS))
         rows[:, :, :, :COUNT] = self._regressor(q, v, a)
-        rows[..., VELOCITY], rows[..., EFFORT] = v, effort
+        rows[..., VELOCITY], rows[..., EFFORT], rows[..., ONE] = v, effort, 1.0
         rows[..., SIGN] = np.tanh(v / _FRICTION_SMOOTHING)
         friction = dynamics.friction
         rows[0, ..., RESIDUAL] = friction.load_behind(v, effort, np.sign(v)) - rigid
@@ -125,7 +126,10 @@ class PayloadEstimator:
             self._largest_effort, 1.0))
         friction = self.arm.friction
         band = friction.at_rest.static + friction.load * self._largest_effort
-        solution = solve(rows, rests, band, scale)
+        drive = self.arm.drive
+        solution = solve(
+            rows, rests, band, scale,
+            None if drive is None else drive.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,
             with_advice)

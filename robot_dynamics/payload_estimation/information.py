@@ -17,7 +17,8 @@ Weighted least squares in information form, with variances that are estimated fr
 
 The unknowns are π (10,) of the load; for each joint an error of the viscous and of the dry
 friction of the model, and the mean dry friction of its single rests in the direction of approach;
-and a delay of all measured efforts, because drives hold an effort during a period.
+a delay of all measured efforts, because drives hold an effort during a period; and for each joint
+an error of the effort scale and of the effort offset, with the covariance of their calibration.
 
 The rows form groups with a variance each (`variance_groups`): Λ = Σ_g Λ_g / σ_g², with σ_g² from
 the residuals of the group and its degrees of freedom.
@@ -45,6 +46,7 @@ from robot_dynamics.payload_estimation.variance_groups import (
     right_side,
     rows_per_independent_row,
     squares_of,
+    unknown_count,
 )
 
 PRIOR_DEVIATION = 100.0
@@ -58,6 +60,8 @@ EXPECTED_NOISE = 0.003
 EXPECTED_FRICTION = 0.1
 """Expected error of the friction in motion, relative to dry friction."""
 _ITERATIONS = 12
+_EXACT = 1e-9
+"""Relative deviation of an effort scale and offset that count as exact."""
 _ROUNDING = 1e-15
 _NORMAL = 1.959964
 
@@ -80,25 +84,29 @@ class Solution:
     expected: dict[str, FloatArray]
 
 
-def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> Solution:
+def solve(
+    rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    drive_covariance: FloatArray | None = None,
+) -> Solution:
     """
     Return the estimate.
 
     `band` (n,) is the known dry friction at rest, `scale` (n,) the effort limits, all > 0.
+    `drive_covariance` (2n, 2n) is `DriveEffort.torque_error_covariance`, None for exact drives.
     """
     n = len(scale)
     groups = make_groups(rows, rests, band, scale)
-    size = COUNT + 3 * n + 1
     information = [embedded(group, n) for group in groups]
     right = [right_side(group, n, RESIDUAL) for group in groups]
     variances = np.array([max(group.prior, (ASSUMED_NOISE * scale[group.joint])**2)
                           for group in groups])
     freedom = np.ones(len(groups))
-    inverse, theta = np.diag(_prior(groups, variances, band, scale)), np.zeros(size)
+    drive = _drive_information(scale, drive_covariance)
+    theta, inverse = np.zeros(unknown_count(n)), inverse_of(
+        _prior_information(groups, variances, band, scale, drive))
     for _ in range(_ITERATIONS if groups else 0):
-        prior = 1.0 / _prior(groups, variances, band, scale)
-        whole = np.diag(prior) + sum(A / s for A, s in zip(information, variances))
-        inverse = inverse_of(whole)
+        prior = _prior_information(groups, variances, band, scale, drive)
+        inverse = inverse_of(prior + sum(A / s for A, s in zip(information, variances)))
         theta = inverse @ sum(b / s for b, s in zip(right, variances))
         squares = np.array([squares_of(group, theta, n) for group in groups])
         free = np.array([
@@ -108,24 +116,36 @@ def solve(rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray) -> S
         variances = variances * rows_per_independent_row(groups, theta, n)
     covariance = inverse[:COUNT, :COUNT]
     effort = sum((right_side(group, n, EFFORT) / s for group, s in zip(groups, variances)),
-                 np.zeros(size))
+                 np.zeros_like(theta))
     factor = _widening(inverse, information, variances, freedom)
     deviations = np.sqrt(np.diag(covariance)) * factor
+    mean_friction = np.diag(inverse)[COUNT + 2 * n:COUNT + 3 * n]
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
-                    _expected(groups, variances, scale, band, np.diag(inverse)[-n - 1:-1]))
+                    _expected(groups, variances, scale, band, mean_friction))
 
 
-def _prior(
+def _drive_information(scale: FloatArray, covariance: FloatArray | None) -> FloatArray:
+    """Return the information matrix (2n, 2n) of the errors of effort scales and offsets."""
+    exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
+    return inverse_of(np.diag(exact**2) + (0.0 if covariance is None else covariance))
+
+
+def _prior_information(
     groups: list[Group], variances: FloatArray, band: FloatArray, scale: FloatArray,
+    drive: FloatArray,
 ) -> FloatArray:
-    """Return the variances of the unknowns without data."""
+    """Return the information matrix of the unknowns without data."""
     friction = np.maximum(band, LEAST_NOISE * scale)**2
     for group, variance in zip(groups, variances):
         if group.kind == 'single' and band[group.joint] == 0.0:  # from the scatter of its rests
             friction[group.joint] = variance / BAND_VARIANCE
-    return np.concatenate([
+    information = np.zeros((unknown_count(len(scale)), unknown_count(len(scale))))
+    single = 1.0 / np.concatenate([
         np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction,
         [LARGEST_DELAY**2]])
+    information[:len(single), :len(single)] = np.diag(single)
+    information[len(single):, len(single):] = drive
+    return information
 
 
 def inverse_of(A: FloatArray) -> FloatArray:

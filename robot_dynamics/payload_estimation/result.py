@@ -46,6 +46,8 @@ LENGTH = 0.1
 EFFORT_REMARK = (
     'a wrong torque constant or a wrong mass of the arm in the URDF changes the estimate, and is '
     'not part of the deviations: see the error per 1 % of the measured effort')
+MASS_REMARK = (
+    'a wrong mass of the arm in the URDF changes the estimate, and is not part of the deviations')
 _STATES = 40
 _NOTHING = 1e-9
 
@@ -161,7 +163,12 @@ def make_result(
         solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
         int((~rests.paired).sum()), int(rows.count.sum()),
         _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
-        (EFFORT_REMARK, *remarks))
+        (_effort_remark(arm), *remarks))
+
+
+def _effort_remark(arm: ArmModel) -> str:
+    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
+    return MASS_REMARK if is_calibrated else EFFORT_REMARK
 
 
 def _verdicts(

@@ -47,9 +47,9 @@ REVERSAL = 5e-4
 """Displacement [rad] or [m] after which the direction of motion has changed."""
 LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
-VELOCITY, SIGN, RATE, RESIDUAL, EFFORT = range(COUNT, COUNT + 5)
-COLUMNS = COUNT + 5
-"""Columns of a row: Y, velocity, sign of the velocity, rate of the effort, residual, effort."""
+VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE = range(COUNT, COUNT + 6)
+COLUMNS = COUNT + 6
+"""Columns of a row: Y, velocity, its sign, rate of the effort, residual, effort, and 1."""
 _SQUARE, _SAMPLES, _TIME, _POSITION = range(COLUMNS, COLUMNS + 4)
 """Further columns of the sums over a block or a rest; the last two are of its last sample."""
 _STANDSTILL = 0.2 * REVERSAL

@@ -28,7 +28,15 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.payload_estimation.pairing import RestRows
-from robot_dynamics.payload_estimation.rows import RATE, RESIDUAL, Rows, SIGN, VELOCITY
+from robot_dynamics.payload_estimation.rows import (
+    EFFORT,
+    ONE,
+    RATE,
+    RESIDUAL,
+    Rows,
+    SIGN,
+    VELOCITY,
+)
 
 LEAST_NOISE = 1e-5
 """Smallest deviation of an observation, relative to the effort limit: resolution of efforts."""
@@ -86,7 +94,9 @@ def make_groups(
 
 def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
     """Return the unknowns of a group, and their columns in its rows."""
-    unknowns, columns = list(range(COUNT)), list(range(COUNT))
+    scale_error = COUNT + 3 * n + 1 + group.joint
+    unknowns = [*range(COUNT), scale_error, scale_error + n]
+    columns = [*range(COUNT), EFFORT, ONE]
     if group.kind == 'motion':
         unknowns += [COUNT + group.joint, COUNT + n + group.joint, COUNT + 3 * n]
         columns += [VELOCITY, SIGN, RATE]
@@ -96,17 +106,21 @@ def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
     return unknowns, columns
 
 
+def unknown_count(n: int) -> int:
+    """Return the number of unknowns for n joints, which `information` lists."""
+    return COUNT + 5 * n + 1
+
+
 def embedded(group: Group, n: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    size = COUNT + 3 * n + 1
-    A = np.zeros((size, size))
+    A = np.zeros((unknown_count(n), unknown_count(n)))
     A[np.ix_(unknowns, unknowns)] = group.gram[np.ix_(columns, columns)]
     return A
 
 
 def right_side(group: Group, n: int, column: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    b = np.zeros(COUNT + 3 * n + 1)
+    b = np.zeros(unknown_count(n))
     b[unknowns] = group.gram[columns, column]
     return b
 

@@ -136,6 +136,12 @@ DRIVE_SPECS = (
         'If empty, 0. dynamics subtracts it from the measured effort and adds it to the command; '
         'simulated_arm has drives with this offset.',
         read_only=True, minimum=-LARGEST_VALUE, maximum=LARGEST_VALUE),
+    ParameterSpec(
+        'effort.covariance', Type.DOUBLE_ARRAY, [],
+        'Covariance of effort.scale of all joints, then effort.offset of all joints: the lower '
+        'triangle of the matrix, row by row. calibrate_gravity writes it. The deviations of '
+        'estimate_payload contain it. If empty, scale and offset count as exact.',
+        read_only=True, minimum=-1e12, maximum=1e12),
 )
 
 

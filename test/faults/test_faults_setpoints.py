@@ -234,10 +234,10 @@ def test_a_stream_of_set_points_that_jump(
 
 
 @pytest.mark.parametrize('more', [
-    pytest.param(more, id=words, marks=fault(
+    pytest.param(more, id=words, marks=(*(() if i == 0 else (pytest.mark.soak,)), fault(
         GROUP, f'{words}, by default', 'rejected, or approached within all limits of the arm: '
-        'the command stays within the effort limits and `effort_rate_limit`'))
-    for words, more in JUMPS])
+        'the command stays within the effort limits and `effort_rate_limit`')))
+    for i, (words, more) in enumerate(JUMPS)])
 def test_a_set_point_far_away(bench: FaultBench, more: dict[str, Any]) -> None:
     rest(bench)
     before = bench.figure('reference', 'refused')

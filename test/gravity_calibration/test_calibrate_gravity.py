@@ -77,6 +77,8 @@ def test_a_weight_gives_the_drives_of_the_arm(
                '--tool-link', 'tool0', '--parameters', str(files / 'arm.yaml')) == 0
     values = read_parameter_file(output)
     arm = arm_from_parameters(default_arm_urdf(), values)
+    assert len(values.pop('effort.covariance')) == 10
+    assert (np.sqrt(np.diag(arm.drive.covariance)) < 1e-8).all()  # recordings without noise
     np.testing.assert_allclose(arm.drive.torque(drives.offset), 0.0, atol=1e-3)
     np.testing.assert_allclose(values.pop('effort.scale'), drives.scale, rtol=2e-5)
     np.testing.assert_allclose(values.pop('effort.offset'), drives.offset, atol=1e-3)
@@ -117,6 +119,7 @@ dynamics:
     effort:
       scale: [{scale[0]}, {scale[1]}]
       offset: [{offset[0]}, {offset[1]}]
+      covariance: [{', '.join(map(str, found['effort.covariance']))}]
 simulated_arm:
   ros__parameters:
     effort:
@@ -126,7 +129,8 @@ simulated_arm:
 def test_without_a_parameter_file_the_joints_are_written(files: Path, tmp_path: Path) -> None:
     output = tmp_path / 'calibrated.yaml'
     assert run(files, output, 'tool', '--tool-link', 'tool0', '--tool-mass', '1.5') == 0
-    assert list(read_parameter_file(output)) == ['joints', 'effort.scale', 'effort.offset']
+    assert list(read_parameter_file(output)) == [
+        'joints', 'effort.scale', 'effort.offset', 'effort.covariance']
     assert read_parameter_file(output)['joints'] == ['joint1', 'joint2']
 
 
@@ -154,6 +158,12 @@ def test_previous_values_of_an_unobservable_joint_are_kept(
     found = calibrate_holds(recorded.arm, one_side)
     assert found.is_observable.tolist() == (~first).tolist()
     assert (found.scale[first], found.offset[first]) == (0.9, 0.2)
+    limit = recorded.arm.drive.limit[first]
+    unknown = [np.flatnonzero(first)[0], 2 + np.flatnonzero(first)[0]]
+    np.testing.assert_allclose(
+        found.covariance[np.ix_(unknown, unknown)],
+        np.diag([(0.3 * 0.9)**2, (0.05 * float(limit[0]))**2]), rtol=0.2)
+    assert not found.covariance[np.ix_(unknown, [i for i in range(4) if i not in unknown])].any()
     by_name = dict(zip(drives.arm.joint_names, drives.scale))
     np.testing.assert_allclose(found.scale[~first], by_name['joint2'], rtol=2e-5)
 

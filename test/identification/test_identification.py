@@ -231,7 +231,7 @@ def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
     assert gains.gain == pytest.approx(K, rel=0.02)
 
 
-@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.soak)])
 def test_errors_of_the_masses_are_in_the_deviation_and_a_known_load_removes_them(seed):
     """A UR10 whose bodies differ from its URDF; the second recording has a load of 5 kg."""
     arm = load_arm(robot_urdf('ur10'))

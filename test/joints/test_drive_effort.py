@@ -145,3 +145,63 @@ def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque() -> No
     assert arm.limits.effort.tolist() == [limit[0], 0.5 * (limit[1] - 4.0)]
     assert arm.with_payloads(()).with_gravity([0.0, 0.0, 0.0]).drive is arm.drive
     assert arm_from_parameters(default_arm_urdf(), {'effort.scale': [1.0]}).drive is None
+
+
+# --- covariance ----------------------------------------------------------------------------------
+
+def covariance_of(deviations: list[float], seed: int = 0) -> np.ndarray:
+    """Return a covariance with these deviations and random correlations."""
+    k = len(deviations)
+    A = np.random.default_rng(seed).normal(size=(k, 2 * k))
+    C = A @ A.T
+    size = np.array(deviations) / np.sqrt(np.diag(C))
+    return np.asarray(C * np.outer(size, size))
+
+
+def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
+    C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
+    known = make_drive_effort(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
+    assert known is not None
+    drawn = np.random.default_rng(1).multivariate_normal(
+        [*known.scale, *known.offset], C, 20_000)
+    effort = np.array([8.0, -20.0, 5.0])
+    tau = known.torque(effort)
+    errors = drawn[:, :3] * (effort - drawn[:, 3:]) - tau
+    slope = np.hstack([np.diag(tau), np.eye(3)])
+    expected = slope @ known.torque_error_covariance() @ slope.T
+    deviation = np.sqrt(np.diag(expected))
+    assert errors.std(axis=0) == pytest.approx(deviation, rel=0.03)
+    assert np.corrcoef(errors.T) == pytest.approx(
+        expected / np.outer(deviation, deviation), abs=0.03)
+
+
+def test_drives_without_a_covariance_are_exact() -> None:
+    assert not drive().torque_error_covariance().any()
+    exact = make_drive_effort(NAMES, (), (), LIMIT, covariance_of([0.01] * 6))
+    assert exact is not None  # scale 1 is only known within 1 %
+    assert exact.torque_error_covariance().any()
+
+
+def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints() -> None:
+    C = covariance_of([0.01, 0.02, 0.1, 0.2])
+    values = {'joints': ['joint2', 'joint1'],
+              'effort.covariance': C[np.tril_indices(4)].tolist()}
+    swapped = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2')).drive
+    assert swapped is not None
+    assert swapped.covariance == pytest.approx(C[np.ix_([1, 0, 3, 2], [1, 0, 3, 2])])
+    single = arm_from_parameters(default_arm_urdf(), values, ('joint1',)).drive
+    assert single is not None
+    assert single.covariance == pytest.approx(C[np.ix_([1, 3], [1, 3])])
+
+
+@pytest.mark.parametrize(('covariance', 'words'), [
+    ([1.0] * 9, r"effort.covariance has 9 values, expected 10: the lower triangle for the 4 "
+     r"parameters \['scale\(joint1\)', 'scale\(joint2\)', 'offset\(joint1\)', "),
+    ([1.0, 2.0, 1.0, *[0.0] * 7], 'effort.covariance has the eigenvalue -1 after scaling'),
+    ([-1.0, *[0.0] * 9], r"effort.covariance of 'scale\(joint1\)' with itself is -1, expected"),
+    ([np.nan, *[0.0] * 9], r'effort.covariance\[0\] is nan, expected a finite number'),
+])
+def test_a_wrong_covariance_is_rejected(covariance: list[float], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        arm_from_parameters(default_arm_urdf(), {
+            'joints': ['joint1', 'joint2'], 'effort.covariance': covariance})

@@ -229,7 +229,9 @@ def assert_same_line(line, expected):
         [float(n) for n in NUMBER.findall(expected)], rel=0.11), line
 
 
-@pytest.mark.parametrize('robot', ['panda', 'so100', 'tiago_no_hand', 'ur5'])
+@pytest.mark.parametrize('robot', [
+    'so100', 'ur5', *(pytest.param(name, marks=pytest.mark.soak) for name in (
+        'panda', 'tiago_no_hand'))])
 def test_the_table_has_what_the_check_finds(command, committed, robot):
     path = robot_path(robot)
     expected, = (line for line in committed if line.startswith(f'| {path.stem} |'))

@@ -45,7 +45,7 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 START = [0.8, 0.5]
-RATE = 200.0
+RATE = 100.0
 
 
 def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:

@@ -46,6 +46,8 @@ HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
 SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
 NOTHING = 'no command; one error names these joints and `robot_description_file`'
 STATES = 100
+REPEATED = ('arm first', 2), ('gripper first', 2), ('any', 1)
+"""Orders of messages and numbers of arms that only soak tests have."""
 PERIOD = 10_000_000
 """[ns]"""
 
@@ -108,9 +110,10 @@ def wait_first_answers(publishers: Sequence[Any], nodes: Sequence[Arm]) -> None:
 
 
 @pytest.mark.parametrize(('order', 'count'), [
-    pytest.param(order, count, marks=fault(
-        SHARED, f'a gripper at the same rate as {("one arm", "two arms")[count - 1]}, {words}',
-        'at least 99 % of the states of each arm are answered'))
+    pytest.param(order, count, marks=(
+        *((pytest.mark.soak,) if (order, count) in REPEATED else ()), fault(
+            SHARED, f'a gripper at the same rate as {("one arm", "two arms")[count - 1]}, {words}',
+            'at least 99 % of the states of each arm are answered')))
     for count in (1, 2)
     for order, words in (('arm first', 'after the arm states'), (
         'gripper first', 'before the arm states'), ('any', 'in any order'))])

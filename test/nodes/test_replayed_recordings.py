@@ -79,7 +79,11 @@ def states_of(path: Path) -> list[bytes]:
         return [data for _, data in recording.raw_messages('/joint_states')]
 
 
-@pytest.mark.parametrize('name', recordings_of(COUNTS))
+SHORT, LONGEST = recordings_of(COUNTS)[:2], recordings_of(COUNTS)[2]
+
+
+@pytest.mark.parametrize('name', [
+    *SHORT, pytest.param(*LONGEST.values, marks=[*LONGEST.marks, pytest.mark.soak])])
 def test_the_efforts_are_those_of_the_library_and_of_the_recording(
     replay: Replay, name: str, tmp_path: Path,
 ) -> None:

@@ -161,12 +161,13 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
 
 
 @pytest.mark.parametrize('threshold', [
-    pytest.param(threshold, marks=fault(
+    pytest.param(threshold, marks=(*more, fault(
         GROUP, f'`trigger_joint_command_threshold` {words} (stand-in), while the arm is held',
         'a command equal to the reported effort is not published: the brakes of '
         '`simulated_arm` engage after `command_timeout`; the next command releases them; this '
-        'repeats'))
-    for threshold, words in ((DEFAULT_THRESHOLD, 'at its default'), (0.0, 'of 0'))])
+        'repeats')))
+    for threshold, words, more in (
+        (DEFAULT_THRESHOLD, 'at its default', ()), (0.0, 'of 0', (pytest.mark.soak,)))])
 def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(
     client: RosClient, stack: ExitStack, seen: Any, threshold: float,
 ) -> None:

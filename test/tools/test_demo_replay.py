@@ -93,6 +93,7 @@ def test_replay_of_an_arm_with_six_joints(tmp_path):
     assert max(replay_ur10(tmp_path, bag, 375)) < 10.0
 
 
+@pytest.mark.soak
 def test_replay_of_a_real_arm(tmp_path):
     if not UR10.exists():
         pytest.skip('the recording of a UR10 is missing: expected shared/data/ur10 next to '

@@ -56,7 +56,7 @@ def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS, {'condition_references': True}),
             NodeProcess(SIMULATED_ARM, {
-                'rate': 100.0, 'lock_step': True, 'real_time_factor': 2.0}),
+                'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}),
             NodeProcess(DYNAMICS, namespace='/idle')):
         yield
 
