@@ -96,8 +96,8 @@ class HiddenArm:
                 'friction.coulomb': (COULOMB * limit * coulomb).tolist()}
 
     @contextmanager
-    def nodes(self, directory: Path, *files: Path) -> Iterator['Session']:
-        """Run both nodes, `dynamics` with these parameter files; yield a client."""
+    def nodes(self, directory: Path, *files: Path, **parameters: Any) -> Iterator['Session']:
+        """Run both nodes, `dynamics` with these parameters and files; yield a client."""
         path = directory / 'arm.urdf'
         path.write_text(description_of(self.name), encoding='utf-8')
         common = {
@@ -109,7 +109,7 @@ class HiddenArm:
                 'dynamics': [*node_command(DYNAMICS, {
                     **common, **self.friction(False), 'effort_check': False,
                     'state_timeout': TIMEOUT, 'overspeed_factor': 10.0,
-                    'following_error_limit': [0.0]}),
+                    'following_error_limit': [0.0], **parameters}),
                     *(word for file in files for word in ('--params-file', str(file)))],
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **self.friction(True), 'lock_step': True, 'rate': RATE,
@@ -140,9 +140,18 @@ class Session:
             JointState, 'joint_states', lambda _: None, QoSProfile(depth=20_000))
         self._states: list[JointState] = []
         self._read_until(lambda: bool(self._states), 'a joint state')
+        self._wait_for_command()
         self._hold()
-        self._start()
+        self.set_parameter('simulated_arm', 'paused', False)
         self.wait(SETTLING)
+
+    def _wait_for_command(self) -> None:
+        """Wait until `dynamics` has answered a joint state: only then it accepts references."""
+        commands = self._reader.create_subscription(
+            JointState, 'effort_command', lambda _: None, QoSProfile(depth=1))
+        self._read_until(
+            lambda: commands.handle.take_message(JointState, False) is not None, 'a command')
+        self._reader.destroy_subscription(commands)
 
     def _hold(self) -> None:
         """Make the arm hold its present pose, which it cannot with gravity compensation alone."""
@@ -150,13 +159,17 @@ class Session:
         pose = [state.position[state.name.index(name)] for name in self._arm.joint_names]
         self._send(self._to(np.array(pose)))
 
-    def _start(self) -> None:
-        """Let simulated time run."""
-        client = self._node.create_client(SetParameters, 'simulated_arm/set_parameters')
+    def set_parameter(self, node: str, name: str, value: Any) -> None:
+        """Set a parameter of a node."""
+        client = self._node.create_client(SetParameters, f'{node}/set_parameters')
         client.wait_for_service(TIMEOUT)
         future = client.call_async(SetParameters.Request(parameters=[
-            Parameter('paused', value=False).to_parameter_msg()]))
-        self._read_until(future.done, 'response of simulated_arm/set_parameters')
+            Parameter(name, value=value).to_parameter_msg()]))
+        self._read_until(future.done, f'response of {node}/set_parameters')
+        result, = future.result().results
+        if not result.successful:
+            raise RuntimeError(f'{node}: {result.reason}')
+        self._node.destroy_client(client)
 
     def call(self, service_type: Any, name: str, request: Any) -> Any:
         """Return the response of a service; raise RuntimeError if it has no success."""
@@ -257,7 +270,8 @@ def calibrate(hidden: HiddenArm, directory: Path) -> Calibrated:
         arm.with_payloads([weight]), POSES, low, high, int(hidden.rng.integers(1000))).positions
     trajectory = holds(arm, poses, SIDE, APPROACH, HOLD)
     found = list[list[Hold]]()
-    with hidden.nodes(directory) as session:
+    # friction is symmetric only if the controller does not compensate it at rest
+    with hidden.nodes(directory, friction_compensation='none') as session:
         for load in (make_payload(LINKS[name], 0.0), weight):
             session.move_to(trajectory.points[0].position)
             for node in ('simulated_arm', 'dynamics'):

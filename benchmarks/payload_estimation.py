@@ -54,7 +54,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_t
 from robot_dynamics_interfaces.srv import EstimatePayload
 
 KINDS = ('standstill', 'motion')
-ARMS, LOADS = 5, 5
+ARMS, LOADS = 3, 9
 """Arms of each name, each with other drives and friction, and loads per arm and kind."""
 LARGEST_MASS = 5.0
 LARGEST_SHARE = 0.6
@@ -180,6 +180,8 @@ def _drives(hidden: HiddenArm, found: Calibrated, after: float) -> Drives:
 def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
     load = _load(hidden)
     trajectory = (_holds if kind == KINDS[0] else _motion)(hidden, load)
+    session.set_parameter(
+        'dynamics', 'friction_compensation', 'none' if kind == KINDS[0] else 'reference')
     session.move_to(trajectory.points[0].position)
     session.set_payload('simulated_arm', load)
     session.wait(SETTLING)

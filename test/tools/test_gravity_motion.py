@@ -67,7 +67,9 @@ SCALE, OFFSET = np.array([0.75, 1.3]), np.array([1.5, -1.0])
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS, {'condition_references': True}),
+            NodeProcess(DYNAMICS, {
+                'condition_references': True, 'joints': ['joint1', 'joint2'],
+                'friction.coulomb': [0.9 * COULOMB, 1.2 * COULOMB]}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 50.0, 'lock_step': True, 'friction.coulomb': [COULOMB],
                 'joints': ['joint1', 'joint2'], 'effort.scale': SCALE.tolist(),
@@ -321,8 +323,11 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
     request_of: Callable[..., MotionRequest], client: RosClient,
     capsys: pytest.CaptureFixture[str], tmp_path: Path,
 ) -> None:
+    during: list[str] = []
+
     def interrupt() -> None:
         client.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
+        during.append(client.get_parameter('/dynamics', 'friction_compensation'))
         os.kill(os.getpid(), signal.SIGTERM)
 
     bag, poses = tmp_path / 'bag', request_of().choice.file
@@ -332,6 +337,8 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
             str(poses), '--velocity', '0.002', '--recording', str(bag), '--output',
             str(tmp_path / 'calibrated.yaml')]) == 130
     wait_for_stop(client)
+    assert during == ['none']  # it pushes joints at rest, and friction would not cancel
+    assert client.get_parameter('/dynamics', 'friction_compensation') == 'reference'
     assert capsys.readouterr().err.splitlines()[-3:] == [
         STOPPED, f'Recorded 0 of 8 holds: {bag}', 'calibrate_gravity: interrupted']
     assert len(recorded(bag).times) > 0

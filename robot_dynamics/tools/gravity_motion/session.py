@@ -59,6 +59,13 @@ RECORDED = ('effort_command', '~/reference', '~/payload')
 NEEDED = {'command': 'computed_torque', 'condition_references': True}
 """Parameters of the node without which the arm does not move, or not smoothly."""
 
+FRICTION_COMPENSATION = 'friction_compensation'
+"""
+The parameter of the node that is `none` during the holds.
+
+Compensation of friction pushes a joint at rest towards its goal: friction then differs between
+the approaches from both sides, and does not cancel in their mean.
+"""
 WITHOUT_GRAVITY = ('none', 'joint_torque_without_gravity')
 """Values of `measured_effort` that do not permit a calibration."""
 
@@ -142,16 +149,36 @@ class CalibrationMotion:
     def run(self, plan: MotionPlan, outputs: Sequence[Path]) -> None:
         """Record a pass per output, with the weight in the second; raise ToolError."""
         try:
-            self._pass(plan, outputs[0])
-            if self._weight is not None:
-                self._attach(self._weight)
-                self._pass(plan.reversed(), outputs[1])
-                self._remove(self._weight)
+            with self._without_friction_compensation():
+                self._pass(plan, outputs[0])
+                if self._weight is not None:
+                    self._attach(self._weight)
+                    self._pass(plan.reversed(), outputs[1])
+                    self._remove(self._weight)
         except KeyboardInterrupt:
             print('\n'.join(self._ending()), file=sys.stderr, flush=True)
             raise
         except (RobotDynamicsError, OSError) as error:
             raise ToolError('\n'.join([str(error), *self._ending()])) from None
+
+    @contextmanager
+    def _without_friction_compensation(self) -> Iterator[None]:
+        """Switch the compensation off, and restore it at any end."""
+        client, name = self._client, FRICTION_COMPENSATION
+        before = client.parameters([name])[name]
+        if before == 'none':
+            yield
+            return
+        client.set_parameter(name, 'none')
+        try:
+            yield
+        finally:
+            with uninterrupted():
+                try:
+                    client.set_parameter(name, before)
+                except RobotDynamicsError as error:
+                    print(f'{client.name} still has {name} none, before it was {before}: {error}',
+                          file=sys.stderr, flush=True)
 
     def _ending(self) -> list[str]:
         return [note for note in (*self._notes, self._weight_note) if note]

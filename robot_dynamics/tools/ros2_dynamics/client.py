@@ -20,12 +20,12 @@ import os
 import time
 from typing import Any, TYPE_CHECKING, TypeVar
 
-from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node, NodeNameNonExistentError
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.recordings.interrupts import uninterrupted
@@ -144,6 +144,14 @@ class DynamicsClient:
             GetParameters, 'get_parameters', GetParameters.Request(names=list(names)))
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Set a parameter of the node; raise NoAnswerError or RefusedError."""
+        response = self.call(SetParameters, 'set_parameters', SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()]))
+        result, = response.results
+        if not result.successful:
+            raise RefusedError(result.reason)
 
     def receive(
         self, message_type: type, topic: str, qos: Any,
