@@ -27,7 +27,7 @@ from robot_dynamics.animation.video import check_format
 from robot_dynamics.exceptions import MissingDependencyError
 from robots import is_installed, PACKAGE
 
-DURATION = 'duration: about 8 minutes in four processes on two idle cores'
+DURATION = 'duration: about 7 minutes in four processes on two idle cores'
 """Duration of the default run; measure again after adding many tests (last line of output)."""
 
 TESTS = Path(__file__).parents[1]
