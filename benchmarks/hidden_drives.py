@@ -70,6 +70,8 @@ ROTOR = 0.01
 """Inertia of the rotors on the joint side [kg m²], relative to the effort limits [N m]."""
 RATE = 125.0
 """Joint states per second."""
+FREQUENCY = 30.0
+"""Natural frequency [rad/s] of the control law: an unknown load must not displace an arm far."""
 FIRST_MOVE = 3.0
 """[s] to the first pose."""
 SETTLING = 1.0
@@ -109,7 +111,8 @@ class HiddenArm:
                 'dynamics': [*node_command(DYNAMICS, {
                     **common, **self.friction(False), 'effort_check': False,
                     'state_timeout': TIMEOUT, 'overspeed_factor': 10.0,
-                    'following_error_limit': [0.0], **parameters}),
+                    'following_error_limit': [0.0],
+                    'gains.natural_frequency': [FREQUENCY], **parameters}),
                     *(word for file in files for word in ('--params-file', str(file)))],
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **self.friction(True), 'lock_step': True, 'rate': RATE,

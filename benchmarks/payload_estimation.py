@@ -213,8 +213,9 @@ def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
         hidden.name, kind, load_parameters(load)[:4], np.array(answer.values[:4]),
         np.array(answer.deviations[:4]),
         np.array([one in ('observable', 'no effect') for one in answer.verdicts[:4]]))
-    print(f'{hidden.name} {kind}: {load.mass:.3f} kg, errors in deviations '
-          f'{(result.errors / result.deviations).round(2).tolist()}', file=sys.stderr)
+    print(f'{hidden.name} {kind}: {load.mass:.3f} kg, errors {result.errors.round(4).tolist()}, '
+          f'in deviations {(result.errors / result.deviations).round(2).tolist()}',
+          file=sys.stderr)
     return result
 
 
@@ -236,7 +237,8 @@ def _pose(
     low, high = position_range(arm)
     while True:
         pose = rng.uniform(low, high)
-        if _can_hold(arm, np.linspace(pose if start is None else start, pose, 12)):
+        way = np.linspace(pose if start is None else start, pose, 12)
+        if all(_can_hold(arm, way + side) for side in (-SIDE, 0.0, SIDE)):
             return np.asarray(pose)
 
 
