@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 An arm whose drives and friction are unknown: both nodes in lock-step, and its calibration.
 
@@ -43,6 +42,7 @@ from robot_dynamics.gravity_calibration import (
     select_poses,
 )
 from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file
+from robot_dynamics.joints.drive_effort import make_drive_effort
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.recordings.joint_series import JointSeries
@@ -72,6 +72,8 @@ RATE = 125.0
 """Joint states per second."""
 FREQUENCY = 30.0
 """Natural frequency [rad/s] of the control law: an unknown load must not displace an arm far."""
+EFFORT_RATE = 1e5
+"""[N m/s] Drives that follow any effort: the feedback of slower ones is softer under a load."""
 FIRST_MOVE = 3.0
 """[s] to the first pose."""
 SETTLING = 1.0
@@ -88,6 +90,7 @@ class HiddenArm:
         n, limit = self.arm.joint_count, self.arm.limits.effort
         self.scale = self.rng.uniform(1.0 - SCALE_ERROR, 1.0 + SCALE_ERROR, n)
         self.offset = self.rng.uniform(-OFFSET, OFFSET, n) * limit
+        self.drive = make_drive_effort(self.arm.joint_names, self.scale, self.offset, limit)
         self._friction = self.rng.uniform(1.0 - FRICTION_ERROR, 1.0 + FRICTION_ERROR, (2, n))
 
     def friction(self, is_true: bool) -> dict[str, Any]:
@@ -112,7 +115,8 @@ class HiddenArm:
                     **common, **self.friction(False), 'effort_check': False,
                     'state_timeout': TIMEOUT, 'overspeed_factor': 10.0,
                     'following_error_limit': [0.0],
-                    'gains.natural_frequency': [FREQUENCY], **parameters}),
+                    'gains.natural_frequency': [FREQUENCY],
+                    'effort_rate_limit': EFFORT_RATE, **parameters}),
                     *(word for file in files for word in ('--params-file', str(file)))],
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     **common, **self.friction(True), 'lock_step': True, 'rate': RATE,
@@ -158,9 +162,12 @@ class Session:
 
     def _hold(self) -> None:
         """Make the arm hold its present pose, which it cannot with gravity compensation alone."""
+        self._send(self._to(self.position()))
+
+    def position(self) -> FloatArray:
+        """Return the present joint positions (n,)."""
         state = self._states[-1]
-        pose = [state.position[state.name.index(name)] for name in self._arm.joint_names]
-        self._send(self._to(np.array(pose)))
+        return np.array([state.position[state.name.index(name)] for name in self._arm.joint_names])
 
     def set_parameter(self, node: str, name: str, value: Any) -> None:
         """Set a parameter of a node."""
@@ -252,7 +259,8 @@ def holds(
                 times.append(t)
                 positions.append(position)
     return make_trajectory(
-        arm.joint_names, times, positions, np.zeros_like(positions), (), arm.joint_names)
+        arm.joint_names, times, positions, list(np.zeros_like(positions)), (),
+        arm.joint_names)
 
 
 class Calibrated(NamedTuple):
@@ -281,7 +289,7 @@ def calibrate(hidden: HiddenArm, directory: Path) -> Calibrated:
                 session.set_payload(node, load)
             session.wait(SETTLING)
             found.append(find_holds(session.follow(trajectory), arm.joint_kinds))
-    calibration = calibrate_holds(arm, *found, weight)
+    calibration = calibrate_holds(arm, found[0], found[1], weight)
     path = directory / 'calibrated.yaml'
     path.write_text(calibrated_file('', calibration), encoding='utf-8')
     return Calibrated(calibration, path, poses, sag_of(found[0], poses))
