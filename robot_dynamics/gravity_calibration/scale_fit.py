@@ -41,6 +41,8 @@ _SINGULAR = 1e-9
 """Relative singular value below which a combination of parameters is not determined."""
 _LOST = 1e-5
 """Smallest part of a parameter in an undetermined combination that makes it undetermined."""
+_ROUNDING = 1e-12
+"""Size of a column, relative to the largest one, below which it consists of rounding errors."""
 _UNLIMITED = 1e9
 """Degrees of freedom of what is not estimated from residuals."""
 _LEAST_NOISE = 1e-10
@@ -201,7 +203,7 @@ def _weighted_jacobian(
     J *= seen.is_used[:, :, None]
     pull = np.zeros((n, J.shape[2]))
     pull[np.arange(n), np.arange(n)] = np.isfinite(assumed) / TYPICAL_SCALE_ERROR
-    return np.concatenate([J.reshape(-1, J.shape[2]), pull])
+    return _without_rounding(np.concatenate([J.reshape(-1, J.shape[2]), pull]))
 
 
 def _minimise(
@@ -219,6 +221,12 @@ def _minimise(
         values += step
         if (np.abs(step) <= _CONVERGED * (1.0 + np.abs(values))).all():
             break
+
+
+def _without_rounding(A: FloatArray) -> FloatArray:
+    """Return A with zeros in the columns that are rounding errors of zeros."""
+    norm = np.linalg.norm(A, axis=0)
+    return np.where(norm > _ROUNDING * norm.max(initial=0.0), A, 0.0)
 
 
 def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -245,6 +253,7 @@ def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolA
 
     b (m,) has this covariance (m, m).
     """
+    A = _without_rounding(A)
     variance, axes = np.linalg.eigh(covariance)
     rows = axes.T / np.sqrt(np.maximum(variance, 1e-12 * variance[-1]))[:, None]
     basis, _, back = _decomposed(rows @ A)
