@@ -69,7 +69,11 @@ def _print_steps(name: str, bag: Path, settings: AnalysisSettings) -> None:
     rounds = []
     for _ in range(ROUNDS + 1):
         times = [time.process_time()]
-        analyze_recording(bag, settings, lambda _, times=times: times.append(time.process_time()))
+
+        def add_time(_: object, times: list[float] = times) -> None:
+            times.append(time.process_time())
+
+        analyze_recording(bag, settings, add_time)
         rounds.append([*np.diff(times), times[-1] - times[0]])
     read, filtered, compared, whole = (statistics.median(column) for column in zip(*rounds[1:]))
     print(f'{name:22}' + ''.join(

@@ -120,7 +120,7 @@ def _batch(ours: Client, echo: Client, names: list[str], samples: int) -> None:
         for _ in range(ROUNDS)]
     print(f'{samples:7} x {JOINTS} samples:')
     for words, pick in (('median', statistics.median), ('fastest', min)):
-        mine, theirs, engine = map(pick, zip(*rounds))
+        mine, theirs, engine = (float(pick(column)) for column in zip(*rounds))
         print(f'  {words:8}{1e3 * mine:7.1f} ms; bare echo {1e3 * theirs:5.1f} ms + engine '
               f'{1e3 * engine:5.1f} ms; ratio {mine / (theirs + engine):.2f}')
 

@@ -95,7 +95,7 @@ def modified_dh(links: list[ChainLink]) -> tuple[FloatArray, list[tuple[float, .
         # between = s z + a x − t z_next: s places the frame at the common perpendicular.
         s, _, _ = np.linalg.solve(np.array([z, x, -z_next]).T, between)
         frame[:3, 0], frame[:3, 1], frame[:3, 3] = x, np.cross(z, x), joint[:3, 3] + s * z
-    parameters = [(0.0, 0.0, 0.0, 0.0)]
+    parameters: list[tuple[float, ...]] = [(0.0, 0.0, 0.0, 0.0)]
     for before, frame in zip(frames, frames[1:]):
         step = np.linalg.solve(before, frame)
         alpha = np.arctan2(-step[1, 2], step[2, 2])

@@ -143,7 +143,7 @@ def _measure_in(path: Path) -> None:
             path.write_text(json.dumps([cold, stopwatch.take_medians()]), encoding='utf-8')
         return data
 
-    MessageLoop._take = take_and_count  # type: ignore[method-assign]
+    MessageLoop._take = take_and_count  # type: ignore[method-assign, assignment]
 
 
 def _repeat(loop: Any, data: bytes) -> None:

@@ -229,6 +229,11 @@ def covariance_root(field: str, value: Sequence[float], names: Sequence[str]) ->
     return np.asarray(scale[:, np.newaxis] * vectors * np.sqrt(np.maximum(sizes, 0.0)))
 
 
+def lower_triangle(covariance: FloatArray) -> list[float]:
+    """Return the lower triangle of a matrix (k, k), row by row, as `covariance_root` takes it."""
+    return [float(value) for value in covariance[np.tril_indices(len(covariance))]]
+
+
 def is_empty(value: Any) -> bool:
     """Return whether `value` is a sequence without entries, which means "not given"."""
     try:

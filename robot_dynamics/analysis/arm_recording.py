@@ -144,7 +144,7 @@ def _plausible(
     reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
     for values, limit in (
             (series.position, reach), (series.velocity, arm.limits.velocity),
-            (None if is_motor_side else series.effort, arm.drive_limits)):
+            (None if is_motor_side else series.effort, arm.given_drive.limit)):
         if values is not None:
             bound = np.where(limit > 0.0, IMPLAUSIBLE * limit, np.inf)
             good &= (np.abs(values) <= bound).all(axis=1)

@@ -23,6 +23,7 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.gravity_calibration.calibration import Calibration
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
 from robot_dynamics.model.yaml_text import load_yaml
+from robot_dynamics.validation import lower_triangle
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""
@@ -90,7 +91,7 @@ def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
     to, source = np.concatenate([to, n + to]), np.concatenate([source, len(recorded) + source])
     C = np.zeros((2 * n, 2 * n))
     C[np.ix_(to, to)] = found.covariance[np.ix_(source, source)]
-    return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in C[np.tril_indices(2 * n)]]
+    return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in lower_triangle(C)]
 
 
 def _as_yaml(document: Mapping[str, Any]) -> str:

@@ -40,6 +40,7 @@ from robot_dynamics.gravity_calibration.scale_fit import (
     NORMAL,
     Observations,
     ScaleFit,
+    Spread,
     TYPICAL_SCALE_ERROR,
 )
 from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
@@ -154,13 +155,14 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
                  start=np.zeros(arm.joint_count, dtype=np.int64))
     seen, basis = _observations(arm, sets, tool, reference)
     seen = seen.only(counts >= LEAST_POSES)
-    previous = drive_of(arm)
+    previous = arm.given_drive
     fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
     torque = seen.known + seen.columns @ fit.beta
     n, has_enough = arm.joint_count, counts >= LEAST_POSES
     scale, offset = _values(seen, torque, fit, is_observable, has_enough, previous)
     used = np.where(seen.is_used, 1.0, np.nan)
-    k, o = (fit.spread(part) for part in np.split(np.eye(2 * n, len(fit.is_lost)), 2))
+    spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
+    k, o = (Spread(*(part[half] for part in spread)) for half in (np.s_[:n], np.s_[n:]))
     return Calibration(
         arm, reference, tuple(sets),
         None if tool is None else estimate_tool(arm, tool, has_weight, basis, fit),
@@ -168,8 +170,8 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
         np.where(is_observable, k.deviation * scale**2, np.inf),
         np.where(is_observable, k.interval * scale**2, np.inf),
         np.where(has_enough, o.deviation, np.inf), np.where(has_enough, o.interval, np.inf),
-        _covariance(arm, seen, fit, scale, is_observable, has_enough), is_observable, counts,
-        fit.noise,
+        _covariance(arm, seen, fit, spread, scale, is_observable, has_enough), is_observable,
+        counts, fit.noise,
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
                   for j, rows in enumerate(seen.is_used.T)]),
         np.ptp(gravity_torque(arm, sample_positions(arm, 128)), axis=0), fit.condition,
@@ -178,12 +180,11 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
 
 
 def _covariance(
-    arm: ArmModel, seen: Observations, fit: ScaleFit, scale: FloatArray,
+    arm: ArmModel, seen: Observations, fit: ScaleFit, spread: Spread, scale: FloatArray,
     is_observable: BoolArray, has_enough: BoolArray,
 ) -> FloatArray:
     """Return the covariance (2n, 2n) of s and o, from that of k = 1 / s and o."""
     n = len(scale)
-    spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
     is_known = np.concatenate([is_observable, has_enough & ~fit.is_lost[n:2 * n]])
     ratio = np.divide(
         spread.interval, NORMAL * spread.deviation, out=np.zeros(2 * n), where=is_known)
@@ -194,12 +195,6 @@ def _covariance(
     return np.asarray(np.where(
         np.outer(is_known, is_known), fit.covariance[:2 * n, :2 * n] * np.outer(slope, slope),
         np.diag(unknown**2)))
-
-
-def drive_of(arm: ArmModel) -> DriveEffort:
-    """Return the drives of an arm, by default with scale 1 and offset 0."""
-    n = arm.joint_count
-    return arm.drive or DriveEffort(np.ones(n), np.zeros(n), arm.limits.effort)
 
 
 def _check_poses(one: HoldSet) -> None:

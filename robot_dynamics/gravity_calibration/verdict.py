@@ -16,7 +16,6 @@
 
 from robot_dynamics.gravity_calibration.calibration import (
     Calibration,
-    drive_of,
     LEAST_POSES,
     Reference,
 )
@@ -56,7 +55,7 @@ def is_accepted(found: Calibration) -> bool:
 
 def _verdict(found: Calibration, j: int) -> Verdict:
     name, unit = found.arm.joint_names[j], effort_unit(found, j)
-    limit = float(drive_of(found.arm).limit[j])
+    limit = float(found.arm.given_drive.limit[j])
     offset, of_offset = float(found.offset[j]), float(found.offset_interval[j])
     if not found.has_enough_poses[j]:
         return Verdict(name, Grade.UNKNOWN, (

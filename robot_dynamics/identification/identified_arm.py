@@ -41,6 +41,7 @@ from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
+from robot_dynamics.validation import lower_triangle
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12
@@ -203,7 +204,7 @@ def parameter_values(
             n = arm.joint_count
             slope = np.concatenate([np.ones(n), gain * np.ones(n)])
             C = arm.drive.covariance * np.outer(slope, slope)
-            values['effort.covariance'] = C[np.tril_indices(2 * n)].tolist()
+            values['effort.covariance'] = lower_triangle(C)
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
     values['command'] = kept.get('command', values['command'])

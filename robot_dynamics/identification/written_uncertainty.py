@@ -39,6 +39,7 @@ from robot_dynamics.identification.friction_regressor import (
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem
+from robot_dynamics.validation import lower_triangle
 
 LARGEST_REGULARIZATION = 1.0
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
@@ -50,7 +51,7 @@ def uncertainty_values(identification: Identification) -> dict[str, Any]:
     names, covariance = parameter_covariance(identification)
     return {
         'uncertainty.parameters': list(names),
-        'uncertainty.covariance': covariance[np.tril_indices(len(names))].tolist(),
+        'uncertainty.covariance': lower_triangle(covariance),
         # of single states, because the node knows no motion before a state
         'uncertainty.effort_noise':
             identification.tests['consistent'].rms('test_by_sample').tolist(),

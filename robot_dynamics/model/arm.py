@@ -146,9 +146,10 @@ class ArmModel:
             self, drive=drive, limits=replace(self.limits, effort=drive.torque_limit()))
 
     @property
-    def drive_limits(self) -> FloatArray:
-        """The limits (n,) of the driver's effort [N·m] or [N]; infinite for no limit."""
-        return self.drive.limit if self.drive is not None else self.limits.effort
+    def given_drive(self) -> DriveEffort:
+        """The drives; scale 1 and offset 0, both exact, if `drive` is None."""
+        n = self.joint_count
+        return self.drive or DriveEffort(np.ones(n), np.zeros(n), self.limits.effort)
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""

@@ -124,13 +124,7 @@ def _of_joints(
     if len(value) <= 1:
         return value
     given = check_vector(name, value, arm.joint_count, arm.joint_names, LARGEST_VALUE)
-    by_name = dict(zip(arm.joint_names, given.tolist()))
-    without = [joint for joint in joints if joint not in by_name]
-    if without:
-        raise InvalidInputError(
-            f'{name} has no value for {without}, expected them in the parameter joints, which is '
-            f'{list(arm.joint_names)}')
-    return [by_name[joint] for joint in joints]
+    return [float(given[place]) for place in _places(name, arm, joints)]
 
 
 def _drive_covariance(
@@ -143,14 +137,19 @@ def _drive_covariance(
         return None
     check_order_is_given(values, name, arm)
     B = covariance_root(name, value, drive_quantities(arm.joint_names))
+    places = np.array(_places(name, arm, joints))
+    B = B[np.concatenate([places, arm.joint_count + places])]
+    return np.asarray(B @ B.T)
+
+
+def _places(name: str, arm: ArmModel, joints: Sequence[str]) -> list[int]:
+    """Return where `joints` are in a parameter with one value for each joint of `arm`."""
     without = [joint for joint in joints if joint not in arm.joint_names]
     if without:
         raise InvalidInputError(
             f'{name} has no value for {without}, expected them in the parameter joints, which is '
             f'{list(arm.joint_names)}')
-    rows = np.array([arm.joint_names.index(joint) for joint in joints])
-    B = B[np.concatenate([rows, arm.joint_count + rows])]
-    return np.asarray(B @ B.T)
+    return [arm.joint_names.index(joint) for joint in joints]
 
 
 def check_order_is_given(values: Mapping[str, Any], name: str, arm: ArmModel) -> None:

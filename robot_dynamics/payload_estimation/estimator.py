@@ -126,10 +126,8 @@ class PayloadEstimator:
             self._largest_effort, 1.0))
         friction = self.arm.friction
         band = friction.at_rest.static + friction.load * self._largest_effort
-        drive = self.arm.drive
         solution = solve(
-            rows, rests, band, scale,
-            None if drive is None else drive.torque_error_covariance())
+            rows, rests, band, scale, self.arm.given_drive.torque_error_covariance())
         return make_result(
             self.arm, self.link, solution, rows, rests, band, self._block, self._position,
             with_advice)

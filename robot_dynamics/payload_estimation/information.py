@@ -86,13 +86,13 @@ class Solution:
 
 def solve(
     rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray,
-    drive_covariance: FloatArray | None = None,
+    drive_covariance: FloatArray,
 ) -> Solution:
     """
     Return the estimate.
 
     `band` (n,) is the known dry friction at rest, `scale` (n,) the effort limits, all > 0.
-    `drive_covariance` (2n, 2n) is `DriveEffort.torque_error_covariance`, None for exact drives.
+    `drive_covariance` (2n, 2n) is `DriveEffort.torque_error_covariance`.
     """
     n = len(scale)
     groups = make_groups(rows, rests, band, scale)
@@ -124,10 +124,10 @@ def solve(
                     _expected(groups, variances, scale, band, mean_friction))
 
 
-def _drive_information(scale: FloatArray, covariance: FloatArray | None) -> FloatArray:
+def _drive_information(scale: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the information matrix (2n, 2n) of the errors of effort scales and offsets."""
     exact = np.concatenate([np.full_like(scale, _EXACT), _EXACT * scale])
-    return inverse_of(np.diag(exact**2) + (0.0 if covariance is None else covariance))
+    return inverse_of(np.diag(exact**2) + covariance)
 
 
 def _prior_information(

@@ -243,7 +243,7 @@ def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
     rate = values['effort_rate_limit']
     if rate > 0.0:
         return np.full(arm.joint_count, rate)
-    limit = arm.drive_limits
+    limit = arm.given_drive.limit
     return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
 
 

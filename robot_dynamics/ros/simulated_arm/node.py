@@ -231,7 +231,8 @@ class SimulatedArmNode(GuardedCallbacks):
     def _apply(self, values: Values) -> None:
         with self._lock:
             self._plant.commands.timeout = values['command_timeout']
-            self._plant.effort_limit = self._arm.drive_limits if values['clip_efforts'] else None
+            limit = self._arm.given_drive.limit
+            self._plant.effort_limit = limit if values['clip_efforts'] else None
             self._plant.position_noise = values['position_noise']
             self._plant.velocity_noise = values['velocity_noise']
             self._plant.effort_noise = values['effort_noise']
