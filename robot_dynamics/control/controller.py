@@ -172,6 +172,13 @@ class Controller:
         return self._load.planning
 
     @property
+    def compensates_friction_at_rest(self) -> bool:
+        """Whether dry friction is compensated at joints that rest beside their reference."""
+        friction = self.arm.friction
+        return self._follows and self._options.friction_compensation == 'reference' and bool(
+            (friction.at_rest.static + friction.load).any())
+
+    @property
     def has_reference(self) -> bool:
         """Whether a reference is active."""
         return self._reference.active is not None

@@ -46,10 +46,12 @@ ROBOT = {
     'effort.scale': [0.8, 1.2], 'effort.offset': [0.5, -0.3]}
 LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1))
 SECONDS = 8
+HOLDS = ((10, 0.2), (11, 0.0), (13, 0.0), (14, -0.2), (15, 0.0), (17, 0.0))
+"""Times [s] and distances [rad] from START of a hold from either direction."""
 
 
 def swing() -> JointTrajectory:
-    """Return sines around START, after which the arm rests."""
+    """Return sines around START, and two holds there."""
     points = []
     for t in np.arange(0.0, SECONDS + 0.1, 0.25).tolist():
         phase = 2.0 * math.pi * np.array([0.25, 0.375]) * t
@@ -57,6 +59,10 @@ def swing() -> JointTrajectory:
         points.append(JointTrajectoryPoint(
             positions=START + 0.4 * (1.0 - np.cos(phase)), velocities=0.4 * rate * np.sin(phase),
             time_from_start=Duration(sec=int(t) + 1, nanosec=round(1e9 * (t % 1.0)))))
+    points += [
+        JointTrajectoryPoint(
+            positions=START + distance, velocities=[0.0, 0.0], time_from_start=Duration(sec=time))
+        for time, distance in HOLDS]
     return JointTrajectory(joint_names=NAMES, points=points)
 
 
@@ -94,6 +100,9 @@ def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
         answer = found[-1]
         check(answer)
         assert not ask(client, link='link1').success
+        wait_until(  # the node compensates friction by default
+            lambda: any('set friction_compensation to none' in one for one in ask(client).remarks),
+            'the remark on friction of pairs', LONG)
         applied = ask(client, apply=True, stop=True)
         assert applied.success, applied.message
         assert applied.message.endswith("kg on 'tool0'")

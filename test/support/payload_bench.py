@@ -37,6 +37,10 @@ RATE, CUTOFF = 25.0, 5.0
 NOISE, FRICTION = 0.004, 0.01
 """Deviation of the filtered effort noise, and dry friction, relative to the effort limits."""
 LARGEST_MASS = 5.0
+SEEDED_CASES = 200
+"""Cases per kind of data in tests of the coverage, divided among the robots."""
+FIRST_SEED = 6000
+"""The constants of the library were chosen with seeds below 5100."""
 SAG, SAG_TIME = 2e-3, 0.25
 """Displacement [rad] of a joint that yields to the load, and its time constant [s]."""
 SECONDS = 1.2
@@ -132,6 +136,19 @@ def sagging(case: Case, samples: Samples) -> Samples:
         v[part] = SAG / SAG_TIME * direction * decay
         rest[part] = case.arm.friction.static * direction
     return samples._replace(q=q, v=v, rest=rest)
+
+
+def with_compensated_friction(case: Case, samples: Samples) -> Samples:
+    """Return holds in which the controller compensates friction in the direction of the sag."""
+    zero = np.zeros_like(samples.q)
+    load = LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load)
+    push = 0.45 * case.arm.friction.static * np.sign(load)
+    return samples._replace(rest=0.55 * samples.rest + push)
+
+
+def samples_of(case: Case, kind: str) -> Samples:
+    """Return `motion`, or holds from one direction (`singles`) or both (`pairs`)."""
+    return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
 def motion(case: Case, seconds: float) -> Samples:

@@ -20,6 +20,8 @@ and adds them to the estimator. Position, velocity and effort pass the same caus
 derivative of the velocity is the acceleration (`monitoring.low_pass`).
 """
 
+from dataclasses import replace
+
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import FloatArray
@@ -49,6 +51,9 @@ LONGEST_STEP = 0.1
 """[s] between two states after which the filter restarts."""
 GRAVITY_CHANGE = 0.05
 """Largest change of gravity [m/s²] during an estimation."""
+COMPENSATED = (
+    'the node compensated friction at rest, so that dry friction cancels only in part, and the '
+    'deviations are larger: set friction_compensation to none for the holds')
 NOT_STARTED = (
     'no estimation is active, expected an earlier call with start = true and the name of a link')
 
@@ -69,6 +74,7 @@ class _Run:
         self._position: FloatArray = np.zeros(0)
         self._settled = self._since_used = 0.0
         self._first_stamp = 0
+        self._friction_cancels = True
 
     @property
     def link(self) -> str:
@@ -82,10 +88,15 @@ class _Run:
         return bool(np.abs(before - now).max() > GRAVITY_CHANGE)
 
     def estimate(self) -> PayloadEstimate:
-        return self._estimator.estimate()
+        found = self._estimator.estimate()
+        if self._friction_cancels or not found.pairs:
+            return found
+        return replace(found, remarks=(*found.remarks, COMPENSATED))
 
     def add(self, samples: list[Sample]) -> None:
         """Filter states, and add some of them to the estimator."""
+        if samples and self._controller.compensates_friction_at_rest:
+            self._friction_cancels = False
         kept: list[tuple[float, list[FloatArray]]] = []
         for sample in samples:
             if self._is_gap(sample):

@@ -1,0 +1,80 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Deviations of a payload that contain the errors of calibrated drives."""
+
+import numpy as np
+from payload_bench import (
+    Case,
+    errors_in_deviations,
+    estimated,
+    FIRST_SEED,
+    hidden_load,
+    LINKS,
+    measured,
+    samples_of,
+    SEEDED_CASES,
+)
+import pytest
+from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.payload_estimation import PayloadEstimate
+
+
+def with_uncertain_drives(case: Case) -> tuple[Case, np.ndarray]:
+    """Return the case with calibrated drives, and the error of the relative scale (n,)."""
+    n, limit = case.arm.joint_count, case.arm.limits.effort
+    common = np.outer(np.ones(n), np.ones(n))  # a part of the error is that of the weight
+    C = np.zeros((2 * n, 2 * n))
+    C[:n, :n] = 0.003**2 * (0.5 * common + 0.5 * np.eye(n))
+    C[n:, n:] = np.diag((0.0005 * limit)**2)
+    drive = make_drive_effort(case.arm.joint_names, [1.0], [0.0], limit, C)
+    error = np.random.default_rng(case.seed + 40_000).multivariate_normal(np.zeros(2 * n), C)
+    return case._replace(arm=case.arm.with_drive(drive)), error
+
+
+def estimate_with_uncertain_drives(
+    name: str, seed: int, kind: str,
+) -> tuple[Case, PayloadEstimate, PayloadEstimate]:
+    """Return the case, the estimate of calibrated drives, and that of drives taken as exact."""
+    exact = hidden_load(name, seed)
+    case, error = with_uncertain_drives(exact)
+    samples = samples_of(case, kind)
+    n = case.arm.joint_count
+    effort = measured(exact, samples) * (1.0 + error[:n]) - error[n:]
+    return case, estimated(case, samples, effort), estimated(exact, samples, effort)
+
+
+@pytest.mark.parametrize(('kind', 'name'), [('pairs', 'ur10'), ('motion', 'panda')])
+def test_the_deviations_contain_the_errors_of_a_calibration(kind: str, name: str) -> None:
+    known, ignored = list[float](), list[float]()
+    for seed in range(8):
+        case, calibrated, exact = estimate_with_uncertain_drives(name, seed, kind)
+        known += [error**2 for i, error in errors_in_deviations(case, calibrated).items() if i < 4]
+        ignored += [error**2 for i, error in errors_in_deviations(case, exact).items() if i < 4]
+        assert not any('torque constant' in remark for remark in calibrated.remarks)
+    assert 0.4 < np.mean(known) < 2.0
+    assert np.mean(ignored) > 2.0
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion'])
+def test_intervals_with_calibrated_drives_cover_the_truth_in_95_percent(kind: str) -> None:
+    inside = list[bool]()
+    for seed in range(FIRST_SEED, FIRST_SEED + SEEDED_CASES // len(LINKS)):
+        for name in LINKS:
+            case, estimate, _ = estimate_with_uncertain_drives(name, seed, kind)
+            inside += [abs(one) <= 1.96 for i, one in errors_in_deviations(case, estimate).items()
+                       if i < 4 or kind == 'motion']
+    print(f'{kind}: {np.mean(inside):.1%} of {len(inside)} intervals')
+    assert 0.93 <= np.mean(inside) <= 0.97
