@@ -173,7 +173,7 @@ class Controller:
 
     @property
     def compensates_friction_at_rest(self) -> bool:
-        """Whether dry friction is compensated at joints that rest at a distance from their goal."""
+        """Whether dry friction is compensated at joints that rest away from their goal."""
         friction = self.arm.friction
         return self._follows and self._options.friction_compensation == 'reference' and bool(
             (friction.at_rest.static + friction.load).any())
