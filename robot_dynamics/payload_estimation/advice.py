@@ -23,7 +23,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.load_regressor import LoadRegressor
 from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
@@ -52,10 +52,12 @@ class Knowledge:
     """
     The present state of an estimation.
 
-    `information` (10, 10) of the parameters, `limit` (10,) of the deviations, `position` (n,) of
-    the arm, `variances` (n,) of observations by their kind, `block` of motion [s].
+    `values` (10,) and `information` (10, 10) of the parameters, `limit` (10,) of the deviations,
+    `position` (n,) of the arm, `variances` (n,) of observations by their kind, `block` of motion
+    [s].
     """
 
+    values: FloatArray
     information: FloatArray
     limit: FloatArray
     position: FloatArray
@@ -88,10 +90,13 @@ class _Adviser:
     def __init__(self, arm: ArmModel, link: str, knowledge: Knowledge) -> None:
         self._arm, self._knowledge = arm, knowledge
         self._regressor, self._body = LoadRegressor(arm, link), UncheckedRigidBody(arm)
-        moves = sorted(self._single_joint(), key=lambda one: abs(one[1]))
+        moves = [one for one in sorted(self._single_joint(), key=lambda one: abs(one[1]))
+                 if self._is_held(one[2][None])[0]]
         self._moves = [(joint, change) for joint, change, _ in moves]
         self._positions = np.array([knowledge.position, *(position for *_, position in moves)])
-        self._poses = _held_poses(arm)
+        poses = sample_positions(arm, POSES)
+        is_held = self._is_held(poses)
+        self._poses = poses[is_held] if is_held.any() else poses
         both = np.concatenate([self._positions, self._poses])
         zero = np.zeros_like(both)
         self._static = self._regressor(both, zero, zero)
@@ -184,11 +189,22 @@ class _Adviser:
     def _is_possible(self, q: FloatArray, v: FloatArray, a: FloatArray) -> bool:
         limits, start = self._arm.limits, self._knowledge.position
         moves = q != start  # the present position may be at a limit
-        effort = self._body.inverse_dynamics_batch(q, v, a)
         return bool(
             ((limits.lower <= q) & (q <= limits.upper) | ~moves).all()
             and (np.abs(v) <= limits.velocity).all()
-            and (np.abs(effort) <= positive_limit(self._arm)).all())
+            and self._is_within_effort(q, v, a).all())
+
+    def _is_held(self, q: FloatArray) -> BoolArray:
+        """Return whether the arm can hold positions (m, n) with the estimated load, (m,)."""
+        zero = np.zeros_like(q)
+        return self._is_within_effort(q, zero, zero)
+
+    def _is_within_effort(self, q: FloatArray, v: FloatArray, a: FloatArray) -> BoolArray:
+        limit = self._arm.limits.effort
+        effort = self._body.inverse_dynamics_batch(q, v, a) + (
+            self._regressor(q, v, a) @ self._knowledge.values)
+        return np.asarray(
+            (np.abs(effort) <= np.where(limit > 0.0, limit, np.inf)).all(axis=1))
 
     def _sine(self, joint: int, amplitude: float) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return a sinusoidal motion (m, n) of one joint around the present position."""
@@ -205,17 +221,3 @@ class _Adviser:
         blocks = SECONDS / self._knowledge.block / len(q)
         return np.asarray(blocks * np.einsum(
             'mji,mjk,j->ik', Y, Y, 1.0 / self._knowledge.variances['motion']))
-
-
-def _held_poses(arm: ArmModel) -> FloatArray:
-    """Return poses (m, n) that the arm holds within its effort limits, all if it holds none."""
-    poses = sample_positions(arm, POSES)
-    zero = np.zeros_like(poses)
-    effort = UncheckedRigidBody(arm).inverse_dynamics_batch(poses, zero, zero)
-    is_held = (np.abs(effort) <= positive_limit(arm)).all(axis=1)
-    return poses[is_held] if is_held.any() else poses
-
-
-def positive_limit(arm: ArmModel) -> FloatArray:
-    """Return the effort limits (n,), infinite instead of 0."""
-    return np.where(arm.limits.effort > 0.0, arm.limits.effort, np.inf)

@@ -153,7 +153,8 @@ def make_result(
     advice: tuple[str, ...] = ()
     if with_advice and position is not None and missing:
         advice = advise(arm, link, missing, Knowledge(
-            inverse_of(solution.covariance), limit, position, solution.expected, block))
+            solution.values, inverse_of(solution.covariance), limit, position, solution.expected,
+            block))
     remarks: tuple[str, ...] = ()
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks = ('no mass distribution has the estimated inertia: its error is too large',)

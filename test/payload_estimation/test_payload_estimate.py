@@ -44,6 +44,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics.payload_estimation.advice import advise, Knowledge
 from robot_dynamics.payload_estimation.information import inverse_of, student_factor
 from robot_dynamics.payload_estimation.rows import COLUMNS, RowBuilder, SIGN
 from robots import robot_urdf
@@ -251,6 +252,25 @@ def test_advised_poses_are_within_the_limits_of_position_and_effort() -> None:
         pose = followed(case, advice, samples.q[0])
         assert (np.abs(pose) <= case.arm.limits.upper).all()
         assert (np.abs(RigidBody(case.arm).gravity(pose)) <= case.arm.limits.effort).all()
+
+
+def test_the_arm_can_hold_advised_poses_with_the_estimated_load() -> None:
+    """The last joints have 5 N·m, and the load up to 8 N·m."""
+    case = hidden_load('ur10', seed=3)
+    limits = case.arm.limits
+    weak = replace(case.arm, limits=replace(
+        limits, effort=np.minimum(limits.effort, [330.0, 330.0, 150.0, 5.0, 5.0, 5.0])))
+    load = make_payload(case.link, 2.5, [0.0, 0.2, 0.25])
+    position = np.array([0.3, -1.2, 1.0, -1.4, 0.0, 0.4])
+    variances = {kind: np.full(6, 100.0) for kind in ('single', 'paired', 'motion')}
+    advice = advise(weak, case.link, range(4), Knowledge(
+        load_parameters(load), 1e-6 * np.eye(10), np.full(10, 0.05), position, variances, 0.2))
+    loaded = RigidBody(weak.with_payloads([load]))
+    case = case._replace(arm=weak)
+    poses = [followed(case, one, position) for one in advice]
+    assert poses
+    for pose in poses:
+        assert (np.abs(loaded.gravity(pose)) <= weak.limits.effort + 0.1).all()
 
 
 def test_advised_accelerations_are_within_the_velocity_limits() -> None:
