@@ -52,6 +52,7 @@ class ComputedTorque(ControlLaw):
         self._prompt_effort = np.full(len(self._zero), math.inf)
         self._prompt_feedback = math.inf
 
+    @np.errstate(over='ignore')  # gains near 0: no rate is too low
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """Scale the gains down from now on for errors whose effort the rate limit would delay."""
         omega = crossover_frequency(self._full_feedback.gains)

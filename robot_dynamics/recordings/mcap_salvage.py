@@ -45,7 +45,7 @@ from robot_dynamics.recordings.loss import Loss
 _FRAME = struct.Struct('<BQ')
 """The opcode of a record and the length [bytes] of its content, which follows."""
 _IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
-_MALFORMED = (McapError, struct.error, ValueError)
+_MALFORMED = (McapError, struct.error, ValueError, OverflowError)
 """Errors that the library raises for content that is not of the expected kind."""
 
 

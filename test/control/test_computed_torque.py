@@ -108,6 +108,13 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
         ArmDynamics(ARM).inverse_dynamics(q_ahead, v, a))
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
+def test_gains_near_zero_are_never_softened() -> None:
+    gains = make_gains(NAMES, kp=[0.0, 0.0], kd=[5e-324, 1e-310])
+    law = ComputedTorque(ErrorFeedback(gains, ARM.joint_kinds), ControllerOptions(gains))
+    law.limit_rate(np.array([1e3, 1e9]), np.array([1.0, 1e-13]))
+
+
 def test_the_law_itself_needs_a_reference_and_a_velocity() -> None:
     law = ComputedTorque(ErrorFeedback(GAINS, ARM.joint_kinds), ControllerOptions(GAINS))
     zero = np.zeros(2)

@@ -325,6 +325,22 @@ def test_a_time_beyond_int64_is_lost(tmp_path):
     assert [(loss.file, loss.lost_messages) for loss in losses] == [('metadata.yaml', 1)]
 
 
+def test_a_chunk_with_an_impossible_length_is_named(copied):
+    def spoil(data):
+        at = 8
+        while data[at] != 6:  # the first chunk
+            at += 9 + int.from_bytes(data[at + 1:at + 9], 'little')
+        name = at + 9 + 28  # of the compression
+        length = name + 4 + int.from_bytes(data[name:name + 4], 'little')
+        data[length:length + 8] = (2**63 + 1).to_bytes(8, 'little')
+        del data[-30:]  # without an end, the file is read record by record
+
+    path = copied('mcap')
+    resave(stored_file(path), spoil)
+    with pytest.raises(RecordingError, match='the chunk record at byte'):
+        read(path)
+
+
 def spoil_and_read(path, seed):
     """Replace random bytes: the reader returns samples or raises one clear error, no other."""
     rng = np.random.default_rng(seed)
