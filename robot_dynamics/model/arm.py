@@ -147,7 +147,7 @@ class ArmModel:
 
     @property
     def given_drive(self) -> DriveEffort:
-        """The drives; scale 1 and offset 0, both exact, if `drive` is None."""
+        """The drives; scale 1 and offset 0, both exact, if `drive` is not set."""
         n = self.joint_count
         return self.drive or DriveEffort(np.ones(n), np.zeros(n), self.limits.effort)
 

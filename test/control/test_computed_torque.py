@@ -113,6 +113,7 @@ def test_gains_near_zero_are_never_softened() -> None:
     gains = make_gains(NAMES, kp=[0.0, 0.0], kd=[5e-324, 1e-310])
     law = ComputedTorque(ErrorFeedback(gains, ARM.joint_kinds), ControllerOptions(gains))
     law.limit_rate(np.array([1e3, 1e9]), np.array([1.0, 1e-13]))
+    assert np.isinf(law._prompt_feedback)
 
 
 def test_the_law_itself_needs_a_reference_and_a_velocity() -> None:
