@@ -29,7 +29,8 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.trajectories.demo_motion import make_reference_motion, sample_trajectory
+from robot_dynamics.trajectories.demo_motion import make_reference_motion
+from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
@@ -124,15 +125,15 @@ def _simulate(
     steps = max(1, int(np.ceil(1.0 / (rate * CONTROL_PERIOD))))
     period = 1.0 / (rate * steps)
     all_times = np.asarray(period * np.arange(count * steps), dtype=np.float64)
-    reference = sample_trajectory(path, all_times)
+    reference = ActiveTrajectory(path, 0, 0, Reference(start, *np.zeros((2, len(start)))))
     q, v, tau = (np.zeros((count, arm.joint_count)) for _ in range(3))
     work, heat = np.zeros(count), np.zeros(count)
     for k, t in enumerate(all_times):
         now = simulation.state
         effort = np.zeros(arm.joint_count)
         if t < driven:
-            wanted = Reference(*(values[k] for values in reference))
-            effort = dynamics.inverse_dynamics(*now, feedback.acceleration(wanted, *now))
+            effort = dynamics.inverse_dynamics(
+                *now, feedback.track(reference, round(1e9 * t), *now).acceleration)
         if k % steps == 0:
             row = k // steps
             q[row], v[row] = now

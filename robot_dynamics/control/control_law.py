@@ -29,12 +29,15 @@ joint if its reference moves, and the uncompensated part of the friction damps t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from math import pi
+from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, wrap_to_pi
+from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Segment
 from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
 DEFAULT_NATURAL_FREQUENCY = 20.0
@@ -49,7 +52,7 @@ class Gains:
     kp: FloatArray
     kd: FloatArray
 
-    @property
+    @cached_property
     def ratio(self) -> FloatArray:
         """Return K_p/K_d (n,) [1/s], 0 where K_d is 0."""
         with np.errstate(over='ignore'):
@@ -93,11 +96,27 @@ def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
     return values
 
 
+class Tracking(NamedTuple):
+    """
+    The feedback at one state, each (n,).
+
+    `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref + K_p/K_d e
+    [rad/s or m/s], q̇_ref if K_d is 0: the velocity at which friction is compensated. `is_far` is
+    true if the error e of a joint exceeds its limit.
+    """
+
+    acceleration: FloatArray
+    velocity: FloatArray
+    is_far: bool
+
+
 class ErrorFeedback:
     """
-    The commanded acceleration q̈_ref + K_d ė + K_p e.
+    The commanded acceleration q̈_ref + K_d ė + K_p e along a trajectory; for one thread.
 
-    The position error of a continuous joint is the shortest angular distance.
+    The position error of a continuous joint is the shortest angular distance. The feedback is
+    computed joint by joint: for the few joints of an arm, plain floats take half of the time of
+    arrays, and less on a control path, where the code of numpy is not in the cache.
     """
 
     def __init__(
@@ -107,11 +126,47 @@ class ErrorFeedback:
         self.gains = gains
         self.largest_error = (
             np.full(len(gains.kp), np.inf) if largest_error is None else largest_error)
-        self.ratio = gains.ratio
-        """K_p/K_d (n,) [1/s], 0 where K_d is 0."""
-        self.turns = [kind == 'continuous' for kind in joint_kinds]
-        """Marks the continuous joints."""
-        self._continuous = np.array(self.turns) if any(self.turns) else None
+        self._turns = [kind == 'continuous' for kind in joint_kinds]
+        self._continuous = np.array(self._turns) if any(self._turns) else None
+        self._reference: ActiveTrajectory | None = None
+        self._segment: Segment | None = None
+        self._joints: list[Any] = []
+
+    def track(
+        self, reference: ActiveTrajectory, now_ns: int, q: FloatArray, v: FloatArray,
+    ) -> Tracking:
+        """Return the feedback at the state (q, v), each (n,), at `now_ns`."""
+        segment = self._segment
+        if reference is not self._reference or segment is None or not (
+                segment.since_ns <= now_ns < segment.end_ns):
+            segment = self._take_segment(reference, now_ns)
+        s = 1e-9 * (now_ns - segment.begin_ns) / segment.duration
+        acceleration, velocity, is_far = [], [], False
+        for ((p0, p1, p2, p3, p4, p5), (d0, d1, d2, d3, d4, _), (dd0, dd1, dd2, dd3, _, _),
+             K_p, K_d, ratio, turns, e_max), q_j, v_j in zip(
+                self._joints, q.tolist(), v.tolist()):
+            e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
+            if turns and not -pi < e <= pi:
+                e = wrap_angle(e)
+            if not -e_max <= e <= e_max:
+                is_far = True
+            v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
+            acceleration.append(
+                dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * (v_ref - v_j) + K_p * e)
+            velocity.append(v_ref + ratio * e)
+        return Tracking(np.array(acceleration), np.array(velocity), is_far)
+
+    def _take_segment(self, reference: ActiveTrajectory, now_ns: int) -> Segment:
+        """Prepare the segment that is active at `now_ns`."""
+        segment = reference.segment(now_ns)
+        n = len(self.gains.kp)
+        position, velocity, acceleration = (
+            segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
+        self._joints = list(zip(
+            position, velocity, acceleration, self.gains.kp.tolist(), self.gains.kd.tolist(),
+            self.gains.ratio.tolist(), self._turns, self.largest_error.tolist()))
+        self._reference, self._segment = reference, segment
+        return segment
 
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return q_ref − q, (n,) [rad] or [m]."""
@@ -119,16 +174,6 @@ class ErrorFeedback:
         if self._continuous is not None and not e.dot(e) <= np.pi**2:
             e[self._continuous] = wrap_to_pi(e[self._continuous])
         return e
-
-    def acceleration(self, reference: Reference, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the acceleration to command, (n,) [rad/s²] or [m/s²]."""
-        q_ref, v_ref, a_ref = reference
-        e = self.position_error(q_ref, q)
-        return a_ref + self.gains.kd * (v_ref - v) + self.gains.kp * e
-
-    def is_far(self, reference: FloatArray, q: FloatArray) -> bool:
-        """Return whether the position error of any joint exceeds its limit."""
-        return bool((np.abs(self.position_error(reference, q)) > self.largest_error).any())
 
     def worst_error(
         self, reference: FloatArray, q: FloatArray, joint_names: Sequence[str],
@@ -139,13 +184,8 @@ class ErrorFeedback:
         return (f'position of {joint_names[j]!r} is {abs(e[j]):.3g} from its reference, '
                 f'expected at most {limit[j]:.3g} (following_error_limit)')
 
-    def scaled(self, scale: float) -> 'ErrorFeedback':
-        """Return the feedback at this fraction of its bandwidth, with the same damping ratio."""
+    def scaled(self, scale: FloatArray | float) -> 'ErrorFeedback':
+        """Return the feedback at these fractions (n,) of its bandwidth, at the same damping."""
         gains = Gains(scale**2 * self.gains.kp, scale * self.gains.kd)
-        scaled = ErrorFeedback(gains, (), self.largest_error)
-        scaled.turns, scaled._continuous = self.turns, self._continuous
-        return scaled
-
-    def reference_velocity(self, reference: Reference, q: FloatArray) -> FloatArray:
-        """Return v_r = q̇_ref + K_p/K_d e, (n,) [rad/s] or [m/s]; q̇_ref where K_d is 0."""
-        return reference.velocity + self.ratio * self.position_error(reference.position, q)
+        kinds = ['continuous' if turns else '' for turns in self._turns]
+        return ErrorFeedback(gains, kinds, self.largest_error)

@@ -13,50 +13,61 @@
 # limitations under the License.
 
 """
-The whole control path from a measured state to its efforts, without ROS.
+The control law of an arm with its reference: from a measured state to an effort, without ROS.
 
 Time on this path is the stamp of the joint states. A lock-step simulation or a recording therefore
 gives the same efforts at any playback speed.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from contextlib import AbstractContextManager
 import math
 import threading
+from typing import Any
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, largest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.computed_torque import ComputedTorque
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
-from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, robot_effort, RobotEffort
+from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.control.followed_reference import FollowedReference
-from robot_dynamics.control.gain_adaptation import GainAdaptation
-from robot_dynamics.control.laws import ControlLaw, GravityCompensation, LawInput, LawOutput
+from robot_dynamics.control.laws import (
+    ControlLaw,
+    further_laws,
+    GravityCompensation,
+    LawFactory,
+    LawInput,
+    load_law,
+)
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.control.stable_gains import loop_gains, StableGains
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
+from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
-LAWS: dict[str, type[ControlLaw]] = {
+LAWS: dict[str, LawFactory] = {
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,
 }
-"""The control laws, by the values of the parameter `command`."""
+"""The control laws of this package, by the values of the parameter `command`."""
 NO_COMMAND = 'none'
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
-_NS = 1e-9
+
+Prepared = tuple[JointTrajectory, float]
+"""A trajectory that the arm can follow, and the factor by which it was slowed down."""
 
 
 def command_modes() -> tuple[str, ...]:
-    """Return the values of the parameter `command`."""
-    return (*LAWS, NO_COMMAND)
+    """Return the values of the parameter `command`: all laws, and `none`."""
+    return (*LAWS, *sorted(further_laws().keys() - LAWS.keys()), NO_COMMAND)
 
 
 class Controller:
@@ -67,33 +78,45 @@ class Controller:
     data outside the lock and hold the lock only while they exchange these data.
     """
 
-    def __init__(self, arm: ArmModel, options: ControllerOptions) -> None:
+    def __init__(
+        self, arm: ArmModel, options: ControllerOptions, law: ControlLaw | None = None,
+        lock: AbstractContextManager[Any] | None = None,
+    ) -> None:
+        """
+        Use the law that `options.command` names, or the given `law`.
+
+        `lock` protects the control path; `ControlLoop` shares it.
+        """
         self.arm = arm
-        self._lock = threading.Lock()
+        self.lock: AbstractContextManager[Any] = threading.RLock() if lock is None else lock
         self._exchange = threading.Lock()
         """Held while loads and gravity are prepared and exchanged."""
+        self._given_law = law
         self._load = LoadedArm(arm)
         self._reference = FollowedReference(arm)
-        self._adaptation = GainAdaptation(arm.joint_kinds)
+        self._gains = StableGains(arm.joint_kinds)
         self._velocity = VelocityEstimate(arm.is_continuous)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
-        self._last: tuple[LawOutput, RobotEffort] | None = None
-        """The output for the last state, and the efforts that the robot adds on its own."""
+        self.may_hold = True
+        """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self._options = options
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
-        """Apply gains, law and limits; a change of the law ends the reference."""
+        """
+        Apply gains, law and limits; a change of the law ends the reference.
+
+        Raises InvalidInputError for an unknown law.
+        """
         feedback = ErrorFeedback(
             options.gains, self.arm.joint_kinds, options.largest_error(self.arm.limits.velocity))
         gravity = GravityCompensation(feedback, options)
-        law = gravity if options.command == NO_COMMAND else LAWS[options.command](
-            feedback, options)
+        law = gravity if options.command == NO_COMMAND else self._make_law(feedback, options)
         bounds = EffortBounds(
             self.arm.limits.effort, options.effort_scale, self.arm.drive)
         robot = None if options.semantics.robot_gravity is None else (
             UncheckedArmDynamics(self.arm.with_gravity(options.semantics.robot_gravity)))
-        with self._lock:
+        with self.lock:
             if options.command != self._options.command:
                 self._reference.clear()
             self._options, self._feedback, self._bounds = options, feedback, bounds
@@ -104,6 +127,16 @@ class Controller:
             self._follows = law.follows
             self._limit_motion()
 
+    def _make_law(self, feedback: ErrorFeedback, options: ControllerOptions) -> ControlLaw:
+        if self._given_law is not None:
+            return self._given_law
+        if options.command in LAWS:
+            return LAWS[options.command](feedback, options)
+        if options.command not in further_laws():
+            raise InvalidInputError(
+                f'command is {options.command!r}, expected one of {list(command_modes())}')
+        return load_law(options.command)(feedback, options)
+
     def _limit_motion(self) -> None:
         """Derive the limits of references and gains from the arm, the load and the options."""
         options, workspace, scaled = self._options, self._load.workspace, self._bounds.scaled
@@ -111,36 +144,45 @@ class Controller:
         self._reference.limit(
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
             options.stream_timeout)
-        if options.softens_gains:
-            self._law_with_reference.limit_rate(rate, workspace.row_sums())
-        self._adaptation.use(
-            options.gains if options.softens_gains else None, workspace.largest(), rate)
+        self.loop_gains = loop_gains(self._law_with_reference.closed_loop, workspace.matrices)
+        self._gains.use(self.loop_gains if options.softens_gains else None, rate)
         self._scale_motion()
 
     def _scale_motion(self) -> None:
         """Scale gains and references to the bandwidth that the joint states allow."""
-        self._reference.scale(self._adaptation.reference_scale)
-        self._law_with_reference.scale_gains(self._adaptation.scale)
+        self._reference.scale(self._gains.reference_scale)
+        self._law_with_reference.scale_gains(self._gains.scale)
 
-    def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
+    # ------------------------------------------------------------------ references
+
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:
         """
         Follow a trajectory from `stamp_ns`; 0 means now, which is the stamp of the newest state.
 
         Raises TrajectoryError if no reference can be followed, if the trajectory has already
         ended, or if the arm cannot follow it.
         """
+        prepared = self.prepare(trajectory)
+        with self.lock:
+            self.start(prepared, stamp_ns)
+
+    def prepare(self, trajectory: JointTrajectory) -> Prepared:
+        """Return a trajectory that the arm can follow, for `start`; raise TrajectoryError."""
         self._check_follows()
-        trajectory, slowness = self._reference.feasible(
-            trajectory, self._load.planning, self._options)
-        with self._lock:
-            self._reference.start(trajectory, slowness, self._check_follows(), stamp_ns)
+        return self._reference.feasible(trajectory, self._load.planning, self._options)
+
+    def start(self, prepared: Prepared, stamp_ns: int) -> None:
+        """Follow a prepared trajectory; the caller holds `lock`. Raises TrajectoryError."""
+        self._reference.start(*prepared, self._check_follows(), stamp_ns)
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError if no reference can start from it."""
         if not self._follows:
-            names = ' or '.join(repr(name) for name, law in LAWS.items() if law.follows)
+            names = [name for name in command_modes()
+                     if name not in ('gravity_compensation', NO_COMMAND)]
             raise TrajectoryError(
-                f'command is {self._options.command!r}, expected {names} to follow a reference')
+                f'command is {self._options.command!r}, expected '
+                f'{" or ".join(map(repr, names))} to follow a reference')
         if self._state is None:
             raise TrajectoryError(
                 'no joint state with velocities has been received, so that there is no state to '
@@ -148,13 +190,63 @@ class Controller:
         return self._state
 
     def stop(self) -> str:
-        """Stop along the active path, or from the measured state, and hold; return a report."""
-        with self._lock:
+        """Stop as early as the limits permit, and hold; return a report."""
+        with self.lock:
             if self._options.command == NO_COMMAND or self._state is None:
                 return 'nothing to stop: the node does not command the arm'
-            path = 'along the reference' if self._reference.active else 'from the measured state'
+            start = 'along the reference' if self._reference.active else 'from the measured state'
             self._reference.stop(*self._state)
-            return f'stopping {path}, then holding the position'
+            return f'stopping {start}, then holding the position'
+
+    @property
+    def has_stopped(self) -> bool:
+        """Whether the reference has ended at the last state, or there is none."""
+        active = self._reference.active
+        return active is None or self._state is not None and self._state[0] >= active.end_ns
+
+    def forget_reference(self) -> None:
+        """End the reference; a law that follows continues with a stop, if `stops_and_holds`."""
+        with self.lock:
+            self._reference.clear()
+
+    def stop_from_state(self) -> None:
+        """End the reference; stop from the next measured state and hold if `stops_and_holds`."""
+        with self.lock:
+            self._reference.stop_from_next(self._options.stops_and_holds)
+
+    def restart_states(self) -> None:
+        """Treat the next state as a first one: it need not be consistent with the last state."""
+        with self.lock:
+            self._state = None
+            self._velocity.restart()
+
+    def shift_time(self, shift_ns: int) -> None:
+        """Continue the reference unchanged when the stamps of the states decrease by shift_ns."""
+        with self.lock:
+            self._reference.shift_time(shift_ns)
+
+    @property
+    def reference(self) -> Reference | None:
+        """The reference at the last state, None without one."""
+        active, state = self._reference.active, self._state
+        return None if active is None or state is None else active.sample(state[0])
+
+    def reference_position(self) -> FloatArray | None:
+        """Return the position of the reference (n,) at the last state, None without one."""
+        reference = self.reference
+        return None if reference is None else reference.position
+
+    # ------------------------------------------------------------------ the arm
+
+    @property
+    def options(self) -> ControllerOptions:
+        """The options in use."""
+        return self._options
+
+    @property
+    def follows(self) -> bool:
+        """Whether the law follows references."""
+        return self._follows
 
     @property
     def loaded_arm(self) -> ArmModel:
@@ -188,32 +280,6 @@ class Controller:
         """Factor by which the last trajectory was slowed down."""
         return self._reference.slowness
 
-    def forget_reference(self) -> None:
-        """End the reference; there is no feedback until the next trajectory or stop."""
-        with self._lock:
-            self._reference.clear()
-
-    def restart_states(self) -> None:
-        """Treat the next state as a first one: it need not be consistent with the last state."""
-        with self._lock:
-            self._state = None
-            self._velocity.restart()
-
-    def stop_from_state(self) -> None:
-        """End the reference; stop from the next measured state and hold if `stops_and_holds`."""
-        with self._lock:
-            self._reference.stop_from_next(self._options.stops_and_holds and self._follows)
-
-    def stop_on_path(self) -> None:
-        """Stop along the reference and hold if `stops_and_holds`; otherwise end the reference."""
-        with self._lock:
-            self._reference.stop_on_path(self._state if self._options.stops_and_holds else None)
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Continue the reference unchanged when the stamps of the states decrease by shift_ns."""
-        with self._lock:
-            self._reference.shift_time(shift_ns)
-
     def set_payloads(
         self, payloads: Sequence[Payload], transition_time: float,
         when_done: Callable[[tuple[Payload, ...]], None],
@@ -226,7 +292,7 @@ class Controller:
         """
         with self._exchange:
             load = self._load.prepare(payloads)
-            with self._lock:
+            with self.lock:
                 if transition_time == 0.0:
                     self._load.replace(load)
                 else:
@@ -244,7 +310,7 @@ class Controller:
         """
         with self._exchange:
             load = self._load.prepare(gravity=gravity)
-            with self._lock:
+            with self.lock:
                 self._load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
@@ -252,8 +318,9 @@ class Controller:
         following = 'following a reference' if self.has_reference else 'no reference'
         return f'<Controller of {self.loaded_arm!r}, {self._options.command}, {following}>'
 
-    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
-               with_terms: bool = False) -> ControlOutput:
+    # ------------------------------------------------------------------ the control path
+
+    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
         """
         Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
 
@@ -261,49 +328,46 @@ class Controller:
         NonFiniteEffortError if an effort is not finite: the state is outside the range of the
         model.
         """
-        with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            output = self._update(stamp_ns, q, v)
-            return output._replace(terms=self._terms()) if with_terms else output
+        with self.lock, np.errstate(over='ignore', invalid='ignore'):
+            return self.answer(stamp_ns, q, v)
 
-    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        """Do the same as `update` without terms; numpy may warn about non-finite numbers."""
-        with self._lock:
-            return self._update(stamp_ns, q, v)
+    def answer(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, velocity_delay: float = 0.0,
+    ) -> ControlOutput:
+        """
+        Do the same as `update` for a caller that holds `lock`; numpy may warn.
 
-    def terms(self) -> EffortTerms | None:
-        """Return the terms of the last command, or None if it is missing or not finite."""
-        with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            return self._terms()
-
-    def _update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        self._load.advance(stamp_ns)
-        v = self._take_state(stamp_ns, q, v)
-        reference, dynamics = self._reference.active, self._load.dynamics
-        law, q_ahead = self._law_at_rest, q
-        if reference is not None and v is not None:
-            law = self._law_with_reference
-            if self._adaptation.scale < 1.0:  # the arm moves before the effort acts
-                q_ahead = q + self._adaptation.quality.lag * v
-        state = LawInput(
-            dynamics, stamp_ns, q, v, q_ahead, dynamics.rigid_body.gravity(q), reference)
-        return self._limited(state, law(state))
-
-    def _take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> FloatArray | None:
-        """Store a state, start a stop that waits for it, and return the velocity to use."""
-        delay = 0.0
+        `velocity_delay` [s] is the delay of v if it is not the measured velocity.
+        """
+        load, gains = self._load, self._gains
+        if load.changes:
+            load.advance(stamp_ns)
         if v is None and self._options.estimates_velocity:
-            v, delay = self._velocity.update(stamp_ns, q), self._velocity.delay
+            v, velocity_delay = self._velocity.update(stamp_ns, q), self._velocity.delay
+        law, q_ahead, trajectory = self._law_at_rest, q, None
         if v is None:
             self._lose_velocity()
-            return None
-        last = self._state
-        v, has_changed = self._adaptation.take(
-            _NS * (stamp_ns - last[0]) if last is not None else 0.0, q, v, delay)
-        if has_changed:
-            self._scale_motion()
-        self._state = stamp_ns, q, v
-        self._reference.take_state(stamp_ns, q, v)
-        return v
+        else:
+            last = self._state
+            v = gains.take(
+                1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, q, v, velocity_delay)
+            if gains.has_changed:
+                self._scale_motion()
+            self._state = stamp_ns, q, v
+            trajectory = self._reference.active
+            if trajectory is None and self.may_hold and self._stops_now():
+                self._reference.stop(stamp_ns, q, v)
+                trajectory = self._reference.active
+        if trajectory is not None:
+            law = self._law_with_reference
+            if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
+                q_ahead = q + gains.lag * v
+        state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback)
+        return self._limited(state, law)
+
+    def _stops_now(self) -> bool:
+        """Return whether the arm stops and is held although there is no reference."""
+        return self._reference.stops_next or self._follows and self._options.stops_and_holds
 
     def _lose_velocity(self) -> None:
         """End the reference: without velocities, no motion can be followed or started."""
@@ -311,65 +375,69 @@ class Controller:
             self._reference.stop_from_next(self._options.stops_and_holds)
         self._state = None
 
-    def _limited(self, state: LawInput, answer: LawOutput) -> ControlOutput:
-        """Return the answer of a law as a command within the effort limits."""
-        q, gravity, reference = state.q, state.gravity, state.reference
-        effort, nominal = answer.effort, answer.nominal
-        is_gravity = effort is gravity
-        gravity_peak = largest(gravity)
-        peak = gravity_peak if is_gravity else largest(nominal)
-        if not (gravity_peak < math.inf and peak < math.inf):
-            raise non_finite_effort(q, gravity, nominal)
+    def _limited(self, state: LawInput, law: ControlLaw) -> ControlOutput:
+        """Return the effort of a law as a command within the effort limits."""
+        answer, options, drive = law(state), self._options, self.arm.drive
+        effort, bounds = answer.effort, self._bounds
+        efforts = effort.tolist()
+        if not math.isfinite(sum(efforts) + sum(state.q.tolist())) and not (
+                np.isfinite(effort).all() and np.isfinite(state.q).all()):
+            raise non_finite_effort(state.q, state.gravity, effort)
+        is_gravity = effort is vars(state).get('gravity')
         own = self._robot if self._robot is not None else self._load.unloaded
-        robot_gravity = gravity if state.dynamics is own else own.rigid_body.gravity(q)
-        drive = self.arm.drive
-        robot = robot_effort(
-            self._options.semantics, robot_gravity, None if is_gravity else answer.friction, drive)
-        bounds, is_free = self._bounds, robot is NOTHING
-        hold, clamped = (gravity, bounds.no_joint) if (
-            is_free and gravity_peak <= bounds.least) else (
-            bounds.bounded(robot.without_gravity(gravity), robot))
-        command: FloatArray | None = hold
-        if self._options.command == NO_COMMAND:
-            command, clamped = None, bounds.no_joint
-        elif not is_gravity:
-            peak = peak if effort is nominal else largest(effort)
-            command, clamped = (effort, bounds.no_joint) if is_free and peak <= bounds.least else (
-                bounds.bounded(robot.command(effort), robot, hold))
-        self._last = answer, robot
-        if drive is not None:
-            hold = drive.command(hold)
-            command = None if command is None else drive.command(command)
-        if reference is None:
-            return ControlOutput(
-                gravity, robot_gravity, None, command, hold, clamped, 1.0, None, state.v)
-        return ControlOutput(
-            gravity, robot_gravity, nominal, command, hold, clamped,
-            answer.gain_scale * self._adaptation.scale, partial(reference.sample, state.stamp_ns),
-            state.v, answer.is_far)
+        robot = NOTHING
+        if options.semantics.robot_compensates:
+            gravity = state.gravity if state.dynamics is own else own.rigid_body.gravity(state.q)
+            robot = robot_effort(
+                options.semantics, gravity, None if is_gravity else answer.friction, drive)
+        output = ControlOutput(
+            state, answer, robot, bounds, drive, own, self.lock, self._gains.least)
+        if options.command == NO_COMMAND:
+            return output
+        if robot is NOTHING and max(map(abs, efforts), default=0.0) <= bounds.least:
+            command = effort
+        else:
+            command, output.clamped = bounds.bounded(
+                robot.command(effort), robot, None if is_gravity else output.hold_torque())
+        output.command = command if drive is None else drive.command(command)
+        return output
 
-    def _terms(self) -> EffortTerms | None:
-        if self._last is None:
-            return None
-        answer, robot = self._last
-        terms = robot.command_terms(answer.terms())
-        # The effort is valid even if the energy overflows.
-        return terms if all(np.isfinite(part).all() for part in terms) else None
+    def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
+        """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
+        if v is None:
+            return hold
+        drive = self.arm.drive
+        torque = hold if drive is None else drive.torque(hold)
+        with self.lock, np.errstate(over='ignore', invalid='ignore'):
+            M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
+            damping = M @ (self.fault_damping * v)
+            braked = np.clip(
+                torque - damping, np.minimum(-limit, torque), np.maximum(limit, torque))
+            if not np.isfinite(braked).all():
+                return hold
+            return braked if drive is None else drive.command(braked)
+
+    @property
+    def fault_damping(self) -> FloatArray:
+        """The rate (n,) [1/s] at which the velocity decreases in a fault."""
+        return np.asarray(FAULT_DAMPING * self._gains.scale * self._feedback.gains.kd)
+
+    # ------------------------------------------------------------------ reports
 
     @property
     def quality(self) -> str:
         """A description of the joint states, from which `bandwidth_scale` follows."""
-        return str(self._adaptation.quality)
+        return str(self._gains)
 
     @property
     def knows_quality(self) -> bool:
         """Whether enough joint states have been received for a meaningful `bandwidth_scale`."""
-        return self._adaptation.quality.is_known
+        return self._gains.is_known
 
     @property
     def bandwidth_scale(self) -> float:
         """Fraction of the natural frequency that the rate and the noise of the states allow."""
-        return self._adaptation.scale
+        return self._gains.least
 
     @property
     def workspace(self) -> WorkspaceInertia:
@@ -381,19 +449,3 @@ class Controller:
         reference = output.reference
         return '' if reference is None else self._feedback.worst_error(
             reference.position, q, self.arm.joint_names)
-
-    def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
-        """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
-        if v is None:
-            return hold
-        drive = self.arm.drive
-        torque = hold if drive is None else drive.torque(hold)
-        with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
-            scale = FAULT_DAMPING * self._adaptation.scale
-            damping = M @ (scale * self._feedback.gains.kd * v)
-            braked = np.clip(
-                torque - damping, np.minimum(-limit, torque), np.maximum(limit, torque))
-            if not np.isfinite(braked).all():
-                return hold
-            return braked if drive is None else drive.command(braked)

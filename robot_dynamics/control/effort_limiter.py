@@ -27,6 +27,7 @@ For comparison: libfranka bounds the torque rate at 1000 N·m/s; the joint limit
 report a fault 0.0087 rad past a limit.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -66,15 +67,18 @@ class EffortLimits:
         """Return where the margin before the upper limits begins, (n,)."""
         return self.upper - self.margin
 
-    def is_near(self, q: FloatArray) -> bool:
-        """Return whether any joint is within the margin before a position limit, or past it."""
-        lower, upper, _ = self._as_lists
-        values = q.tolist()
-        return True in map(gt, values, upper) or True in map(gt, lower, values)
+    def is_clear(self, q: FloatArray, v: FloatArray | None) -> bool:
+        """
+        Return whether neither a position limit nor a velocity limit acts at (q, v).
 
-    def is_too_fast(self, v: FloatArray | None) -> bool:
-        """Return whether any joint exceeds its velocity limit; `v` may be unknown (None)."""
-        return v is not None and True in map(gt, map(abs, v.tolist()), self._as_lists[2])
+        Every joint is then before the margin of its position limits, and not above its velocity
+        limit; `v` may be unknown (None).
+        """
+        lower, upper, fastest = self._as_lists
+        values = q.tolist()
+        return not (
+            True in map(gt, values, upper) or True in map(gt, lower, values)
+            or v is not None and True in map(gt, map(abs, v.tolist()), fastest))
 
     @cached_property
     def _as_lists(self) -> tuple[list[float], list[float], list[float]]:
@@ -97,13 +101,12 @@ class EffortLimits:
         return np.zeros(len(self.lower), dtype=bool)
 
 
-class GuardedEffort(NamedTuple):
-    """An effort (n,) that may be published, and the joints (n,) that each limit affected."""
+class ActiveLimits(NamedTuple):
+    """The joints (n,) whose effort each limit has changed."""
 
-    effort: FloatArray
-    by_position: BoolArray
-    by_velocity: BoolArray
-    by_rate: BoolArray
+    position: BoolArray
+    velocity: BoolArray
+    rate: BoolArray
 
 
 class EffortLimiter:
@@ -113,35 +116,39 @@ class EffortLimiter:
         self.limits = limits
         self.last: FloatArray | None = None
         """The effort (n,) that was published last, or None."""
+        self.active: ActiveLimits | None = None
+        """The limits that have changed the last effort of `apply`, None for none."""
 
     def apply(
-        self, effort: FloatArray, hold: FloatArray, q: FloatArray, v: FloatArray | None,
-        dt: float, is_near: bool | None = None, is_too_fast: bool | None = None,
-    ) -> GuardedEffort:
+        self, effort: FloatArray, hold: Callable[[], FloatArray], q: FloatArray,
+        v: FloatArray | None, dt: float,
+    ) -> FloatArray:
         """
         Return the effort that may be published dt [s] after the last effort.
 
-        `is_near` and `is_too_fast` are the results of the limits for q and v, None to compute
-        them. `hold` (n,) is the command that holds the arm still; the first effort is `hold`.
+        `hold` returns the command (n,) that holds the arm still; the first effort is that command.
         `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
         """
-        limits = self.limits
+        limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
-        allowed = effort
-        if (limits.is_near(q) if is_near is None else is_near) or (
-                limits.is_too_fast(v) if is_too_fast is None else is_too_fast):
-            push = effort - hold
+        if not limits.is_clear(q, v):
+            still = hold()
+            push = effort - still
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))
             if v is not None:
                 by_velocity = (np.abs(v) > limits.velocity) & (push * v > 0.0)
-            allowed = np.where(by_position | by_velocity, hold, effort)
+            is_held = by_position | by_velocity
+            if is_held.any():
+                allowed = np.where(is_held, still, effort)
         if self.last is None:
-            self.last, dt = hold, 0.0
+            self.last, dt = hold(), 0.0
         moved = self.rate_limited(allowed, dt, in_proportion=allowed is effort)
-        if moved is not allowed:
+        self.active = None
+        if moved is not effort:
             by_rate = moved != allowed
-        return GuardedEffort(moved, by_position, by_velocity, by_rate)
+            self.active = ActiveLimits(by_position, by_velocity, by_rate)
+        return moved
 
     def rate_limited(
         self, effort: FloatArray, dt: float, in_proportion: bool = True,

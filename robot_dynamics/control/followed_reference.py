@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The reference of a controller: a trajectory, a stop, or none; and a stop from the next state."""
+"""The reference of a controller: a trajectory, a stop, or none."""
 
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
@@ -44,7 +44,8 @@ class FollowedReference:
                       if kind == 'continuous']
         self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
         self._limits: MotionLimits | None = None
-        self._stops_next = False
+        self.stops_next = False
+        """Whether a stop from the next measured state is wanted."""
         self.slowness = 1.0
         """Factor by which the last trajectory was slowed down."""
 
@@ -59,7 +60,7 @@ class FollowedReference:
         self._follower.stream_timeout = stream_timeout
 
     def scale(self, scale: float) -> None:
-        """Follow references with this fraction of the limits."""
+        """Follow new references with this fraction of the limits."""
         self._follower.limits = None if self._limits is None else self._limits.slower(scale)
 
     def feasible(
@@ -77,7 +78,7 @@ class FollowedReference:
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
         return feasible_trajectory(
-            planning, trajectory, limits, options.effort_scale, options.slows_down)
+            planning, trajectory, limits.lowered, options.effort_scale, options.slows_down)
 
     def _within_limits(
         self, trajectory: JointTrajectory, options: ControllerOptions,
@@ -97,35 +98,23 @@ class FollowedReference:
     ) -> None:
         """Follow a trajectory from the last state (stamp, q, v) on; raise TrajectoryError."""
         self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
-        self._stops_next = False
+        self.stops_next = False
         self.slowness = slowness
 
     def clear(self) -> None:
         """Follow nothing."""
         self._follower.clear()
-        self._stops_next = False
+        self.stops_next = False
 
     def stop_from_next(self, holds: bool) -> None:
-        """End the reference; if `holds`, stop from the next measured state and hold."""
+        """End the reference; if `holds`, a stop from the next measured state is wanted."""
         self._follower.clear()
-        self._stops_next = holds
+        self.stops_next = holds
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
-        """Stop along the active path, or from this state, and hold."""
-        self._stops_next = False
+        """Stop from the reference, or from this state if there is none, and hold."""
+        self.stops_next = False
         self._follower.stop(stamp_ns, q, v)
-
-    def stop_on_path(self, state: tuple[int, FloatArray, FloatArray] | None) -> None:
-        """Stop along the active path and hold; without a state (stamp, q, v), `clear`."""
-        if state is None:
-            self._follower.clear()
-        else:
-            self._follower.stop(*state)
-
-    def take_state(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
-        """Start the stop that waits for a state."""
-        if self._stops_next:
-            self.stop(stamp_ns, q, v)
 
     def shift_time(self, shift_ns: int) -> None:
         """Continue as before if the stamps of states continue lower by `shift_ns`."""

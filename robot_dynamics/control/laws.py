@@ -15,40 +15,75 @@
 """
 The interface of control laws, and the simplest law: gravity compensation.
 
-A law returns an effort together with its terms. Everything else is common to all laws and is done
-by the controller: effort limits, efforts that the robot adds on its own, references, stops,
-faults.
+A law states its effort and its closed loop. Everything else is common to all laws and is done by
+the controller: scaling of the gains, effort limits, efforts that the robot adds on its own,
+references, stops, faults.
 """
 
-from collections.abc import Callable
-from functools import partial
-from typing import ClassVar, NamedTuple, Protocol
+from collections.abc import Callable, Mapping
+from functools import cache, cached_property, partial
+from importlib import metadata
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.trajectories.interpolation import Reference
+
+ENTRY_POINTS = 'robot_dynamics.control_laws'
+"""Group of the entry points of further laws."""
 
 
-class LawInput(NamedTuple):
+class LawInput:
     """
     The input of a law; arrays are (n,), in the order of the joints.
 
     `q` [rad] or [m] is measured at `stamp_ns`; `v` [rad/s] or [m/s] is None if it is unknown.
     `q_ahead` is the position half a period of the states later, when the effort acts; it is `q`
-    itself if the difference does not matter. `gravity` [N·m] or [N] is g(q). `reference` is the
-    reference to follow, or None; if there is a reference, `v` is known.
+    itself if the difference does not matter. `trajectory` is the reference to follow, or None; if
+    there is one, `v` is known.
     """
 
-    dynamics: UncheckedArmDynamics
-    stamp_ns: int
-    q: FloatArray
-    v: FloatArray | None
-    q_ahead: FloatArray
-    gravity: FloatArray
-    reference: ActiveTrajectory | None
+    def __init__(
+        self, dynamics: UncheckedArmDynamics, stamp_ns: int, q: FloatArray, v: FloatArray | None,
+        q_ahead: FloatArray, trajectory: ActiveTrajectory | None, feedback: ErrorFeedback,
+    ) -> None:
+        self.dynamics, self.stamp_ns, self.trajectory = dynamics, stamp_ns, trajectory
+        self.q, self.v, self.q_ahead, self._feedback = q, v, q_ahead, feedback
+
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """The gravity-compensation torque g(q) [N·m] or [N]."""
+        return self.dynamics.rigid_body.gravity(self.q)
+
+    @cached_property
+    def reference(self) -> Reference:
+        """Position, velocity and acceleration of the reference; raise ValueError without one."""
+        if self.trajectory is None:
+            raise ValueError('a law that follows needs a reference')
+        return self.trajectory.sample(self.stamp_ns)
+
+    @property
+    def position_error(self) -> FloatArray:
+        """Reference minus measured position; of continuous joints the shortest distance."""
+        return self._feedback.position_error(self.reference.position, self.q)
+
+    @property
+    def velocity_error(self) -> FloatArray:
+        """Reference minus measured velocity; raise ValueError without one."""
+        if self.v is None:
+            raise ValueError('a law that follows needs a velocity')
+        return np.asarray(self.reference.velocity - self.v)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the following error of a joint exceeds its limit."""
+        return self.trajectory is not None and bool(
+            (np.abs(self.position_error) > self._feedback.largest_error).any())
 
 
 class LawOutput(NamedTuple):
@@ -56,22 +91,19 @@ class LawOutput(NamedTuple):
     An effort (n,) [N·m] or [N] before any limit, and its parts.
 
     `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
-    that compensates friction. `nominal` (n,) is the effort with unscaled gains; `gain_scale` is
-    the factor s by which the bandwidth of `effort` is scaled down (`gain_softening`). `is_far` is
-    true if the following error of a joint exceeds its limit.
+    that compensates friction. `is_far` is true if the following error of a joint exceeds its
+    limit.
     """
 
     effort: FloatArray
     terms: Callable[[], EffortTerms]
     friction: FloatArray
-    nominal: FloatArray
-    gain_scale: float = 1.0
     is_far: bool = False
 
 
-class ControlLaw(Protocol):
+class ControlLaw:
     """
-    A law τ(q, q̇, reference).
+    A law τ(q, q̇, reference); a subclass defines `effort` and, with feedback, `closed_loop`.
 
     A law that follows references is used while a reference is active; otherwise the controller
     uses gravity compensation. A law that does not follow references is used without a reference,
@@ -79,27 +111,43 @@ class ControlLaw(Protocol):
     torque.
     """
 
-    follows: ClassVar[bool]
+    follows: ClassVar[bool] = True
     """Whether the law follows references."""
+    scale: FloatArray | float = 1.0
+    """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
 
-    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
-        """Take the feedback of position and velocity errors, with the gains of the options."""
+    def effort(self, state: LawInput) -> FloatArray:
+        """Return the effort (n,) [N·m] or [N] for a state; multiply gains by s² and s."""
+        raise NotImplementedError
+
+    def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """
+        Return M⁻¹ K [1/s²] and M⁻¹ D [1/s], (n, n) each, of the unscaled law at M(q) (n, n).
+
+        K and D are the efforts per error of position and velocity. Without feedback they are 0.
+        """
+        return np.zeros_like(M), np.zeros_like(M)
+
+    def scale_gains(self, scale: FloatArray) -> None:
+        """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
+        self.scale = scale
 
     def __call__(self, state: LawInput) -> LawOutput:
-        """Return the effort for a state."""
+        """Return the effort for a state with its parts."""
+        effort = self.effort(state)
+        return LawOutput(
+            effort, partial(_terms_of_effort, state, effort), np.zeros_like(effort), state.is_far)
 
-    def scale_gains(self, scale: float) -> None:
-        """Scale the bandwidth of the gains by this factor in (0, 1], used if states are late."""
-        return
 
-    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
-        """
-        Set the rate limit of the effort.
+LawFactory = Callable[[ErrorFeedback, ControllerOptions], ControlLaw]
+"""Makes a law with the gains of the options; a class of laws is one."""
 
-        `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit, infinite if there is no limit;
-        `inertia` (n,) are the largest sums of the rows of |M(q)|.
-        """
-        return
+
+def _terms_of_effort(state: LawInput, effort: FloatArray) -> EffortTerms:
+    """Return the terms of an effort: the feedback is part of the term `inertial`."""
+    v, zero = state.v if state.v is not None else np.zeros_like(effort), np.zeros_like(effort)
+    a = state.dynamics.rigid_body.forward_dynamics(state.q, v, effort)
+    return equation_terms(state.dynamics, state.q, v, a, zero, state.gravity)
 
 
 class GravityCompensation(ControlLaw):
@@ -113,8 +161,7 @@ class GravityCompensation(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return g(q)."""
-        gravity = state.gravity
-        return LawOutput(gravity, partial(self._terms, state), self._zero, gravity)
+        return LawOutput(state.gravity, partial(self._terms, state), self._zero)
 
     def _terms(self, state: LawInput) -> EffortTerms:
         terms = equation_terms(
@@ -123,6 +170,23 @@ class GravityCompensation(ControlLaw):
             return terms
         return terms._replace(
             kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, state.v))
+
+
+@cache
+def further_laws() -> Mapping[str, Any]:
+    """Return the entry points of laws in other packages, by name."""
+    return {one.name: one for one in metadata.entry_points(group=ENTRY_POINTS)}
+
+
+def load_law(name: str) -> LawFactory:
+    """Return the law of an entry point; raise InvalidInputError if it cannot be imported."""
+    try:
+        factory: LawFactory = further_laws()[name].load()
+    except Exception as error:  # any error of another package
+        raise InvalidInputError(
+            f'command is {name!r}, but the control law of that entry point cannot be loaded: '
+            f'{error!r}') from error
+    return factory
 
 
 def equation_terms(

@@ -56,6 +56,8 @@ class LoadedArm:
         self._payloads: tuple[Payload, ...] = ()
         self._transition: PayloadTransition | None = None
         self._stamp_ns: int | None = None
+        self.changes = False
+        """Whether loads or gravity are in a transition, so that `advance` is needed."""
         self._gravity_rate: float | None = None
         """Largest rate of change of gravity [m/s³] until that of `planning`; None: reached."""
 
@@ -75,6 +77,7 @@ class LoadedArm:
     def replace(self, load: PreparedLoad) -> None:
         """Activate loads at once."""
         self._payloads, self._transition = load.payloads, None
+        self.changes = self._gravity_rate is not None
         self._set_dynamics(load.payloads)
         self.planning = load.planning
         self.workspace = self._planned_workspace = load.workspace
@@ -92,6 +95,7 @@ class LoadedArm:
         self._payloads = load.payloads
         self._transition = PayloadTransition(
             self.dynamics.arm.payloads, load.payloads, transition_time, when_done)
+        self.changes = True
 
     def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
         """Let gravity change to that of `load`, at most by `rate` [m/s³]; ∞ changes it at once."""
@@ -100,20 +104,18 @@ class LoadedArm:
         if rate == math.inf:
             self._change_gravity(math.inf)
             self._set_dynamics(self.dynamics.arm.payloads)
+        self.changes = self._transition is not None or self._gravity_rate is not None
 
     def _plan(self, load: PreparedLoad) -> None:
-        changes = self._transition is not None or self._gravity_rate is not None
         self.planning = load.planning
         self.workspace = load.workspace.heavier(
-            self.workspace if changes else self._planned_workspace)
+            self.workspace if self.changes else self._planned_workspace)
         self._planned_workspace = load.workspace
 
     def advance(self, stamp_ns: int) -> None:
         """Activate the loads and the gravity of this stamp during a transition."""
         last_ns, self._stamp_ns = self._stamp_ns, stamp_ns
         transition = self._transition
-        if transition is None and self._gravity_rate is None:
-            return
         if self._gravity_rate is not None and last_ns is not None:
             dt = min(max(1e-9 * (stamp_ns - last_ns), 0.0), LONGEST_STEP)
             self._change_gravity(self._gravity_rate * dt)
@@ -121,6 +123,10 @@ class LoadedArm:
             self._payloads if transition is None else transition.payloads(stamp_ns))
         if transition is not None and transition.done:
             self._transition = None
+        self.changes = self._transition is not None or self._gravity_rate is not None
+        if not self.changes:
+            self._stamp_ns = None
+        if transition is not None and self._transition is None:
             transition.when_done(transition.target)
 
     def _change_gravity(self, most: float) -> None:

@@ -21,11 +21,20 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
+from robot_dynamics.model.arm import ArmModel
 
 ERROR_TIME = 0.3
 """[s]: the limit of the following error is the distance at the velocity limit in this time."""
 DEFAULT_ERROR = 0.5
 """[rad] or [m], limit of the following error of a joint without a velocity limit."""
+FULL_EFFORT_TIME = 0.1
+"""Default time [s] in which the command may change by the effort limit of a joint."""
+DEFAULT_EFFORT_RATE = 1000.0
+"""Default rate of change [N·m/s] or [N/s] for a joint without an effort limit."""
+POSITION_MARGIN = 0.01
+"""Default distance [rad] or [m] before a position limit at which the effort is limited."""
+DEFAULT_STATE_MAX_AGE = 0.2
+"""Default of the largest age of a state [s]."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +53,13 @@ class ControllerOptions:
     semantics: EffortConvention = EffortConvention()
     """States which efforts the robot adds to the command on its own; the command omits them."""
     softens_gains: bool = False
-    """Scale the feedback down for errors whose effort the rate limit would delay."""
+    """Scale the feedback down to what rate and noise of the states allow (`stable_gains`)."""
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""
     slows_down: bool = False
     """Slow down an infeasible trajectory or set-point instead of rejecting it."""
     stops_and_holds: bool = False
-    """Stop and hold if a reference ends early; otherwise only compensate gravity."""
+    """Without a reference, stop from the measured state and hold, not only compensate gravity."""
     following_error: FloatArray | None = None
     """Limit of the following error (n,) [rad] or [m], 0 for no limit; None for the default."""
     stream_timeout: float = 0.1
@@ -68,3 +77,9 @@ class ControllerOptions:
             return np.where(self.following_error > 0.0, self.following_error, math.inf)
         return np.where(
             np.isfinite(velocity_limit), ERROR_TIME * velocity_limit, DEFAULT_ERROR)
+
+
+def default_effort_rates(arm: ArmModel) -> FloatArray:
+    """Return the default rates of change of the command, (n,) [N·m/s] or [N/s]."""
+    limit = arm.given_drive.limit
+    return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)

@@ -33,17 +33,16 @@ class SetPointStream:
         self.timeout = timeout
         self._last = -math.inf
         self._in_a_row = 0
+        self.deadline = math.inf
+        """Time [s] after which a stream has timed out; infinite if there is no stream."""
 
     def arrived(self, is_set_point: bool, now: float) -> None:
         """Register a reference: a set-point, or a trajectory, which ends any stream."""
         follows = is_set_point and now - self._last <= self.timeout
         self._in_a_row = self._in_a_row + 1 if follows else 1
         self._last = now if is_set_point else -math.inf
+        self.deadline = now + self.timeout if self._in_a_row >= STREAM_LENGTH else math.inf
 
     def end(self) -> None:
         """End the stream."""
-        self._in_a_row, self._last = 0, -math.inf
-
-    def is_over(self, now: float) -> bool:
-        """Return whether there was a stream and it has timed out."""
-        return self._in_a_row >= STREAM_LENGTH and now - self._last > self.timeout
+        self._in_a_row, self._last, self.deadline = 0, -math.inf, math.inf

@@ -15,42 +15,50 @@
 """
 The velocity that the feedback uses, and the fraction of its bandwidth at which it is stable.
 
-PD feedback with natural frequency ω and damping ratio 1 crosses over at ω_x = √(2 + √5) ω, with a
-phase margin of 76°. Two delays reduce the margin:
+A law states its closed loop ë + D ė + K e = 0 as matrices of acceleration per error, M⁻¹ K and
+M⁻¹ D (`ControlLaw.closed_loop`). Joint j crosses over at ω_x with ω_x⁴ = K_jj² + D_jj² ω_x², with
+the phase margin φ = atan(D_jj ω_x / K_jj): 2.06 ω and 76° for a damping ratio of 1. The coupling
+of the joints raises their frequencies by at most the largest eigenvalue ρ of K whose diagonal is
+normalised to 1. Two delays reduce the margin:
 
 - sampling and transport: half a period of the states, LOOP_DELAY, and the delay of an estimated
   velocity (`velocity_estimate`);
-- the rate limit of the effort. Noise σ of the velocity is amplified to M K_d σ. If this noise
+- the rate limit of the effort. Noise σ of the velocity is amplified to M D σ. If this noise
   exceeds the changes that the limit τ̇ permits, the limit acts as a low-pass with the time
-  constant M K_d σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal
+  constant M D σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal
   noise.
 
-The bandwidth is scaled by the fraction s, with K_p s² and K_d s, so that each phase lag at s ω_x
-stays below its bound. If the noise of the measured velocity would lower the gains, the difference
-of the measured positions replaces it, provided that the difference has less noise; it is late by
-half a period. If s is below 1, M, C and g are those of the position half a period ahead, q + q̇
-T/2.
+The bandwidth of joint j is scaled by s_j, with K s² and D s, so that each phase lag at s ω_x ρ
+stays below its bound, which is proportional to φ. If the noise of the measured velocity would
+lower the gains, the difference of the measured positions replaces it, provided that the difference
+has less noise; it is late by half a period. If s is below 1, M, C and g are those of the position
+half a period ahead, q + q̇ T/2.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, wrap_to_pi
-from robot_dynamics.control.control_law import Gains
 
 LOOP_DELAY = 0.008
 """[s] allowed for transport and computation, in addition to half a period."""
 DELAY_LAG = 0.5
-"""[rad] of phase that sampling and transport may take at the crossover."""
+"""[rad] of phase that sampling and transport may take at the crossover at a damping ratio of 1."""
 NOISE_LAG = 0.1
 """[rad] of phase that the rate limit may take at the crossover."""
 CROSSOVER = math.sqrt(2.0 + math.sqrt(5.0))
+"""ω_x / ω at a damping ratio of 1."""
+USUAL_MARGIN = math.atan(2.0 * CROSSOVER)
+"""Phase margin [rad] at a damping ratio of 1."""
+USUAL_FREQUENCY = 20.0
+"""[rad/s]: references are slowed down for a loop that is scaled to less than this."""
 LESS = 0.5
 """The noise of the position difference must be below this fraction of that of the velocity."""
 _SLEW = math.sqrt(2.0 / math.pi)
 LEAST = 0.05
-"""Smallest fraction s; with noise that requires a smaller one, the loop is no longer stable."""
+"""Smallest fraction s for noise; with noise that requires less, the loop is no longer stable."""
 UNKNOWN = 0.5
 """Factor of s that is used until the quality of the states is known."""
 _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
@@ -63,6 +71,55 @@ PAUSE = 0.5
 """[s]: a longer single gap between two states is a pause of the source, not its period."""
 _QUIET = 3.0
 """The fraction s that the noise permits if the noise is negligible."""
+_STEP = 1.1
+"""Ratio of two periods, or of two scales, below which the scale stays unchanged."""
+_AVERAGING_TIME = 0.2
+"""[s] over which the period for references is averaged."""
+
+
+class LoopGains(NamedTuple):
+    """
+    The closed loop of a law in the workspace: the least favourable of all sampled poses.
+
+    `crossover` ω_x and `frequency` ω (n,) [rad/s]; `lag` (n,) [rad] is the allowed phase lag;
+    `noise` (n, n) [N·m·s/rad] or [N·s/m] is |M D|, the effort per error of the velocity.
+    """
+
+    crossover: FloatArray
+    frequency: FloatArray
+    lag: FloatArray
+    noise: FloatArray
+
+
+def loop_gains(
+    closed_loop: Callable[[FloatArray], tuple[FloatArray, FloatArray]],
+    mass_matrices: Sequence[FloatArray] | FloatArray,
+) -> LoopGains:
+    """Return the gains of a law, given by `ControlLaw.closed_loop`, at these M(q), (n, n) each."""
+    found = []
+    for M in mass_matrices:
+        K, D = closed_loop(M)
+        k, d = np.diagonal(K), np.diagonal(D)
+        crossover = np.sqrt(0.5 * (d * d + np.sqrt(d**4 + 4.0 * k * k)))
+        margin = np.arctan2(d * crossover, k)
+        rho = max(_coupling(K), _coupling(D))
+        found.append(LoopGains(
+            rho * crossover, np.maximum(np.sqrt(k), 0.5 * d),
+            DELAY_LAG * np.minimum(1.0, margin / USUAL_MARGIN), np.abs(M @ D)))
+    crossover, frequency, lag, noise = (np.array(values) for values in zip(*found))
+    worst = np.argmax(crossover / np.maximum(lag, 1e-9), axis=0)[np.newaxis]
+    crossover, frequency, lag = (
+        np.take_along_axis(values, worst, axis=0)[0] for values in (crossover, frequency, lag))
+    return LoopGains(crossover, frequency, lag, noise.max(axis=0))
+
+
+def _coupling(gains: FloatArray) -> float:
+    """Return the largest eigenvalue of gains (n, n) whose diagonal is normalised to 1."""
+    own = np.diagonal(gains)
+    if not (gains - np.diag(own)).any():
+        return 1.0
+    scale = np.sqrt(np.where(own > 0.0, own, 1.0))
+    return max(1.0, float(np.abs(np.linalg.eigvals(gains / np.outer(scale, scale))).max()))
 
 
 class Noise:
@@ -97,49 +154,89 @@ class Noise:
         return np.asarray(np.sqrt(self._variance))
 
 
-class StateQuality:
-    """The period of the states, the noise of their velocities, and the better velocity."""
+class StableGains:
+    """The scale of the gains that rate and noise of the states allow, and the velocity to use."""
 
     def __init__(self, joint_kinds: Sequence[str]) -> None:
         n = len(joint_kinds)
+        self.scale: FloatArray = np.ones(n)
+        """Factors of the bandwidth of the joints, (n,) in (0, 1]."""
+        self.least = 1.0
+        """The smallest of these factors."""
+        self.reference_scale = 1.0
+        """Factor by which references are slowed down, in (0, 1]."""
+        self.has_changed = False
+        """Whether `take` has changed `scale` or `reference_scale`."""
         self.period = 0.0
         """[s]; follows a longer period at once, and a shorter one in about 50 states."""
+        self.mean_period = 0.0
+        """[s], the mean over about 0.2 s: one gap is no period of the states."""
         self.differs = False
         """Whether the velocity is the difference of positions."""
-        self.velocity_delay = 0.0
-        """Delay [s] of the given velocity: 0 for a measured one."""
+        self.is_known = False
+        """Whether enough states have been received; fewer suffice without noise."""
+        self._velocity_delay = 0.0
+        self._gains: LoopGains | None = None
+        self._effort_rate: FloatArray = np.full(n, math.inf)
         self._measured, self._difference = Noise(n), Noise(n)
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
         self._count = 0
         self._is_noisy, self._is_paused = True, False
-        self.is_due = False
-        """Whether the gains should be evaluated again."""
-        self.is_known = False
-        """Whether enough states have been received; fewer suffice without noise."""
+        self._free_period, self._rated_period = math.inf, 0.0
 
-    def velocity(self, dt: float, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the velocity to use at a state dt [s] after the last, (n,) each."""
+    def use(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
+        """
+        Scale a loop with these gains from now on, None for no scaling; sets `scale`.
+
+        `effort_rate` (n,) [N·m/s] or [N/s] is the rate limit of the effort.
+        """
+        self._gains, self._effort_rate = gains, effort_rate
+        self._free_period = math.inf if gains is None else longest_period(gains)
+        self._set_scale(is_forced=True)
+
+    def take(
+        self, dt: float, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
+    ) -> FloatArray:
+        """
+        Return the velocity to use at a state dt [s] after the last one, 0 if that is unknown.
+
+        Arrays are (n,). `velocity_delay` [s] is the delay of v, 0 if it is measured.
+        """
+        self.has_changed = False
         last, self._q = self._q, q
-        if dt <= 0.0 or last is None:
+        if self._gains is None or dt <= 0.0 or last is None:
             return v
-        was_paused, self._is_paused = self._is_paused, dt >= PAUSE
-        if self._is_paused and not was_paused:
+        if dt >= PAUSE and not self._is_paused:
+            self._is_paused = True
             self._measured.restart()
             self._difference.restart()
             return v
+        self._is_paused = dt >= PAUSE
         rest = self.period - dt
-        self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
+        self.period = period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
+        self.mean_period += min(1.0, dt / _AVERAGING_TIME) * (dt - self.mean_period)
+        self._velocity_delay = velocity_delay
         self._count += 1
         phase = self._count % _TURN
-        if not self._is_noisy:
-            self.is_due = self._count % _QUIET_TURN == 2
+        if self._is_noisy:
+            v = self._compared(dt, q, v, last)
+            is_due = phase == 2 or not self.is_known
+        else:
+            is_due = self._count % _QUIET_TURN == 2
             if phase < 3:  # three consecutive states are enough for one estimate
                 if phase == 0:
                     self._measured.restart()
                 self._measured.take(v, _SPARSE_FORGETTING)
-            return v
-        self.is_due = phase == 2 or not self.is_known
+        if is_due or period > self._free_period and period > _STEP * self._rated_period:
+            self._rated_period = period
+            self.has_changed = self._set_scale()
+        return v
+
+    def _compared(
+        self, dt: float, q: FloatArray, v: FloatArray, last: FloatArray,
+    ) -> FloatArray:
+        """Return the better one of the measured velocity and the difference of the positions."""
         self._measured.take(v, _FORGETTING)
         moved = q - last
         if self._turns.any():
@@ -154,7 +251,7 @@ class StateQuality:
     def __str__(self) -> str:
         noise = float(self._measured.deviation.max(initial=0.0))
         source = 'differences of the positions' if self.differs else (
-            'estimated velocities' if self.velocity_delay else 'measured velocities')
+            'estimated velocities' if self._velocity_delay else 'measured velocities')
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
                 f'{noise:.2g} per second, {source} in use')
 
@@ -163,63 +260,75 @@ class StateQuality:
         """The time [s] from a state to the middle of the period in which its effort acts."""
         return 0.5 * self.period
 
-    def stable_scale(
-        self, gains: Gains, mass: FloatArray, effort_rate: FloatArray,
-    ) -> float:
-        """
-        Return the fraction s in (0, 1] of the bandwidth at which the feedback is stable.
+    def _set_scale(self, is_forced: bool = False) -> bool:
+        """Evaluate the scales; return whether they have changed."""
+        was_known, before = self.is_known, (self.least, self.reference_scale)
+        gains = self._gains
+        if gains is None:
+            self.scale, self.least, self.reference_scale = np.ones_like(self.scale), 1.0, 1.0
+            return before != (1.0, 1.0)
+        of_noise = self._scale_of_noise(gains)
+        full = self._scaled(gains, self.period, of_noise)
+        scale = full if self.is_known else UNKNOWN * full
+        least = float(scale.min(initial=1.0))
+        is_forced = is_forced or self.is_known != was_known
+        if not is_forced and (least == self.least or least < 1.0 and self.least < 1.0 and (
+                1.0 / _STEP < least / self.least < _STEP)):
+            return False
+        self.scale, self.least = scale, least
+        usual = np.minimum(gains.frequency, USUAL_FREQUENCY)
+        mean = self._scaled(gains, min(self.mean_period, self.period), of_noise)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            share = np.where(usual > 0.0, mean * gains.frequency / usual, 1.0)
+        self.reference_scale = min(1.0, float(share.min(initial=1.0)))
+        return True
 
-        `mass` (n, n) is the largest |M|; `effort_rate` (n,) [N·m/s] or [N/s] is infinite if there
-        is no limit. Also chooses the velocity.
-        """
-        omega = _natural_frequency(gains)
-        if omega == 0.0:
-            return 1.0
+    def _scaled(self, gains: LoopGains, period: float, of_noise: float) -> FloatArray:
+        """Return the factors s (n,) at a period of the states [s]."""
+        delay = LOOP_DELAY + (
+            period if self.differs else 0.5 * period + self._velocity_delay)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            of_delay = np.where(gains.crossover > 0.0, gains.lag / (gains.crossover * delay), 1.0)
+        return np.asarray(np.minimum(np.minimum(of_delay, of_noise), 1.0))
 
-        def largest_scale(noise: FloatArray) -> float:
-            effort = np.sqrt((mass * (gains.kd * noise)) ** 2 @ np.ones(len(noise)))
-            lag = CROSSOVER * omega * float(np.max(effort / (_SLEW * effort_rate), initial=0.0))
-            return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
-
+    def _scale_of_noise(self, gains: LoopGains) -> float:
+        """Return the factor s that the noise permits; choose the velocity."""
         measured = self._measured.deviation
         if not np.isfinite(measured).all():  # after implausibly large velocities
             self._measured = Noise(len(measured))
             self._count, self.is_known, self.differs = 0, False, False
             measured = self._measured.deviation
-        scale = largest_scale(measured)
-        delay = 0.5 * self.period + LOOP_DELAY + self.velocity_delay
+        scale = self._largest_scale(gains, measured)
         self.is_known = self._count >= (_TURN if scale < _QUIET else _FEW)
         was_noisy, self._is_noisy = self._is_noisy, scale < 1.0 or not self.is_known
         if self._is_noisy and not was_noisy:
             self._measured.restart()
             self._difference.restart()
         if not self.is_known:
-            scale = math.inf
-        elif self._is_noisy and was_noisy:
-            of_difference = largest_scale(self._difference.deviation)
+            return 1.0
+        if self._is_noisy and was_noisy:
+            of_difference = self._largest_scale(gains, self._difference.deviation)
             self.differs = self.differs or LESS * of_difference**2 > scale**2
-            if self.differs:
-                scale, delay = of_difference, self.period + LOOP_DELAY
+            scale = of_difference if self.differs else scale
         else:
             self.differs = False
-        scale = max(min(scale, DELAY_LAG / (CROSSOVER * omega * delay), 1.0), LEAST)
-        return scale if self.is_known else UNKNOWN * scale
+        return max(scale, LEAST)
+
+    def _largest_scale(self, gains: LoopGains, noise: FloatArray) -> float:
+        effort = np.sqrt((gains.noise * noise) ** 2 @ np.ones(len(noise)))
+        lag = float(gains.crossover.max(initial=0.0)) * float(
+            np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
+        return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
 
 
-def longest_period(gains: Gains) -> float:
+def longest_period(gains: LoopGains) -> float:
     """Return the period of the states [s] above which these gains are lowered, 0: any period."""
-    omega = _natural_frequency(gains)
-    if omega == 0.0:
-        return math.inf
-    return max(2.0 * (DELAY_LAG / (CROSSOVER * omega) - LOOP_DELAY), 0.0)
+    with np.errstate(divide='ignore', invalid='ignore'):
+        delay = np.where(gains.crossover > 0.0, gains.lag / gains.crossover, math.inf)
+    return max(2.0 * (float(delay.min(initial=math.inf)) - LOOP_DELAY), 0.0)
 
 
-def slowest_rate(gains: Gains) -> float:
+def slowest_rate(gains: LoopGains) -> float:
     """Return the rate of the joint states [Hz] below which these gains are lowered, 0: no rate."""
     period = longest_period(gains)
     return 1.0 / period if period > 0.0 else math.inf
-
-
-def _natural_frequency(gains: Gains) -> float:
-    return max(math.sqrt(float(gains.kp.max(initial=0.0))),
-               0.5 * float(gains.kd.max(initial=0.0)))

@@ -16,11 +16,12 @@
 The supervisor of the command: decides when efforts are published and how they end.
 
     inactive -> waiting for the first state -> running <-> fault
-    running or fault -> stopping -> inactive
+    running or fault -> braking -> stopping -> inactive
 
 The first effort is the command that holds the arm (`hold`). In a fault, the answer to each valid
 state is `hold` with damping; the fault action begins when no valid states arrive any more. The
 command resumes automatically once the cause has ended, except after a latched fault.
+Before the command ends, the arm stops (braking); then the effort is ramped to zero (stopping).
 The rate limit applies to the efforts of a fault action and of a ramp as well, so that a ramp from
 a large effort may take longer than the ramp time. No two consecutive efforts differ by more.
 Times are those of a steady clock: a system clock that stops or jumps has no effect.
@@ -29,16 +30,21 @@ Times are those of a steady clock: a system clock that stops or jumps has no eff
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, GuardedEffort
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
+Hold = Callable[[], FloatArray]
+"""Returns the command (n,) that holds the arm still; it is computed only when it is needed."""
 Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
 """Returns the command (n,) that holds and brakes the arm at (q, v), from the `hold` command."""
+BRAKING_TIME = 2.5
+"""[s] within which the arm stops before the command ends; then the ramp begins in any case."""
 
 
 class Mode(Enum):
@@ -48,6 +54,7 @@ class Mode(Enum):
     WAITING = 'waiting for the first state'
     RUNNING = 'running'
     FAULT = 'fault'
+    BRAKING = 'stopping the arm'
     STOPPING = 'stopping'
 
 
@@ -92,30 +99,55 @@ class CommandSupervisor:
         self, joint_names: tuple[str, ...], limits: EffortLimits, options: SafetyOptions,
     ) -> None:
         self._names = joint_names
-        self._guard = EffortLimiter(limits)
+        self.limiter = EffortLimiter(limits)
         self.options = options
         self.mode = Mode.INACTIVE
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
-        self.guarded: GuardedEffort | None = None
-        """The last effort within the limits and the limits that acted on it, while running."""
-        self._hold = self._braked = np.zeros(len(joint_names))
-        self._last_state = self._last_output = self._since = 0.0
+        self.hold: Hold = partial(np.zeros, len(joint_names))
+        """The command that holds the arm at the last state."""
+        self.last_state = self.last_output = 0.0
+        """Times [s] of the last valid state and of the last effort."""
+        self._ramped = self._braked = np.zeros(len(joint_names))
+        self._since = self._brake_until = 0.0
+        self._is_damped = False
         self._good = 0
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
-        self._guard.limits, self.options = limits, options
+        self.limiter.limits, self.options = limits, options
 
     def activate(self) -> None:
         """Wait for the first state; a latched fault stays."""
         if self.mode is Mode.INACTIVE:
             self.mode = Mode.FAULT if self.is_latched else Mode.WAITING
 
+    def brake(self, now: float) -> bool:
+        """
+        Let the caller stop the arm, for at most BRAKING_TIME; return whether there is a command.
+
+        `deactivate` ends the stop. Without a command, or without valid states, it begins at once.
+        """
+        if self.mode is Mode.BRAKING:
+            return True
+        is_supplied = now - self.last_state <= self.options.state_timeout
+        if self.mode not in (Mode.RUNNING, Mode.FAULT) or self.limiter.last is None or (
+                not is_supplied):
+            self.deactivate(now)
+            return False
+        self._is_damped, self.mode = self.mode is Mode.FAULT, Mode.BRAKING
+        self._brake_until = now + BRAKING_TIME
+        return True
+
+    def resume(self) -> None:
+        """Continue with the command instead of its end."""
+        if self.mode is Mode.BRAKING:
+            self.mode = Mode.FAULT if self._is_damped else Mode.RUNNING
+
     def deactivate(self, now: float) -> None:
         """Ramp the effort out over the ramp time, then be inactive."""
-        if self._guard.last is None:
+        if self.limiter.last is None:
             self.mode = Mode.INACTIVE
         elif self.mode is not Mode.STOPPING:
             self._begin(Mode.STOPPING, now)
@@ -143,11 +175,13 @@ class CommandSupervisor:
 
     def fail(self, now: float, fault: Fault) -> None:
         """Begin the fault action; a fault that is harder to leave replaces the active fault."""
-        if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT):
+        if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
             return
         self._good = 0
-        is_new = self.mode is not Mode.FAULT
-        if is_new:
+        is_new = not self._is_damped if self.mode is Mode.BRAKING else self.mode is not Mode.FAULT
+        if self.mode is Mode.BRAKING:
+            self._is_damped = True
+        elif is_new:
             self._begin(Mode.FAULT, now)
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
@@ -155,50 +189,54 @@ class CommandSupervisor:
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        hold: FloatArray, dt: float | None = None, brake: Brake | None = None,
+        hold: Hold, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None,
     ) -> FloatArray | None:
         """
-        Return the effort for a valid state; `hold` (n,) is the command that holds the arm.
+        Return the effort for a valid state; `hold` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
-        fault that was found with this state. `brake` returns `hold` with damping at (q, v); it is
-        used in a fault.
+        fault that was found with this state. `brake` returns the hold with damping at (q, v); it
+        is used in a fault.
         """
-        limits = self._guard.limits
-        is_near, is_too_fast = limits.is_near(q), limits.is_too_fast(v)
-        cause = None
-        if now - self._last_state > self.options.state_timeout and self.mode is Mode.RUNNING:
+        cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
+        if cause is None and self.mode is Mode.RUNNING and (
+                now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
-        self._last_state, self._hold = now, hold
-        beyond = self._beyond_a_limit(q) if is_near else None
-        if beyond is None and is_too_fast and v is not None:
-            beyond = self._overspeed(v)
-        cause = beyond or fault or cause
+        self.last_state, self.hold = now, hold
         if cause is not None:
             self.fail(now, cause)
         elif self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
-        if self.mode is Mode.FAULT:
-            return self._hold_on(now, hold if brake is None else brake(q, v, hold))
-        if self.mode is not Mode.RUNNING:
+        is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
+        if is_damped:
+            return self._hold_on(now, hold() if brake is None else brake(q, v, hold()))
+        if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
-        self.guarded = self._guard.apply(
-            command, hold, q, v, dt if dt is not None else now - self._last_output, is_near,
-            is_too_fast)
-        self._last_output = now
-        return self.guarded.effort
+        return self.passed(now, q, v, command, dt)
+
+    def passed(
+        self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
+        dt: float | None,
+    ) -> FloatArray:
+        """Return the command of a state within the limits of the effort."""
+        dt = dt if dt is not None else now - self.last_output
+        self.last_output = now
+        return self.limiter.apply(command, self.hold, q, v, dt)
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state again, or None if no efforts are published."""
-        return self._guard.last if self.mode is Mode.RUNNING else None
+        return self.limiter.last if self.mode in (Mode.RUNNING, Mode.BRAKING) else None
 
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort that is due without a state (fault action or ramp), or None."""
-        if now - self._last_state > self.options.state_timeout and self.mode is Mode.RUNNING:
+        is_overdue = now - self.last_state > self.options.state_timeout
+        if is_overdue and self.mode is Mode.RUNNING:
             self.fail(now, self._timeout())
+        elif self.mode is Mode.BRAKING and (is_overdue or now > self._brake_until):
+            self.deactivate(now)
         return self._action(now)
 
     def _timeout(self) -> Fault:
@@ -207,13 +245,14 @@ class CommandSupervisor:
             'state_timeout', f'no valid joint state for {limit:g} s (state_timeout): check the '
             'driver, and the status `joint states` for dropped ones')
 
-    def _hold_on(self, now: float, hold: FloatArray) -> FloatArray | None:
+    def _hold_on(self, now: float, braked: FloatArray) -> FloatArray | None:
         """Answer a valid state in a fault: hold the arm and postpone the fault action."""
-        self._since, self._braked = now + self.options.state_timeout, hold
-        if self._guard.last is None:  # no effort has begun, or the action has ended
+        self._since, self._braked = now + self.options.state_timeout, braked
+        self._ramped = self.hold()
+        if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
-        effort = self._guard.rate_limited(hold, now - self._last_output)
-        self._last_output = now
+        effort = self.limiter.rate_limited(braked, now - self.last_output)
+        self.last_output = now
         return effort
 
     @property
@@ -224,23 +263,23 @@ class CommandSupervisor:
     @property
     def is_commanding(self) -> bool:
         """Return whether efforts are published, in answer to states or without them."""
-        return self.mode is Mode.RUNNING or self.acts_alone
+        return self.mode in (Mode.RUNNING, Mode.BRAKING) or self.acts_alone
 
     @property
     def acts_alone(self) -> bool:
         """Return whether `tick` returns efforts and must therefore be called often."""
-        return self.mode in (Mode.FAULT, Mode.STOPPING) and self._guard.last is not None
+        return self.mode in (Mode.FAULT, Mode.STOPPING) and self.limiter.last is not None
 
     @property
     def deadline(self) -> float:
         """Time at which `tick` is due while states arrive."""
-        return self._last_state + self.options.state_timeout
+        return self.last_state + self.options.state_timeout
 
     @property
     def time_to_stop(self) -> float:
-        """Duration [s] of a ramp from the last effort to zero."""
-        last, rate = self._guard.last, self._guard.limits.rate
-        return max(
+        """Longest duration [s] of a stop and a ramp from the last effort to zero."""
+        last, rate = self.limiter.last, self.limiter.limits.rate
+        return BRAKING_TIME + max(
             self.options.ramp_time, 0.0 if last is None else float(np.max(np.abs(last) / rate)))
 
     # ------------------------------------------------------------------ what ends an effort
@@ -251,11 +290,12 @@ class CommandSupervisor:
         return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
 
     def _begin(self, mode: Mode, now: float) -> None:
-        self.mode, self._since, self._braked = mode, now, self._hold
+        self.mode, self._since, self._is_damped = mode, now, False
+        self._braked = self._ramped = self.hold()
 
     def _action(self, now: float) -> FloatArray | None:
         """Return the next effort of the fault action, or of the ramp of `deactivate`."""
-        last = self._guard.last
+        last = self.limiter.last
         if self.mode not in (Mode.FAULT, Mode.STOPPING) or last is None:
             return None
         action = self.options.fault_action if self.mode is Mode.FAULT else 'ramp_to_zero'
@@ -265,11 +305,11 @@ class CommandSupervisor:
             return None
         if action == 'hold_gravity_then_ramp' and passed >= 0.0:
             passed = max(passed - self.options.hold_time, 0.0)
-        goal = self._braked if passed < 0.0 else self._fraction_left(passed) * self._hold
+        goal = self._braked if passed < 0.0 else self._fraction_left(passed) * self._ramped
         if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
-        effort = self._guard.rate_limited(goal, now - self._last_output)
-        self._last_output = now
+        effort = self.limiter.rate_limited(goal, now - self.last_output)
+        self.last_output = now
         if passed < self.options.ramp_time or effort.any():
             return effort
         self._finish()
@@ -283,12 +323,12 @@ class CommandSupervisor:
 
     def _finish(self) -> None:
         """Publish nothing; the next command begins with `hold`."""
-        self._guard.last = None
+        self.limiter.last = None
         if self.mode is Mode.STOPPING:
             self.mode = Mode.INACTIVE
 
     def _beyond_a_limit(self, q: FloatArray) -> Fault | None:
-        limits, margin = self._guard.limits, self.options.fault_margin
+        limits, margin = self.limiter.limits, self.options.fault_margin
         past = np.maximum(q - limits.upper, limits.lower - q)
         j = int(np.argmax(past))
         if not past[j] > margin:
@@ -297,8 +337,10 @@ class CommandSupervisor:
             'position_limit', f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
             f'limit, expected at most {margin:g} (position_fault_margin)', recovery=5)
 
-    def _overspeed(self, v: FloatArray) -> Fault | None:
-        limit, factor = self._guard.limits.velocity, self.options.overspeed
+    def _overspeed(self, v: FloatArray | None) -> Fault | None:
+        if v is None:
+            return None
+        limit, factor = self.limiter.limits.velocity, self.options.overspeed
         ratio = np.abs(v) / limit
         j = int(np.argmax(ratio))
         if not ratio[j] > factor:

@@ -38,7 +38,8 @@ class JointStateReader:
         self._known_names: list[str] | None = None
         self._index: IntArray = np.zeros(0, dtype=np.intp)
         self._layout: Layout | None = None
-        self._places: IntArray = np.zeros(0, dtype=np.intp)
+        self.places: IntArray = np.zeros(0, dtype=np.intp)
+        """Where the numbers of the last layout have positions and velocities of the joints."""
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """
@@ -51,7 +52,7 @@ class JointStateReader:
         n = len(self._joint_names)
         layout = message.layout if isinstance(message, SensedState) else None
         if layout is not None and layout is self._layout:
-            values = message.numbers[self._places]
+            values = message.numbers[self.places]
             if all_finite(values):
                 return values[:n], values[n:] if len(values) > n else None
         q = self._values(message, 'position')
@@ -97,10 +98,10 @@ class JointStateReader:
 
     def _learn_places(self, layout: Layout, has_velocity: bool) -> None:
         """Find the used values in messages of the layout of this message."""
-        self._places = layout.position.start + self._index
+        self.places = layout.position.start + self._index
         if has_velocity:
-            self._places = np.concatenate(
-                (self._places, layout.velocity.start + self._index))
+            self.places = np.concatenate(
+                (self.places, layout.velocity.start + self._index))
         self._layout = layout
 
     def _values(

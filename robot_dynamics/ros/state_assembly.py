@@ -84,7 +84,8 @@ class StateAssembly:
         """
         n = len(joint_names)
         self._names, self.max_age, self._is_exact = joint_names, max_age, is_exact
-        self._whole: Layout | None = None
+        self.whole: Layout | None = None
+        """The last layout of messages with all joints."""
         self._parts: dict[tuple[str, ...], _Part] = {}
         self._buffer = _Buffer(np.full((3, n), np.nan), np.full(n, -1, dtype=np.int64))
         self._layouts = tuple(
@@ -99,7 +100,7 @@ class StateAssembly:
         Raises OtherJointsError for a message with none of the joints, ForeignJointsError if
         `is_exact` and it has others, InvalidInputError for one that cannot be read.
         """
-        if state.layout is self._whole:
+        if state.layout is self.whole:
             return state
         names = set(state.name)
         if self._is_exact and not names <= set(self._names):
@@ -111,7 +112,7 @@ class StateAssembly:
             raise OtherJointsError(
                 f'name has none of {list(self._names)} among its {len(state.name)}')
         if names.issuperset(self._names):
-            self._whole = state.layout
+            self.whole = state.layout
             return state
         return self._take_part(state)
 

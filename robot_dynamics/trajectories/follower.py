@@ -28,6 +28,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.trajectories.interpolation import (
+    constant_segment,
     evaluate,
     motion_coefficients,
     Reference,
@@ -39,7 +40,11 @@ from robot_dynamics.trajectories.joint_trajectory import (
     nanoseconds,
     TrajectoryPoint,
 )
+from robot_dynamics.trajectories.planner import Plan
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
+
+_LATEST = 1 << 62
+"""[ns] beyond all times."""
 
 
 class ActiveTrajectory:
@@ -59,37 +64,37 @@ class ActiveTrajectory:
         start_ns: int,
         arrival_ns: int,
         state_before: Reference,
-        lead_in: Sequence[TrajectoryPoint] = (),
+        plan: Plan | None = None,
     ) -> None:
         """
         Take all times as nanoseconds of the same clock as the argument of `sample`.
 
-        The points of `lead_in`, with times [s] since the arrival, replace the points of the
-        trajectory up to the time of the last point of `lead_in`.
+        A `plan`, which begins at the arrival, replaces the points of the trajectory until its end.
         """
         self.trajectory = trajectory
         self.start_ns = start_ns
         self._arrival_ns = arrival_ns
         self._state_before = state_before
+        self._plan, self._plan_end_ns = plan, arrival_ns
         self._times = [start_ns + t for t in trajectory.times_ns]
         self._points = list(trajectory.points)
-        self._lead_in = lead_in
-        if lead_in:
-            before = [arrival_ns + nanoseconds(p.time_from_start) for p in lead_in]
-            rest = bisect_right(self._times, before[-1])
-            self._times[:rest], self._points[:rest] = before, lead_in
-        self.end_ns = self._times[-1]
-        if arrival_ns < self._times[0]:
+        if plan is not None:
+            self._plan_end_ns += nanoseconds(plan.duration)
+            rest = bisect_right(self._times, self._plan_end_ns)
+            self._times[:rest] = [self._plan_end_ns]
+            self._points[:rest] = [TrajectoryPoint(0.0, *plan.end)]
+        elif arrival_ns < self._times[0]:
             self._times.insert(0, arrival_ns)
             self._points.insert(0, TrajectoryPoint(0.0, *state_before))
-        self._final = _held(self._points[-1], trajectory.is_set_point and not lead_in)
+        self.end_ns = self._times[-1]
+        self._final = _held(self._points[-1], trajectory.is_set_point and plan is None)
         self._segment: Segment | None = None
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
         """Return the same trajectory with all times lower by `shift_ns`."""
         return ActiveTrajectory(
             self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
-            self._state_before, self._lead_in)
+            self._state_before, self._plan)
 
     def sample(self, now_ns: int) -> Reference:
         """
@@ -97,22 +102,28 @@ class ActiveTrajectory:
 
         A time before the arrival gives the state before the trajectory.
         """
+        if now_ns >= self.end_ns:
+            return self._final
+        if now_ns < self._arrival_ns:
+            return self._state_before
         segment = self.segment(now_ns)
-        if segment is not None:
-            return evaluate(segment.coefficients, segment.phase(now_ns))
-        return self._final if now_ns >= self.end_ns else self._state_before
+        return evaluate(segment.coefficients, segment.phase(now_ns))
 
-    def segment(self, now_ns: int) -> Segment | None:
-        """Return the active segment at `now_ns`, None before the arrival and after the end."""
+    def segment(self, now_ns: int) -> Segment:
+        """Return the segment at `now_ns`; before the arrival and after the end it is constant."""
         segment = self._segment
         if segment is None or not segment.since_ns <= now_ns < segment.end_ns:
-            if not self._arrival_ns <= now_ns < self.end_ns:
-                return None
-            index = bisect_right(self._times, now_ns) - 1
-            segment = self._segment = self._make_segment(index)
+            segment = self._segment = self._make_segment(now_ns)
         return segment
 
-    def _make_segment(self, index: int) -> Segment:
+    def _make_segment(self, now_ns: int) -> Segment:
+        if now_ns >= self.end_ns:
+            return constant_segment(self.end_ns, _LATEST, self._final)
+        if now_ns < self._arrival_ns:
+            return constant_segment(-_LATEST, self._arrival_ns, self._state_before)
+        if self._plan is not None and now_ns < self._plan_end_ns:
+            return self._plan.segment(self._arrival_ns, now_ns)
+        index = bisect_right(self._times, now_ns) - 1
         begin_ns, end_ns = self._times[index:index + 2]
         duration = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
         p0, p1 = self._points[index:index + 2]

@@ -27,6 +27,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, JointLimits
+from robot_dynamics.trajectories.extrema import extrema
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
@@ -39,7 +40,6 @@ this is the default of `position_fault_margin`.
 """
 _TOLERANCE = 1e-6
 """Tolerance [rad] or [m], and of velocity limits, for rounding of limits and points."""
-_SAMPLES = 9
 _REMEDY = {
     'positions': "'clip' clips positions", 'velocities': "'slow_down' lowers velocities"}
 
@@ -102,17 +102,24 @@ def motion_excesses(arm: ArmModel, trajectory: JointTrajectory) -> list[str]:
     Each line names joint, largest excess, limit and time. The motion consists of the points and
     the interpolated segments, without the motion to the first point.
     """
-    segments = TrajectorySegments(trajectory)
-    index = np.repeat(np.arange(segments.count), _SAMPLES)
-    phase = np.tile(np.linspace(0.0, 1.0, _SAMPLES), segments.count)
-    between, limits = segments.sample(index, phase), arm.limits
-    times = np.concatenate([segments.times, segments.time(index, phase)])
-    position = np.concatenate([segments.points.position, between.position])
-    velocity = np.concatenate([segments.points.velocity, between.velocity])
-    fields = (
-        _Field('position', position, limits.lower, limits.upper, np.full((1, 1), _TOLERANCE)),
-        _velocity_field('velocity', velocity, limits))
-    return [line for field in fields for line in _worst_lines(field, arm.joint_names, times)]
+    segments, limits = TrajectorySegments(trajectory), arm.limits
+    q, q_times = _points_and_extrema(
+        segments, segments.points.position, segments.coefficients)
+    v, v_times = _points_and_extrema(
+        segments, segments.points.velocity, segments.velocity_coefficients)
+    position = _Field('position', q, limits.lower, limits.upper, np.full((1, 1), _TOLERANCE))
+    return [*_worst_lines(position, arm.joint_names, q_times),
+            *_worst_lines(_velocity_field('velocity', v, limits), arm.joint_names, v_times)]
+
+
+def _points_and_extrema(
+    segments: TrajectorySegments, at_points: FloatArray, coefficients: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the values at the points and the extrema between them, and their times (m, n)."""
+    phases, values = extrema(coefficients)
+    times = segments.time(np.arange(segments.count)[:, np.newaxis], phases)
+    point_times = np.broadcast_to(segments.times[:, np.newaxis], at_points.shape)
+    return np.concatenate((at_points, *values)), np.concatenate((point_times, *times))
 
 
 def _worst_lines(field: _Field, names: tuple[str, ...], times: FloatArray) -> Iterator[str]:
@@ -120,7 +127,7 @@ def _worst_lines(field: _Field, names: tuple[str, ...], times: FloatArray) -> It
     for j in np.flatnonzero((excess > 0.0).any(axis=0)):
         i = int(excess[:, j].argmax())
         yield (
-            f'{field.name} of {names[j]!r} is {field.values[i, j]:.6g} at {times[i]:.6g} s, '
+            f'{field.name} of {names[j]!r} is {field.values[i, j]:.6g} at {times[i, j]:.6g} s, '
             f'outside its limits [{field.lower[j]:.6g}, {field.upper[j]:.6g}]')
 
 

@@ -86,6 +86,13 @@ class Segment(NamedTuple):
         return (now_ns - self.begin_ns) / NANOSECONDS_PER_SECOND / self.duration
 
 
+def constant_segment(since_ns: int, end_ns: int, state: Reference) -> Segment:
+    """Return the segment of a reference that does not change between two times [ns]."""
+    c = np.zeros((6, 3 * len(state.position)))
+    c[0] = np.concatenate(state)
+    return Segment(since_ns, end_ns, since_ns, 1.0, c)
+
+
 def sample_segment(
     t: float, t0: float, p0: TrajectoryPoint, t1: float, p1: TrajectoryPoint,
 ) -> Reference:

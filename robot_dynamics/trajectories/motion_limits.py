@@ -61,7 +61,8 @@ class MotionLimits:
     Limits of the reference of n joints, each (n,), in rad or m, and s.
 
     `lower` and `upper` limit the position and may be infinite; `velocity`, `acceleration` and
-    `jerk` are positive and finite.
+    `jerk` are positive and finite. With them the reference brakes; it moves with the lower limits
+    of `lowered`.
     """
 
     lower: FloatArray
@@ -71,19 +72,25 @@ class MotionLimits:
     jerk: FloatArray
 
     scale: float = 1.0
-    """Fraction of the velocities at which the whole motion is possible."""
+    """Fraction of the velocities at which motions are planned."""
 
     def slower(self, scale: float) -> 'MotionLimits':
-        """Return the limits for motions of 1/scale times the duration."""
-        return MotionLimits(
-            self.lower, self.upper, scale * self.velocity, scale**2 * self.acceleration,
-            scale**3 * self.jerk, scale)
+        """Return the limits for motions of 1/scale times the duration, with the same braking."""
+        return replace(self, scale=scale * self.scale)
 
     @property
-    def of_stop(self) -> 'MotionLimits':
-        """The limits of a stop of 1/scale times the duration, whose initial velocity is given."""
+    def lowered(self) -> 'MotionLimits':
+        """The limits of a motion of 1/scale times the duration."""
+        s = self.scale
+        return MotionLimits(self.lower, self.upper, s * self.velocity, s**2 * self.acceleration,
+                            s**3 * self.jerk)
+
+    @property
+    def whole(self) -> 'MotionLimits':
+        """The limits without reserve for feedback, for a motion that the sender has planned."""
         return replace(
-            self, acceleration=self.acceleration / self.scale, jerk=self.jerk / self.scale**2)
+            self, velocity=self.velocity / VELOCITY_FRACTION,
+            acceleration=self.acceleration / EFFORT_FRACTION, jerk=self.jerk / EFFORT_FRACTION)
 
 
 class WorkspaceInertia:
@@ -94,8 +101,10 @@ class WorkspaceInertia:
         poses = random_states(dynamics.arm, _POSES)[0]
         n = dynamics.arm.joint_count
         self.arm = dynamics.arm
-        self.mass: FloatArray = np.array([np.abs(body.mass_matrix(q)) for q in poses])
-        self.mass = self.mass.reshape(-1, n, n)
+        self.matrices: FloatArray = np.array(
+            [body.mass_matrix(q) for q in poses]).reshape(-1, n, n)
+        """M(q) at each pose."""
+        self.mass: FloatArray = np.abs(self.matrices)
         self.gravity: FloatArray = np.array([np.abs(body.gravity(q)) for q in poses])
         self.gravity = self.gravity.reshape(-1, n)
 
@@ -103,6 +112,7 @@ class WorkspaceInertia:
         """Return the larger values at each pose, for the transition between two loads."""
         both = object.__new__(WorkspaceInertia)
         both.arm = self.arm
+        both.matrices = np.concatenate((self.matrices, other.matrices))
         both.mass = np.maximum(self.mass, other.mass)
         both.gravity = np.maximum(self.gravity, other.gravity)
         return both
@@ -110,10 +120,6 @@ class WorkspaceInertia:
     def largest(self) -> FloatArray:
         """Return max over the poses of |M|, (n, n) [kg·m²] or [kg]."""
         return np.asarray(self.mass.max(axis=0, initial=0.0))
-
-    def row_sums(self) -> FloatArray:
-        """Return max over the poses of Σ_k |M_ik|, (n,) [kg·m²] or [kg]."""
-        return np.asarray(self.mass.sum(axis=2).max(axis=0, initial=0.0))
 
     def motion_limits(self, effort: FloatArray, effort_rate: FloatArray) -> MotionLimits:
         """

@@ -16,6 +16,7 @@
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.trajectories.extrema import derivative
 from robot_dynamics.trajectories.interpolation import position_coefficients, Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
@@ -63,8 +64,18 @@ class TrajectorySegments:
         """The number of segments, k."""
         return len(self._coefficients)
 
+    @property
+    def coefficients(self) -> FloatArray:
+        """The coefficients (k, 6, n) of 1, s, …, s⁵ of the positions, with the phase s."""
+        return self._coefficients
+
+    @property
+    def velocity_coefficients(self) -> FloatArray:
+        """The coefficients (k, 5, n) of 1, s, …, s⁴ of the velocities, with the phase s."""
+        return derivative(self._coefficients) / self._duration[:, np.newaxis]
+
     def time(self, segment: IntArray, phase: FloatArray) -> FloatArray:
-        """Return the times (m,) [s] from the start of the trajectory."""
+        """Return the times [s] from the start of the trajectory; the arguments are broadcast."""
         return (1.0 - phase) * self.times[segment] + phase * self.times[segment + 1]
 
     def sample(self, segment: IntArray, phase: FloatArray) -> Reference:

@@ -21,7 +21,7 @@ import time
 
 from robot_dynamics.arrays import any_of
 from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.effort_limiter import GuardedEffort
+from robot_dynamics.control.effort_limiter import ActiveLimits
 from robot_dynamics.control.supervisor import Fault, Mode
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 
@@ -39,16 +39,14 @@ class CommandCounters:
     incompatible: Counter[str] = field(default_factory=Counter)
     limited_at: float = -math.inf
 
-    def count_limits(self, output: ControlOutput, guarded: GuardedEffort | None) -> None:
+    def count_limits(self, output: ControlOutput, active: ActiveLimits | None) -> None:
         """Count the limits that have changed the effort of a state."""
-        if output.gain_scale < 1.0:
-            self._count_limit('effort rate, by softer gains')
+        if output.scale < 1.0:
+            self._count_limit('scaled gains')
         if any_of(output.clamped):
             self._count_limit('effort limit')
-        if guarded is not None and guarded.effort is not output.command:
-            for name, joints in (('position limit', guarded.by_position),
-                                 ('velocity limit', guarded.by_velocity),
-                                 ('effort rate', guarded.by_rate)):
+        if active is not None:
+            for name, joints in zip(('position limit', 'velocity limit', 'effort rate'), active):
                 if any_of(joints):
                     self._count_limit(name)
 

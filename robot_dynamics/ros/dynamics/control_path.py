@@ -15,39 +15,34 @@
 """From a joint state message to effort messages: the control path of `dynamics`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-import threading
+from contextlib import AbstractContextManager
+import math
 import time
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.supervisor import Fault, SafetyOptions
+from robot_dynamics.control.control_output import NonFiniteEffortError
+from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.supervisor import Fault, Mode
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.monitoring.state_plausibility import (
-    CONTRADICTION,
-    ImplausibleStateError,
-    StateMonitor,
-    StateVerdict,
-)
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.cdr_templates import (
     effort_template,
+    Layout,
     MessageTemplate,
     SensedState,
     state_template,
 )
 from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
-from robot_dynamics.ros.dynamics.command_output import SafeCommand
+from robot_dynamics.ros.dynamics.command_output import CommandOutput
 from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
 from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples
-from robot_dynamics.ros.dynamics.references import References
 from robot_dynamics.ros.dynamics.state_log import StateLog
 from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.message_bytes import UnreadableMessageError
@@ -64,16 +59,21 @@ NEWEST_ONLY = QoSProfile(depth=1)
 """Reliable, which matches all subscribers; older messages are of no use."""
 
 
-@dataclass(frozen=True, eq=False)
 class _Served:
-    controller: Controller
-    assembly: StateAssembly
-    reader: JointStateReader
-    names: list[str]
-    template: MessageTemplate
-    reference_template: MessageTemplate
-    watch: StateMonitor
-    check: EffortCheck
+    """The arm that is served: its loop, and what reads and writes its messages."""
+
+    def __init__(
+        self, loop: ControlLoop, check: EffortCheck, sample_max_age: float, is_exact: bool,
+    ) -> None:
+        names = loop.controller.arm.joint_names
+        self.loop, self.check, self.names = loop, check, list(names)
+        self.assembly = StateAssembly(names, sample_max_age, is_exact)
+        self.reader = JointStateReader(names)
+        self.template: MessageTemplate = effort_template(names)
+        self.reference_template: MessageTemplate = state_template(names, has_effort=False)
+        self.layout: Layout | None = None
+        """The layout of complete states whose numbers `places` finds."""
+        self.places = np.zeros(0, dtype=np.intp)
 
 
 class ControlPath:
@@ -89,9 +89,9 @@ class ControlPath:
         `count_publishers` returns the number of publishers of joint states; `when_changed` is
         called when a fault begins or ends, and must return soon.
         """
-        self._node, self._count_publishers = node, count_publishers
+        self._node = node
+        self._has_several_publishers = lambda: count_publishers() > 1
         self._served: _Served | None = None
-        self._answering = threading.Lock()
         self._state_max_age = self._sample_max_age = 0.0
         self._foreign_joints = ''
         """Reason why the embedded arm is not served, empty if it is."""
@@ -108,19 +108,25 @@ class ControlPath:
         self._reference = publisher(JointState, '~/reference')
         self._send_gravity = raw_publish(gravity)
         self._send_computed_torque = raw_publish(computed_torque)
-        self._count_terms = subscription_count(self._terms)
-        self._count_reference = subscription_count(self._reference)
+        self._counts = [subscription_count(one) for one in (
+            gravity, computed_torque, self._terms, self._reference)]
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
         self.payload_samples = PayloadSamples()
-        self.references = References(
-            self.counters, lambda: self.command.obstacle, lambda: self.command.is_faulty)
-        self.command = SafeCommand(
-            node, NEWEST_ONLY, self.references.interrupt, self.references.resume, when_changed)
+        self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
+
+    @property
+    def loop(self) -> ControlLoop | None:
+        """The control loop of the arm that is served, or None."""
+        return self.command.loop
+
+    @property
+    def lock(self) -> AbstractContextManager[Any]:
+        """The lock of the control path."""
+        return self.command.lock
 
     def use(
-        self, controller: Controller, watch: StateMonitor, check: EffortCheck,
-        estimates: Estimates, limits: EffortLimits, options: SafetyOptions,
+        self, loop: ControlLoop, check: EffortCheck, estimates: Estimates,
         is_embedded: bool = False,
     ) -> None:
         """
@@ -128,53 +134,79 @@ class ControlPath:
 
         With `is_embedded` nothing is published once the joint states contain other joints.
         """
-        names = controller.arm.joint_names
-        self.references.note_lost('another model was loaded')
-        watch.max_age, watch.has_age = self._state_max_age, self._has_age
-        with self._answering:  # the same model for both
-            self._served = _Served(
-                controller, StateAssembly(names, self._sample_max_age, is_embedded),
-                JointStateReader(names), list(names), effort_template(names),
-                state_template(names, has_effort=False), watch, check)
-            self.references.controller = controller
+        loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
+        before = self.loop
+        if before is not None and before.controller.has_reference:
+            loop.interruption = 'another model was loaded'
+        with self.lock:
+            self._served = _Served(loop, check, self._sample_max_age, is_embedded)
             self._foreign_joints = ''
             self._awaits_description = is_embedded
             self._used_at = time.monotonic()
             self.counters.velocities = 'measured'
             self.estimates.use(estimates)
-            self.command.use(controller.arm, limits, options)
+            self.command.use(loop)
 
     def forget(self) -> None:
         """Serve no arm."""
-        with self._answering:
-            self._served = self.references.controller = None
+        with self.lock:
+            self._served = None
             self.estimates.forget()
             self.markers.forget()
             self.command.forget()
 
     def set_limits(
-        self, state_max_age: float, sample_max_age: float, reference_timeout: float,
+        self, state_max_age: float, sample_max_age: float,
         external_effort: FloatArray | None = None,
     ) -> None:
         """
-        Set the largest age of a state and of a joint's sample, and the longest pause of a stream.
+        Set the largest age of a state and of a joint's sample, both in [s].
 
-        All in [s]; a `sample_max_age` of 0 is half a period of the messages.
-        `external_effort` (n,) is the limit of the external effort [N·m] or [N], None for none.
+        A `sample_max_age` of 0 is half a period of the messages. `external_effort` (n,) is the
+        limit of the external effort [N·m] or [N], None for none.
         """
         self.estimates.external_limit = external_effort
-        self.references.stream.timeout = reference_timeout
         self._state_max_age = state_max_age
         self._sample_max_age = sample_max_age
-        if self._served is not None:
-            self._served.watch.max_age = state_max_age
-            self._served.assembly.max_age = sample_max_age
+        served = self._served
+        if served is not None:
+            served.loop.monitor.max_age = state_max_age
+            served.assembly.max_age = sample_max_age
+
+    # ------------------------------------------------------------------ states
 
     def on_state(self, state: SensedState) -> None:
         """Publish the efforts for a joint state; an error drops only this state."""
         try:
-            with self._answering:
-                self._answer(state)
+            served, command = self._served, self.command
+            if served is None:
+                self._log.count('no model yet')
+                return
+            steady_ns = time.monotonic_ns()
+            values = None
+            if state.layout is served.layout and not self._foreign_joints:  # the usual case
+                values = state.numbers[served.places]
+                if not math.isfinite(sum(values.tolist())):
+                    values = None
+            if values is not None:
+                n = len(served.names)
+                q, v = values[:n], values[n:] if len(values) > n else None
+            else:
+                whole = self._completed(served, state, 1e-9 * steady_ns)
+                if whole is None:
+                    return
+                state, (q, v) = whole, self._read(served, whole)
+            with command.lock:
+                answer = served.loop.answer(
+                    state.stamp_ns, q, v, time.time_ns(), steady_ns,
+                    self._has_several_publishers, command.order_fault)
+                if answer.effort is not None:
+                    command.publish(state.stamp, answer.effort)
+                if (served.loop.supervisor.mode is not command.mode_seen
+                        or answer.limits is not None or served.loop.supervisor.mode is not (
+                            Mode.RUNNING)):
+                    command.follow(answer)
+            self._follow(served, state, answer, q, v, 1e-9 * steady_ns)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
         except ForeignJointsError as error:
@@ -182,14 +214,13 @@ class ControlPath:
             self._log.refuse_embedded(str(error))
         except NonFiniteEffortError as error:
             self._log.drop('no finite effort', f'Dropped a joint state: {error}')
-            self.command.fail(Fault('non_finite', str(error), latched=True))
+            self.command.notify()
         except ImplausibleStateError as error:
             self._log.drop(error.reason, f'Dropped a joint state: {error}')
             if error.reason == 'too old':
                 self._look_for_replay(state.stamp_ns)
             if error.is_conflict:
-                self.command.fail(
-                    Fault('several_publishers', str(error), recovery=CONTRADICTION))
+                self.command.notify()
         except RobotDynamicsError as error:
             self._log.drop('invalid', f'Dropped a joint state: {error}')
         except Exception as error:  # no message may end the control path
@@ -198,47 +229,6 @@ class ControlPath:
     def refuse(self, error: UnreadableMessageError) -> None:
         """Count and log a joint state that cannot be read."""
         self._log.drop('unreadable', f'Dropped a joint state: {error}')
-
-    def _look_for_replay(self, stamp_ns: int) -> None:
-        replay = self.counters.replay
-        if self._has_age() and replay.look(stamp_ns, time.time_ns()):
-            self._log.warn('replay', replay.text)
-
-    def _description_is_published(self) -> bool:
-        """Return whether a description that is not received yet will replace the embedded arm."""
-        self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
-        return bool(self._node.count_publishers('robot_description') > 0)
-
-    def _answer(self, received: SensedState) -> None:
-        served = self._served
-        if served is None:
-            self._log.count('no model yet')
-            return
-        steady_ns = time.monotonic_ns()
-        state = self._completed(served, received, 1e-9 * steady_ns)
-        if state is None:
-            return
-        q, v = served.reader.read(state)
-        verdict = served.watch.judge(  # by a clock that a paused /clock does not stop
-            state.stamp_ns, time.time_ns(), q, v, self._has_several_publishers, steady_ns)
-        self._follow_time(served, state, verdict, 1e-9 * steady_ns)
-        output = self._computed(served, verdict, q, v)
-        v = v if v is not None else output.velocity
-        command = self._commanded(served, state, verdict, q, output)
-        self._count(verdict, output, 1e-9 * steady_ns)
-        self._publish(state, served, output)
-        self.estimates.look(served.reader, state, q, v, verdict, output.robot_gravity)
-        self.payload_samples.take(served.reader, state, q, v, verdict, output.robot_gravity)
-        if self.estimates.external_limit is not None:
-            joint = self.estimates.excess()
-            if joint is not None:
-                self._fail_by_external_effort(served, joint)
-        if self.markers.is_on:
-            self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
-        if not served.check.done:
-            served.check.look(
-                served.reader, state, q, v, output.robot_gravity,
-                command if self.command.has_listeners() else None)
 
     def _completed(
         self, served: _Served, received: SensedState, now: float,
@@ -256,68 +246,80 @@ class ControlPath:
                 served.assembly.missing, now - max(self._used_at, self.counters.answered_at))
         return state
 
-    def _follow_time(
-        self, served: _Served, state: SensedState, verdict: StateVerdict, now: float,
+    def _read(
+        self, served: _Served, state: SensedState,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return position and velocity (n,) of a state, and learn where its layout has them."""
+        q, v = served.reader.read(state)
+        if state.layout is served.assembly.whole and not self._awaits_description:
+            served.layout, served.places = state.layout, served.reader.places
+        return q, v
+
+    def _look_for_replay(self, stamp_ns: int) -> None:
+        replay = self.counters.replay
+        if self._has_age() and replay.look(stamp_ns, time.time_ns()):
+            self._log.warn('replay', replay.text)
+
+    def _description_is_published(self) -> bool:
+        """Return whether a description that is not received yet will replace the embedded arm."""
+        self._awaits_description = time.monotonic() - self._used_at < DISCOVERY_TIME
+        return bool(self._node.count_publishers('robot_description') > 0)
+
+    # ------------------------------------------------------------------ after the command
+
+    def _follow(
+        self, served: _Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
+        v: FloatArray | None, now: float,
     ) -> None:
-        """Restart if the joint states restart, and end a stream of set-points that has paused."""
-        if served.watch.is_other_clock:
-            self._look_for_replay(state.stamp_ns)
-        elif self.counters.replay.text:
-            self.counters.replay.reset()
-        if verdict.restart and self.counters.states > 0:
-            self.counters.restarts[verdict.restart] += 1
-            self.references.interrupt(f'joint states restarted: {verdict.restart}')
-            served.controller.restart_states()
-            self.references.resume()
-        if verdict.time_shift:
-            served.controller.shift_time(verdict.time_shift)
-        if self.references.stream.is_over(now):
-            self.references.end_stream()
-            self._log.warn(
-                'stream',
-                'The stream of set-points paused for more than reference_timeout; reference_loss '
-                'defines the reaction.')
-
-    def _computed(
-        self, served: _Served, verdict: StateVerdict, q: FloatArray, v: FloatArray | None,
-    ) -> ControlOutput:
-        """Return the efforts for a state; record the source of its velocities."""
-        controller, counters = served.controller, self.counters
-        had_reference = v is None and controller.has_reference
-        output = controller.answer(verdict.stamp, q, v)
-        if v is None:
-            self._log.velocities(controller, output.velocity)
-            if output.velocity is None and had_reference:
-                counters.interruption = 'the joint states have no velocity'
-        elif counters.velocities != 'measured':
-            counters.velocities = 'measured'
-        if controller.bandwidth_scale != self._log.bandwidth_scale:
-            self._log.bandwidth(controller)
-        return output
-
-    def _commanded(
-        self, served: _Served, state: SensedState, verdict: StateVerdict, q: FloatArray,
-        output: ControlOutput,
-    ) -> FloatArray | None:
-        """Return the effort that is published for a state, None if none is published."""
-        # A simulation in lock-step repeats its state until an effort arrives.
-        waits = not verdict.is_new and self.command.is_waiting and served.watch.is_other_clock
-        if not (verdict.is_new or waits):
-            return self.command.repeat(state.stamp)
-        fault = Fault('following_error', served.controller.following_error(output, q)) if (
-            output.is_far) else None
-        return self.command.answer(
-            state.stamp, q, output.velocity, output, verdict.dt, served.controller.braked, fault)
-
-    def _count(self, verdict: StateVerdict, output: ControlOutput, now: float) -> None:
-        counters = self.counters
-        counters.answered_at = now
-        counters.states += 1
-        counters.following = output.sample is not None
+        """Count and publish what follows from a state, after its command."""
+        counters, output, verdict = self.counters, answer.output, answer.verdict
+        counters.answered_at, counters.following = now, output.has_reference
         if verdict.is_new:
-            counters.timing.happened(now)
+            counters.arrivals.append(now)
         else:
             counters.repeated += 1
+        if served.loop.monitor.is_other_clock:
+            self._look_for_replay(state.stamp_ns)
+        elif counters.replay.text:
+            counters.replay.reset()
+        if v is None or counters.velocities != 'measured' or (
+                output.scale != self._log.bandwidth_scale):
+            self._log.quality(served.loop, v is None, output)
+        if served.loop.notice:
+            self._log.warn('notice', served.loop.notice)
+            served.loop.notice = ''
+        for count in self._counts:
+            if count():
+                self._publish(state, served, answer)
+                break
+        estimates = self.estimates
+        wanted = estimates.is_on or estimates.is_lacking or (
+            estimates.external_limit is not None or self.payload_samples.is_on
+            or self.markers.is_on or not served.check.done)
+        for count in estimates.counts:
+            wanted = wanted or count() > 0
+        if wanted:
+            self._estimate(served, state, answer, q, v)
+
+    def _estimate(
+        self, served: _Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
+        v: FloatArray | None,
+    ) -> None:
+        output, verdict = answer.output, answer.verdict
+        v = v if v is not None else output.velocity
+        gravity = output.robot_gravity
+        self.estimates.look(served.reader, state, q, v, verdict, gravity)
+        self.payload_samples.take(served.reader, state, q, v, verdict, gravity)
+        if self.estimates.external_limit is not None:
+            joint = self.estimates.excess()
+            if joint is not None:
+                self._fail_by_external_effort(served, joint)
+        if self.markers.is_on:
+            self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
+        if not served.check.done:
+            served.check.look(
+                served.reader, state, q, v, gravity,
+                answer.effort if self.command.has_listeners() else None)
 
     def _fail_by_external_effort(self, served: _Served, j: int) -> None:
         effort, limit = self.estimates.external_effort, self.estimates.external_limit
@@ -327,24 +329,24 @@ class ControlPath:
                 f'expected at most {limit[j]:.3g} (external_effort_limit)',
                 recovery=EXTERNAL_RECOVERY))
 
-    def _has_several_publishers(self) -> bool:
-        return self._count_publishers() > 1
-
     def _has_age(self) -> bool:
         """Return whether stamps have an age: with use_sim_time they have none."""
         return not self._node.get_clock().ros_time_is_active
 
-    def _publish(self, state: SensedState, served: _Served, output: ControlOutput) -> None:
-        template = served.template
-        self._send_gravity(template.filled(state.stamp, output.gravity_compensation))
-        if output.computed_torque is not None:
+    def _publish(self, state: SensedState, served: _Served, answer: LoopAnswer) -> None:
+        template, output = served.template, answer.output
+        gravity, computed_torque, terms_count, reference_count = (
+            count() for count in self._counts)
+        if gravity:
+            self._send_gravity(template.filled(state.stamp, output.gravity_compensation))
+        if computed_torque and output.computed_torque is not None:
             self._send_computed_torque(template.filled(state.stamp, output.computed_torque))
-        if self._count_terms():
-            terms = served.controller.terms()
+        if terms_count:
+            terms = output.terms
             if terms is not None:
                 self._terms.publish(
                     terms_to_ros(terms, served.names, stamp_to_ros(state.stamp_ns)))
-        if output.sample is not None and self._count_reference():
-            position, velocity, _ = output.sample()
-            self._reference.publish(
-                served.reference_template.filled(state.stamp, position, velocity))
+        reference = output.reference if reference_count else None
+        if reference is not None:
+            self._reference.publish(served.reference_template.filled(
+                state.stamp, reference.position, reference.velocity))

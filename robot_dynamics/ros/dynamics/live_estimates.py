@@ -165,8 +165,12 @@ class LiveEstimates:
             node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
-        self._estimates: Estimates | None = None
-        self._is_on = self._is_lacking = False
+        self.counts = (*self._counts, *self._deviation_counts)
+        """Functions that return the number of subscribers of each topic."""
+        self.estimates: Estimates | None = None
+        """The estimators in use, None without a model."""
+        self.is_on = self.is_lacking = False
+        """Whether the estimators run, and whether subscribers lack the estimates."""
         self._words = NO_SUBSCRIBERS
         self._stamp = 0
         self.external_effort: FloatArray | None = None
@@ -177,11 +181,11 @@ class LiveEstimates:
 
     def use(self, estimates: Estimates) -> None:
         """Use these estimators from the next state on."""
-        self._estimates, self._is_on = estimates, False
+        self.estimates, self.is_on = estimates, False
 
     def forget(self) -> None:
         """Stop to estimate."""
-        self._estimates = None
+        self.estimates = None
         self._rest()
 
     def look(
@@ -189,7 +193,7 @@ class LiveEstimates:
         v: FloatArray | None, judgement: StateVerdict, robot_gravity: FloatArray,
     ) -> None:
         """Take a state whose command is published; `robot_gravity` (n,) is g(q) without a load."""
-        estimates = self._estimates
+        estimates = self.estimates
         has_subscribers, has_residual = self._has_subscribers(estimates)
         is_limited = self.external_limit is not None
         wanted = has_subscribers or is_limited or self._is_external_wanted(), has_residual
@@ -220,7 +224,7 @@ class LiveEstimates:
         return j if ratio[j] > 1.0 else None
 
     def _rest(self) -> None:
-        self._is_on, self._is_lacking, self._words = False, False, NO_SUBSCRIBERS
+        self.is_on, self.is_lacking, self._words = False, False, NO_SUBSCRIBERS
         self.external_effort = None
 
     def _take(
@@ -264,11 +268,11 @@ class LiveEstimates:
         reason = judgement.restart
         if not reason and not 0.0 < dt <= LONGEST_STEP:
             reason = 'gap'
-        if self._is_on and reason:
+        if self.is_on and reason:
             self._restarts[reason] += 1
-        if reason or not self._is_on:
+        if reason or not self.is_on:
             estimates.restart()
-        self._is_on, self._is_lacking, self._words = True, False, 'made'
+        self.is_on, self.is_lacking, self._words = True, False, 'made'
         return dt
 
     def _lack(self, words: str, has_subscribers: bool) -> None:
@@ -276,12 +280,12 @@ class LiveEstimates:
         self._rest()
         if not has_subscribers:
             return
-        self._is_lacking, self._words = True, f'none: {words}'
+        self.is_lacking, self._words = True, f'none: {words}'
         self._node.get_logger().warning(
             f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""
         restarts = dict(self._restarts)  # an atomic copy, because another thread counts
-        return Status('estimates', WARN if self._is_lacking else OK, self._words, {
+        return Status('estimates', WARN if self.is_lacking else OK, self._words, {
             f'reset: {reason}': count for reason, count in sorted(restarts.items())})

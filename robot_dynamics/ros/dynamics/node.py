@@ -22,8 +22,8 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.loop_warnings import loop_warnings
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
@@ -118,7 +118,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10,
             refuse=self._refuse_trajectory)
-        self._report = StateReport(self._path.counters)
+        self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
             self._path.on_state, self._path.refuse,
@@ -137,11 +137,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.trigger_activate()
 
     def request_shutdown(self) -> None:
-        """Start to ramp the effort to zero, also while a service is computing, and log it."""
+        """Begin to stop the arm and ramp the effort to zero, also during a service; log it."""
         was_commanding = self._path.command.is_commanding
         self._path.command.request_shutdown()
         self.get_logger().info(
-            'Ending: the command ramps to zero.' if was_commanding else
+            'Ending: the arm stops, then the command ramps to zero.' if was_commanding else
             'Ending: no command was active.')
 
     def destroy_node(self) -> None:
@@ -207,7 +207,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return response
 
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = True, self._path.references.stop()
+        loop = self._path.loop
+        response.success = True
+        response.message = 'nothing to stop: no model yet' if loop is None else loop.stop()
         self.get_logger().info(f'~/stop: {response.message}')
         return response
 
@@ -217,29 +219,29 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         values = self._settings.values
         options = options_from(values, arm)
         self._payloads.check(arm)
-        controller = Controller(arm, options)
+        controller = Controller(arm, options, lock=self._path.lock)
         self._payloads.use(controller)
         self._gravity.use(controller)
         check = EffortCheck(self, arm, options.semantics, values['effort_check'])
-        watch = StateMonitor(
+        monitor = StateMonitor(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
-        estimates = Estimates(controller, options.semantics, values)
-        self._path.use(
-            controller, watch, check, estimates, guard_limits(values, arm),
-            safety_options(values), is_embedded)
+        loop = ControlLoop(
+            controller, guard_limits(values, arm), safety_options(values), monitor,
+            self._path.loop)
+        self._path.use(loop, check, Estimates(controller, options.semantics, values), is_embedded)
         self._limit_path(values, arm)
         self._path.markers.use(controller, parse_urdf(xml).root_link)
         self._dynamics_services.use(controller)
         self._estimation.use(options.semantics)
         self._arm, self._controller = arm, controller
-        self._effort_check, self._estimates = check, estimates
-        self._warn_of_loop(controller, options)
+        self._effort_check, self._estimates = check, self._path.estimates.estimates
+        self._warn_of_loop(controller)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
             self.get_logger().info(f'Joint {name!r} is locked at {position:g}')
 
-    def _warn_of_loop(self, controller: Controller, options: ControllerOptions) -> None:
-        for warning in loop_warnings(controller.workspace, options):
+    def _warn_of_loop(self, controller: Controller) -> None:
+        for warning in loop_warnings(controller):
             self.get_logger().warning(warning)
 
     # ------------------------------------------------------------------ parameters
@@ -257,33 +259,38 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._estimates.set_bandwidths(values)
         if self._controller is not None and self._arm is not None:
             options = options_from(values, self._arm)
-            if values['command'] != self._settings.values['command']:
-                self._path.references.note_lost(f'command was set to {values["command"]!r}')
-            self._controller.set_options(options)
+            loop = self._path.loop
+            if loop is not None:
+                loop.set_options(
+                    options, guard_limits(values, self._arm), safety_options(values))
+                self._path.command.notify()
             self._gravity.take(values)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
-                self._warn_of_loop(self._controller, options)
-            self._path.command.set_options(
-                guard_limits(values, self._arm), safety_options(values))
+                self._warn_of_loop(self._controller)
             self._limit_path(values, self._arm)
 
     def _limit_path(self, values: Values, arm: ArmModel) -> None:
         limit = optional_limits('external_effort_limit', values, arm)
         self._path.set_limits(
-            values['state_max_age'], values['joint_sample_max_age'], values['reference_timeout'],
+            values['state_max_age'], values['joint_sample_max_age'],
             None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
 
     # ------------------------------------------------------------------ the reference
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         try:
-            if self._controller is None:
-                raise InvalidInputError('no model yet: no trajectory can be followed')
-            trajectory = trajectory_from_ros(message, self._controller.arm.joint_names)
-            self._path.references.follow(trajectory, stamp_from_ros(message.header.stamp))
+            loop = self._loop_in_use()
+            trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
+            loop.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
         except Exception as error:  # an exception here would end the spin of rclpy
             self._refuse_trajectory(error)
+
+    def _loop_in_use(self) -> ControlLoop:
+        loop = self._path.loop
+        if loop is None:
+            raise InvalidInputError('no model yet: no trajectory can be followed')
+        return loop
 
     def _refuse_trajectory(self, error: Exception) -> None:
         before, self._refusal = self._refusal, describe_error(error)
@@ -316,16 +323,16 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
 
     def _reference_status(self) -> Status:
-        counters, controller = self._path.counters, self._controller
-        level, words = WARN if self._refusal else OK, 'following' if counters.following else 'none'
-        if counters.interruption:
-            level, words = WARN, f'ended early: {counters.interruption}'
+        loop, following = self._path.loop, self._path.counters.following
+        level, words = WARN if self._refusal else OK, 'following' if following else 'none'
+        if loop is not None and loop.interruption:
+            level, words = WARN, f'ended early: {loop.interruption}'
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
-            'streams that paused': counters.paused_streams,
-            'slowed down by': 1.0 if controller is None else round(controller.slowness, 3),
+            'streams that paused': 0 if loop is None else loop.paused_streams,
+            'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
             'share of the gains that the state rate allows':
-                1.0 if controller is None else round(controller.bandwidth_scale, 3)})
+                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3)})
 
 
 def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:

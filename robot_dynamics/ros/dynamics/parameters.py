@@ -27,7 +27,12 @@ from robot_dynamics.control.control_law import (
 )
 from robot_dynamics.control.controller import command_modes
 from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.options import (
+    ControllerOptions,
+    default_effort_rates,
+    DEFAULT_STATE_MAX_AGE,
+    POSITION_MARGIN,
+)
 from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
@@ -46,11 +51,6 @@ from robot_dynamics.ros.robot_description import (
     UNCERTAINTY_SPECS,
 )
 
-FULL_EFFORT_TIME = 0.1
-"""Default time [s] in which the command may change by the effort limit of a joint."""
-DEFAULT_EFFORT_RATE = 1000.0
-"""Default rate of change [N·m/s] or [N/s] for a joint without an effort limit."""
-REFERENCE_LOSS = ('hold', 'gravity_compensation')
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
@@ -65,8 +65,9 @@ SAFETY_SPECS = (
         minimum=0.0, maximum=3600.0),
     ParameterSpec(
         'ramp_time', Type.DOUBLE, 0.5,
-        'Duration [s] of the ramp of the efforts to zero after a fault, at deactivation and '
-        'at shutdown. The ramp takes longer if effort_rate_limit requires it.',
+        'Duration [s] of the ramp of the efforts to zero after a fault and, once the arm has '
+        'stopped, at deactivation and at shutdown. The ramp takes longer if effort_rate_limit '
+        'requires it.',
         minimum=0.0, maximum=60.0),
     ParameterSpec(
         'state_timeout', Type.DOUBLE, 0.05,
@@ -74,7 +75,7 @@ SAFETY_SPECS = (
         'gap is a fault.',
         minimum=0.001, maximum=60.0),
     ParameterSpec(
-        'state_max_age', Type.DOUBLE, 0.2,
+        'state_max_age', Type.DOUBLE, DEFAULT_STATE_MAX_AGE,
         'Largest difference [s] between the stamp of a joint state and the clock of this '
         'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the '
         'stamps come from another clock; the limit then applies to the change of its offset. '
@@ -82,14 +83,9 @@ SAFETY_SPECS = (
         minimum=0.0, maximum=60.0),
     ParameterSpec(
         'reference_timeout', Type.DOUBLE, 0.1,
-        'Longest pause [s] of a stream of moving set-points. After a longer pause '
-        'reference_loss takes effect.',
+        'Longest pause [s] of a stream of moving set-points. After a longer pause the arm stops '
+        'and holds its position.',
         minimum=0.001, maximum=60.0),
-    ParameterSpec(
-        'reference_loss', Type.STRING, REFERENCE_LOSS[0],
-        'Reaction to a reference that ends early (fault, paused stream, restart of the joint '
-        'states): hold stops the arm within its limits and holds the position, '
-        'gravity_compensation removes the feedback, for hand guiding.', choices=REFERENCE_LOSS),
     ParameterSpec(
         'condition_references', Type.BOOL, True,
         'Limit every reference to velocities, accelerations and jerks that the arm can '
@@ -120,7 +116,7 @@ SAFETY_SPECS = (
         'Largest rate of change [N m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.', minimum=0.0, maximum=1e9),
     ParameterSpec(
-        'position_margin', Type.DOUBLE, 0.01,
+        'position_margin', Type.DOUBLE, POSITION_MARGIN,
         'Distance [rad] or [m] before a position limit from which no effort may accelerate '
         'the joint toward the limit.',
         minimum=0.0, maximum=10.0),
@@ -141,7 +137,8 @@ SPECS = (
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',
         'Control law whose efforts effort_command contains; none publishes no command. '
-        'computed_torque compensates gravity while there is no reference.',
+        'computed_torque stops the arm from the first joint state and holds it; '
+        'gravity_compensation does not hold it. Other packages may add laws.',
         choices=command_modes()),
     ParameterSpec(
         'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
@@ -161,9 +158,8 @@ SPECS = (
         'joints or one per joint.', minimum=0.0, maximum=1e8),
     ParameterSpec(
         'soften_gains', Type.BOOL, True,
-        'Scale the gains down to the values that the rate of the joint states allows and, for '
-        'large errors, that effort_rate_limit allows. If false, a disturbance can make the '
-        'arm oscillate.'),
+        'Scale the gains down to the values that rate and noise of the joint states allow. If '
+        'false, the arm can oscillate.'),
     ParameterSpec(
         'friction_compensation', Type.STRING, 'reference',
         'Velocity at which computed torque compensates friction: reference uses the velocity '
@@ -226,8 +222,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     return ControllerOptions(
         gains, values['command'], values['effort_scale'], values['friction_compensation'],
         torque_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
-        values['condition_references'], values['infeasible_trajectory'] != 'reject',
-        values['reference_loss'] == 'hold',
+        values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
         optional_limits('following_error_limit', values, arm), values['reference_timeout'],
         not values['require_measured_velocities'], checks_goals=True,
         clips_positions=values['infeasible_trajectory'] == 'clip')
@@ -241,10 +236,7 @@ def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | No
 def effort_rates(values: Values, arm: ArmModel) -> FloatArray:
     """Return the largest rates of change of the command, (n,) [N·m/s] or [N/s]."""
     rate = values['effort_rate_limit']
-    if rate > 0.0:
-        return np.full(arm.joint_count, rate)
-    limit = arm.given_drive.limit
-    return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
+    return np.full(arm.joint_count, rate) if rate > 0.0 else default_effort_rates(arm)
 
 
 def torque_rates(values: Values, arm: ArmModel) -> FloatArray:

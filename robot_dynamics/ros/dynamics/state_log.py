@@ -18,8 +18,9 @@ import math
 import time
 
 from rclpy.node import Node
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.monitoring.velocity_estimate import SPAN
 from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 from robot_dynamics.ros.message_loop import LOG_PERIOD
@@ -88,22 +89,31 @@ class StateLog:
             self._refused = words
             self._node.get_logger().error(self._counters.last_drop)
 
-    def velocities(self, controller: Controller, v: FloatArray | None) -> None:
+    def quality(self, loop: ControlLoop, is_estimated: bool, output: ControlOutput) -> None:
+        """Log the source of the velocities, their contradictions and the gain scaling."""
+        controller, v = loop.controller, output.velocity
+        source = 'measured' if not is_estimated else (
+            'estimated from positions' if v is not None else 'missing')
+        if is_estimated and (v is not None or not controller.estimates_velocity):
+            self._velocities(source)
+        self._counters.velocities = source if v is not None or not is_estimated else (
+            self._counters.velocities)
+        if output.scale != self.bandwidth_scale:
+            self._bandwidth(controller)
+
+    def _velocities(self, source: str) -> None:
         """Log once that the joint states have no velocities, and the effect of that."""
-        if v is None and controller.estimates_velocity:
-            return  # an estimate needs a second state
-        source = 'estimated from positions' if v is not None else 'missing'
         if source == self._counters.velocities:
             return
         self._counters.velocities = source
         self._node.get_logger().warning(
             'The joint states have no velocities: only gravity is compensated, and no reference '
             'is followed. Publish velocities, or set require_measured_velocities to false.'
-            if v is None else
+            if source == 'missing' else
             'The joint states have no velocities: they are estimated from the positions, over '
             f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if necessary.')
 
-    def bandwidth(self, controller: Controller) -> None:
+    def _bandwidth(self, controller: Controller) -> None:
         """Log the gain scaling if it has changed much."""
         scale = self.bandwidth_scale = controller.bandwidth_scale
         if not controller.knows_quality or (

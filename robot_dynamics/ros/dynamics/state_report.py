@@ -14,8 +14,10 @@
 
 """The statuses of the joint states on /diagnostics: dropped messages, and timing."""
 
+from collections.abc import Callable
 import time
 
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 
@@ -23,8 +25,11 @@ from robot_dynamics.ros.dynamics.control_counters import ControlCounters
 class StateReport:
     """Reports whether joint states arrive, how regularly, and why some were dropped."""
 
-    def __init__(self, counters: ControlCounters) -> None:
-        self._counters = counters
+    def __init__(
+        self, counters: ControlCounters, loop: Callable[[], ControlLoop | None],
+    ) -> None:
+        """`loop` returns the control loop, or None without a model."""
+        self._counters, self._loop = counters, loop
         self._dropped_before = 0
         self._dropped_at = -float('inf')
 
@@ -35,13 +40,17 @@ class StateReport:
         An interval of more than half of `state_timeout` [s] is a warning.
         """
         now = time.monotonic()
-        timing = self._counters.timing.look(now)
+        arrivals, events = self._counters.arrivals, self._counters.timing
+        for _ in range(len(arrivals)):
+            events.happened(arrivals.popleft())
+        timing = events.look(now)
         return [self._arrival(now, timing.rate), self._timing(state_timeout)]
 
     def _arrival(self, now: float, rate: float) -> Status:
         counters = self._counters
         # Atomic copies: the control path counts in another thread.
-        drops, restarts = dict(counters.dropped), dict(counters.restarts)
+        loop = self._loop()
+        drops, restarts = dict(counters.dropped), {} if loop is None else dict(loop.restarts)
         dropped = sum(drops.values()) - drops.get('other joints', 0)
         if dropped > self._dropped_before:
             self._dropped_before, self._dropped_at = dropped, now
@@ -56,8 +65,10 @@ class StateReport:
                     '(joint_sample_max_age)')
         if counters.replay.text:
             level, words = max(level, WARN), f'{words}; {counters.replay.text}'
+        if loop is not None and not loop.consistency.is_consistent:
+            level, words = max(level, WARN), f'{words}; {loop.consistency.reason}'
         return Status('joint states', level, words, {
-            'answered': counters.states,
+            'answered': 0 if loop is None else loop.states,
             'not new (stamp repeated)': counters.repeated,
             'parts of a state': counters.incomplete,
             'velocities': counters.velocities,

@@ -1,0 +1,255 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Processor instructions per joint state in `dynamics_node`, up to the command.
+
+The benchmark counts instructions with callgrind (valgrind) instead of timing them, so that the
+figures repeat to about 0.5 % on a busy machine. A `DynamicsNode` for an arm of 7 joints runs in a
+process under callgrind. The main thread passes serialized joint states to `MessageLoop._deliver`.
+Counting starts at the call of `_deliver` and ends when the publish call of `effort_command`
+returns. The figure in brackets ends before this publish call. Both figures include:
+
+- the attempt of `_deliver` to take another message, which finds none;
+- decoding, checks, control law, supervisor and serialization of the command.
+
+They do not include the wait for the message and its take, `~/commands` and all that follows the
+command, the other threads of the process, and garbage collection (it is disabled). There are no
+subscribers. The cost of starting and ending the count is measured separately and subtracted.
+
+The stamps advance by exactly 2 ms per state, although a message takes longer under callgrind: with
+the current time as stamp, the measured state rate drops and varies, the node adapts its gains to
+it, and the figures vary by 30 %. `state_max_age` is 60 s, so that the slower stamps are accepted.
+
+Needs valgrind with its header `callgrind.h`, and a C compiler (Debian, Ubuntu: valgrind, gcc).
+"""
+
+from collections.abc import Callable, Mapping
+import ctypes
+import gc
+import os
+from pathlib import Path
+import re
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+from benchmarks.processes import arm_file, module
+import numpy as np
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from robot_dynamics.ros import rclpy_internals
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+JOINTS = 7
+NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
+PERIOD = 2_000_000
+"""[ns] from one stamp to the next."""
+WARM_UP = 300
+"""States after which rate and noise of the states are known, and all gains have their values."""
+MESSAGES = 200
+COMMAND_TOPIC = 'effort_command'
+EMPTY, PUBLISHED, UNPUBLISHED = 'empty', 'published', 'unpublished'
+MODES = {'gravity_compensation': False, 'trajectory': True}
+"""Whether the node follows a trajectory."""
+ENVIRONMENT = {
+    'PYTHONHASHSEED': '0', 'OPENBLAS_NUM_THREADS': '1', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+COUNTER_SOURCE = """
+#include <valgrind/callgrind.h>
+void start_instrumentation(void) { CALLGRIND_START_INSTRUMENTATION; }
+void toggle(void) { CALLGRIND_TOGGLE_COLLECT; }
+void dump(const char *name) { CALLGRIND_DUMP_STATS_AT(name); }
+"""
+"""Requests to callgrind; `toggle` starts or ends counting in the calling thread."""
+
+
+def main() -> None:
+    """Print the instructions per message of both modes."""
+    missing = [name for name in ('valgrind', 'cc') if shutil.which(name) is None]
+    if missing:
+        sys.exit(f'instructions: needs {" and ".join(missing)} (Debian, Ubuntu: apt-get install '
+                 'valgrind gcc)')
+    with tempfile.TemporaryDirectory() as directory:
+        counts = _counts(Path(directory))
+    for mode in MODES:
+        print(f'{mode:22}{counts[mode, PUBLISHED]:9,.0f} instructions per message up to the '
+              f'command ({counts[mode, UNPUBLISHED]:,.0f} without its publish call)')
+
+
+def _counts(directory: Path) -> dict[tuple[str, str], float]:
+    """Run the node under callgrind; return the instructions per message by mode and end."""
+    source, library = directory / 'counter.c', directory / 'counter.so'
+    source.write_text(COUNTER_SOURCE, encoding='ascii')
+    subprocess.run(['cc', '-shared', '-fPIC', '-O2', '-o', library, source], check=True)
+    subprocess.run(  # rclpy may replace its process by another one: --trace-children
+        ['valgrind', '--quiet', '--tool=callgrind', '--trace-children=yes', '--instr-atstart=no',
+         '--collect-atstart=no', f'--callgrind-out-file={directory}/counts.%p',
+         *module('benchmarks.instructions', str(library))],
+        env={**os.environ, **ENVIRONMENT}, check=True)
+    found: dict[tuple[str, str], float] = {}
+    for path in directory.glob('counts.*'):
+        text = path.read_text(encoding='utf-8', errors='replace')
+        label = re.search(r'^desc: Trigger: Client Request: (\w+)-(\w+)$', text, re.MULTILINE)
+        total = re.search(r'^totals: (\d+)$', text, re.MULTILINE)
+        if label is not None and total is not None:
+            found[label[1], label[2]] = int(total[1]) / MESSAGES
+    empty = found[EMPTY, EMPTY]
+    return {key: count - empty for key, count in found.items()}
+
+
+# ------------------------------------------------------------------- the process under callgrind
+
+class Counter:
+    """Counts the instructions of the main thread, with the requests of COUNTER_SOURCE."""
+
+    def __init__(self, library: str) -> None:
+        functions = ctypes.CDLL(library)
+        self.toggle: Callable[[], object] = functions.toggle
+        """Starts or ends counting."""
+        self._dump = functions.dump
+        functions.start_instrumentation()
+
+    def store(self, mode: str, end: str) -> None:
+        """Write the count to a file, and start the next one at 0."""
+        self._dump(f'{mode}-{end}'.encode('ascii'))
+
+
+class CommandPublisher:
+    """Publishes the command by the function `publish`, which can be replaced at any time."""
+
+    def __init__(self, publish: Callable[[bytes], None]) -> None:
+        self.original = self.publish = publish
+
+    def __call__(self, data: bytes) -> None:
+        self.publish(data)
+
+
+class NodeUnderTest:
+    """A `DynamicsNode` that gets its joint states from the main thread."""
+
+    def __init__(self, urdf: str) -> None:
+        """`robot_dynamics.ros` must not have been imported beyond `rclpy_internals`."""
+        self.commands: list[CommandPublisher] = []
+        original = rclpy_internals.raw_publish
+
+        def raw_publish(publisher: Any) -> Callable[[bytes], None]:
+            publish = original(publisher)
+            if publisher.topic_name.split('/')[-1] != COMMAND_TOPIC:
+                return publish
+            self.commands.append(CommandPublisher(publish))
+            return self.commands[-1]
+
+        rclpy_internals.raw_publish = raw_publish  # before other modules import it
+        from robot_dynamics.ros.dynamics.node import DynamicsNode
+
+        self._stamp = time.time_ns()
+        self._data = bytearray(serialize_message(
+            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
+        parameters: Mapping[str, Any] = {
+            'robot_description_file': urdf, 'state_timeout': 10.0, 'state_max_age': 60.0,
+            'effort_check': False}
+        self._node = DynamicsNode(parameter_overrides=[
+            Parameter(name, value=value) for name, value in parameters.items()])
+        self.deliver: Callable[[bytes], None] = self._node._loop._deliver
+
+    def next_state(self) -> bytes:
+        """Return a joint state, PERIOD after the last one."""
+        self._stamp += PERIOD
+        self._data[4:12] = struct.pack('<iI', *divmod(self._stamp, 1_000_000_000))
+        return bytes(self._data)
+
+    def set_command(self, command: str) -> None:
+        """Set the parameter `command`."""
+        result, = self._node.set_parameters([Parameter('command', value=command)])
+        if not result.successful:
+            raise RuntimeError(result.reason)
+
+    def follow(self) -> None:
+        """Follow a trajectory that does not end."""
+        message = JointTrajectory(joint_names=NAMES)
+        for seconds, position in ((1, 0.1), (100_000, 0.2)):
+            point = JointTrajectoryPoint(
+                positions=[position] * JOINTS, velocities=[0.0] * JOINTS,
+                accelerations=[0.0] * JOINTS)
+            point.time_from_start.sec = seconds
+            message.points.append(point)
+        self._node._on_trajectory(message)
+
+    def close(self) -> None:
+        """Check that the node answered every state, ramp the command to zero, destroy the node."""
+        counters = self._node._path.counters
+        if counters.dropped or not counters.following:
+            raise RuntimeError(f'states were dropped or no trajectory was followed: {counters}')
+        self._node.destroy_node()
+
+
+def _run(library: str) -> None:
+    """Count in this process, which runs under callgrind."""
+    counter = Counter(library)
+    rclpy.init(args=['--ros-args', '--log-level', 'error'])
+    with arm_file(JOINTS) as urdf:
+        node = NodeUnderTest(urdf)
+    for _ in range(MESSAGES):
+        counter.toggle()
+        counter.toggle()
+    counter.store(EMPTY, EMPTY)
+    with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
+        for mode, follows in MODES.items():
+            node.set_command('computed_torque' if follows else mode)
+            if follows:
+                node.follow()
+            for end in (PUBLISHED, UNPUBLISHED):
+                _count(node, counter, end == PUBLISHED)
+                counter.store(mode, end)
+    node.close()
+    rclpy.try_shutdown()
+
+
+def _count(node: NodeUnderTest, counter: Counter, with_publish: bool) -> None:
+    """Count the instructions of MESSAGES states from `_deliver` to the command."""
+    command, = node.commands
+    publish, toggle = command.original, counter.toggle
+
+    def publish_and_end(data: bytes) -> None:
+        publish(data)
+        toggle()
+
+    def end_and_publish(data: bytes) -> None:
+        toggle()
+        publish(data)
+
+    for _ in range(WARM_UP):
+        node.deliver(node.next_state())
+    gc.collect()
+    gc.disable()
+    command.publish = publish_and_end if with_publish else end_and_publish
+    for _ in range(MESSAGES):
+        state = node.next_state()
+        toggle()
+        node.deliver(state)
+    command.publish = publish
+    gc.enable()
+
+
+if __name__ == '__main__':
+    if len(sys.argv) > 1:
+        _run(sys.argv[1])
+    else:
+        main()

@@ -1,0 +1,462 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The control loop: from a measured state to the effort that is commanded, without ROS.
+
+The node `dynamics`, the benchmark `safe_motion` and the tests use this class. A state passes, in
+this order: its plausibility (`state_plausibility`), the check of its velocities
+(`motion_consistency`), the control law with its reference (`controller`), the limits of the effort
+(`effort_limiter`) and the supervisor (`supervisor`).
+
+With a law that follows references, the arm always has a reference while it is commanded: it stops
+from the first measured state, and after each fault, and is held there. Before the command ends
+(`deactivate`, `command: none`) the arm stops and is held; then the effort is ramped to zero.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
+from robot_dynamics.control.controller import Controller, NO_COMMAND
+from robot_dynamics.control.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.laws import ControlLaw
+from robot_dynamics.control.options import (
+    ControllerOptions,
+    default_effort_rates,
+    DEFAULT_STATE_MAX_AGE,
+    POSITION_MARGIN,
+)
+from robot_dynamics.control.setpoint_stream import SetPointStream
+from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.monitoring.motion_consistency import MotionConsistency
+from robot_dynamics.monitoring.state_plausibility import (
+    CONTRADICTION,
+    ImplausibleStateError,
+    StateMonitor,
+    StateVerdict,
+)
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+
+AT_REST = 0.002
+"""[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
+REST_TIME_NS = 100_000_000
+"""[ns]"""
+LONGEST_STEP = 0.05
+"""[s] between two states for which the motion of a frozen joint is predicted."""
+
+
+class LoopAnswer(NamedTuple):
+    """
+    The answer to a state: the effort to publish (n,), or None, and what led to it.
+
+    `limits` are the limits that have changed the effort, None if there are none.
+    """
+
+    effort: FloatArray | None
+    output: ControlOutput
+    verdict: StateVerdict
+    limits: ActiveLimits | None = None
+
+
+class _FrozenJoints:
+    """The motion of joints without a signal, predicted while the arm is damped in a fault."""
+
+    def __init__(self, marks: Any, reference: Reference | None, q: FloatArray) -> None:
+        self.marks = marks
+        self._q = q.copy() if reference is None else np.where(marks, reference.position, q)
+        self._v = np.zeros_like(q) if reference is None else np.where(
+            marks, reference.velocity, 0.0)
+
+    def predict(
+        self, dt: float, damping: FloatArray, q: FloatArray, v: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
+        decay = np.exp(-damping * min(max(dt, 0.0), LONGEST_STEP))
+        self._q = self._q + self._v * dt
+        self._v = decay * self._v
+        return np.where(self.marks, self._q, q), (
+            None if v is None else np.where(self.marks, self._v, v))
+
+
+class ControlLoop:
+    """
+    Controls one arm; safe to call from several threads.
+
+    `answer` takes the states. Times are those of a steady clock [s], stamps [ns] those of the
+    states.
+    """
+
+    def __init__(
+        self, controller: Controller, limits: EffortLimits, safety: SafetyOptions,
+        monitor: StateMonitor | None = None, before: 'ControlLoop | None' = None,
+    ) -> None:
+        """
+        Control the arm of a controller, whose lock the loop shares; `activate` begins.
+
+        `before` is the loop of an earlier model. For the same joints the effort continues from its
+        last one without a step; a latched fault persists in any case.
+        """
+        arm = controller.arm
+        self.controller, self.lock = controller, controller.lock
+        self.monitor = StateMonitor(
+            arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
+        ) if monitor is None else monitor
+        self.consistency = MotionConsistency(arm.joint_names, arm.joint_kinds)
+        self.stream = SetPointStream(controller.options.stream_timeout)
+        self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
+        self.is_active = False
+        self.interruption = ''
+        """Reason why the last reference ended early, until the next reference."""
+        self.notice = ''
+        """Message for the operator; the caller that logs it sets it to an empty string."""
+        self.restarts: Counter[str] = Counter()
+        self.paused_streams = 0
+        self.states = 0
+        """Number of answered states."""
+        self._steady = 0.0
+        self._next_options: ControllerOptions | None = None
+        self._frozen: _FrozenJoints | None = None
+        self._doubt = ''
+        self._rest: tuple[int, FloatArray] | None = None
+        self._fault_count = 0
+        if before is not None:
+            self._continue(before)
+
+    @classmethod
+    def of_arm(
+        cls, arm: ArmModel, law: ControlLaw | None = None, **options: Any,
+    ) -> 'ControlLoop':
+        """
+        Return an active loop with the default parameters of the node `dynamics`.
+
+        `options` replace those of `ControllerOptions`, such as `gains` or `command`.
+        """
+        rates = default_effort_rates(arm)
+        defaults: dict[str, Any] = {
+            'gains': make_gains(arm.joint_names), 'effort_rate': (
+                rates if arm.drive is None else arm.drive.scale * rates),
+            'softens_gains': True, 'conditions_references': True, 'stops_and_holds': True,
+            'estimates_velocity': True, 'checks_goals': True}
+        limits = arm.limits
+        loop = cls(
+            Controller(arm, ControllerOptions(**{**defaults, **options}), law),
+            EffortLimits(limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rates),
+            SafetyOptions())
+        loop.activate()
+        return loop
+
+    def _continue(self, before: 'ControlLoop') -> None:
+        old, new = before.supervisor, self.supervisor
+        if before.controller.arm.joint_names == self.controller.arm.joint_names:
+            old.set_options(new.limiter.limits, new.options)
+            self.supervisor, self._fault_count = old, old.fault_count
+        elif old.is_latched:
+            new.fault = old.fault
+        if before.is_active:
+            self.activate()
+
+    # ------------------------------------------------------------------ requests
+
+    def activate(self) -> None:
+        """Command efforts from the next state on."""
+        with self.lock:
+            self.is_active = True
+            self.supervisor.activate()
+
+    def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
+        """Stop the arm, hold it, ramp the effort to zero, and be inactive."""
+        with self.lock:
+            self.is_active = False
+            self._end(now, reason)
+
+    def _end(self, now: float, reason: str) -> None:
+        """Begin the stop before the ramp; the reference is that of the stop."""
+        if self.controller.has_reference:
+            self.interruption = reason
+        self.stream.end()
+        was_braking = self.supervisor.mode is Mode.BRAKING
+        if self.supervisor.brake(now) and not was_braking:
+            self._rest = None
+            self.controller.stop()
+
+    def set_options(
+        self, options: ControllerOptions, limits: EffortLimits, safety: SafetyOptions,
+    ) -> None:
+        """Apply options; `command: none` takes effect once the arm has stopped."""
+        with self.lock:
+            controller = self.controller
+            before = controller.options.command
+            if options.command == NO_COMMAND != before and self.supervisor.mode in (
+                    Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
+                self._next_options = options
+                options = replace(options, command=before)
+                self._end(self._steady, "command was set to 'none'")
+            else:
+                if self._next_options is not None:
+                    self._next_options = None
+                    self.supervisor.resume()
+                if options.command != before and controller.has_reference:
+                    self.interruption = f'command was set to {options.command!r}'
+            controller.set_options(options)
+            self.stream.timeout = options.stream_timeout
+            self.supervisor.set_options(limits, safety)
+
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:
+        """
+        Follow a trajectory from `stamp_ns` on, 0 for the newest state.
+
+        Raises TrajectoryError if it cannot be followed.
+        """
+        self._check_follows()
+        prepared = self.controller.prepare(trajectory)
+        with self.lock:
+            self._check_follows()
+            self.controller.start(prepared, stamp_ns)
+            self.stream.arrived(trajectory.is_set_point, self._steady)
+            self.interruption = ''
+
+    def _check_follows(self) -> None:
+        obstacle = self.obstacle
+        if obstacle:
+            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
+
+    @property
+    def obstacle(self) -> str:
+        """The reason why no reference can be followed now, empty if one can."""
+        with self.lock:
+            supervisor = self.supervisor
+            mode, fault = supervisor.mode, supervisor.fault
+            if not self.is_active:
+                return 'the node is not active'
+            if mode is Mode.FAULT and fault is not None:
+                return f'fault {fault.name}: {fault.words}'
+            if mode is Mode.BRAKING:
+                return 'the arm is being stopped, because the command ends'
+            return 'the command is being ramped to zero' if mode is Mode.STOPPING else ''
+
+    def stop(self) -> str:
+        """Stop the arm and hold its position; return a report."""
+        with self.lock:
+            obstacle = self.obstacle
+            if self.supervisor.mode is Mode.FAULT:
+                self.controller.stop_from_state()
+                return f'the arm will stop and hold its position after the {obstacle}'
+            if obstacle:
+                return f'nothing to stop: {obstacle}'
+            self.stream.end()
+            self.interruption = '~/stop was called'
+            return self.controller.stop()
+
+    def fail(self, now: float, fault: Fault) -> None:
+        """Begin the fault action."""
+        with self.lock:
+            self.supervisor.fail(now, fault)
+            self._follow_faults()
+
+    def reset(self) -> tuple[bool, str]:
+        """Reset a latched fault whose cause has ended; return success and a message."""
+        with self.lock:
+            return self.supervisor.reset()
+
+    @property
+    def reference(self) -> Reference | None:
+        """The reference at the last state, or None."""
+        return self.controller.reference
+
+    # ------------------------------------------------------------------ states
+
+    def answer(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, clock_ns: int | None = None,
+        steady_ns: int | None = None, has_several_publishers: Callable[[], bool] = lambda: False,
+        fault: Fault | None = None,
+    ) -> LoopAnswer:
+        """
+        Return the effort for a state (q, v), each (n,); v is None if it is not measured.
+
+        `clock_ns` is the time of this computer and `steady_ns` that of a steady clock, both by
+        default the stamp. `has_several_publishers` is called for an implausible state; `fault` is a
+        fault that the caller has found. Raises ImplausibleStateError and NonFiniteEffortError; the
+        state is then dropped.
+        """
+        with self.lock:
+            clock_ns = stamp_ns if clock_ns is None else clock_ns
+            steady_ns = clock_ns if steady_ns is None else steady_ns
+            now = self._steady = 1e-9 * steady_ns
+            try:
+                verdict = self.monitor.judge(
+                    stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)
+                if verdict.restart or verdict.time_shift or now > self.stream.deadline:
+                    self._follow_time(verdict, now)
+                return self._answer(verdict, q, v, now, fault)
+            except ImplausibleStateError as error:
+                if error.is_conflict:
+                    self.fail(now, Fault(
+                        'several_publishers', str(error), recovery=CONTRADICTION))
+                raise
+            except NonFiniteEffortError as error:
+                self.fail(now, Fault('non_finite', str(error), latched=True))
+                raise
+
+    def _answer(
+        self, verdict: StateVerdict, q: FloatArray, v: FloatArray | None, now: float,
+        fault: Fault | None,
+    ) -> LoopAnswer:
+        controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
+        delay, consistency = 0.0, self.consistency
+        is_consistent = consistency.update(
+            verdict.stamp, q, v, controller.reference_position())
+        if not is_consistent or self._frozen is not None:
+            q, v, delay, frozen = self._judged(q, v, dt or 0.0)
+            fault = fault or frozen
+        output = controller.answer(verdict.stamp, q, v, delay)
+        self.states += 1
+        if output.command is None:
+            supervisor.deactivate(now)
+            return LoopAnswer(None, output, verdict)
+        if not verdict.is_new and not self._awaits_command:
+            return LoopAnswer(supervisor.repeat(), output, verdict)
+        if output.law.is_far:
+            fault = fault or Fault('following_error', controller.following_error(output, q))
+        used, limiter = output.velocity, supervisor.limiter
+        if supervisor.mode is Mode.RUNNING and fault is None and (
+                now - supervisor.last_state <= supervisor.options.state_timeout
+                and limiter.limits.is_clear(q, used)):  # the usual case
+            supervisor.last_state, supervisor.hold = now, output.hold
+            passed = dt if dt is not None else now - supervisor.last_output
+            supervisor.last_output = now
+            effort = limiter.rate_limited(output.command, passed)
+            if effort is output.command and output.scale == 1.0 and (
+                    output.clamped is output.no_joint):
+                return LoopAnswer(effort, output, verdict)
+            no_joint = limiter.limits.no_joint
+            return LoopAnswer(effort, output, verdict, ActiveLimits(
+                no_joint, no_joint, effort != output.command))
+        if self.is_active and supervisor.mode is Mode.INACTIVE:
+            supervisor.activate()
+        effort = supervisor.answer(
+            now, q, used, output.command, output.hold, dt, controller.braked, fault)
+        self._follow_faults()
+        if supervisor.mode is Mode.BRAKING:
+            self._end_when_stopped(verdict.stamp, q, now)
+        return LoopAnswer(effort, output, verdict, limiter.active if (
+            supervisor.mode is Mode.RUNNING) else None)
+
+    @property
+    def _awaits_command(self) -> bool:
+        """Whether a repeated state is answered: a simulation in lock-step waits for a command."""
+        return self.monitor.is_other_clock and self.is_active and self.supervisor.mode in (
+            Mode.INACTIVE, Mode.WAITING)
+
+    def _judged(
+        self, q: FloatArray, v: FloatArray | None, dt: float,
+    ) -> tuple[FloatArray, FloatArray | None, float, Fault | None]:
+        """
+        Return position and velocity to use, the delay of the velocity [s], and a fault.
+
+        The arm stops when a velocity comes into doubt. A joint without a signal is a fault, in
+        which its motion is predicted.
+        """
+        consistency, fault, delay = self.consistency, None, 0.0
+        if v is not None and consistency.doubtful.any():
+            v = consistency.velocity(v)
+            delay = consistency.delay
+            if consistency.reason != self._doubt and not consistency.frozen.any():
+                self._doubt = consistency.reason
+                self.notice = (
+                    f'{consistency.reason}. The velocity is estimated from the position; a '
+                    'motion ends with a stop.')
+                if self.controller.has_reference:
+                    self.interruption = consistency.reason
+                    self.stream.end()
+                    self.controller.stop()
+        if consistency.frozen.any():
+            if self._frozen is None:
+                self._frozen = _FrozenJoints(consistency.frozen, self.reference, q)
+            self._frozen.marks = consistency.frozen
+            fault = Fault('frozen_joint', consistency.reason, recovery=25)
+            q, v = self._frozen.predict(dt, self.controller.fault_damping, q, v)
+        else:
+            self._frozen = None
+        return q, v, delay, fault
+
+    def _end_when_stopped(self, stamp: int, q: FloatArray, now: float) -> None:
+        """Begin the ramp to zero if the arm has stopped."""
+        if self._rest is None or not 0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS:
+            self._rest = stamp, q
+        elif stamp - self._rest[0] >= REST_TIME_NS:
+            has_rested = bool((np.abs(q - self._rest[1]) <= AT_REST).all())
+            self._rest = stamp, q
+            if has_rested and self.controller.has_stopped:
+                self.supervisor.deactivate(now)
+
+    def tick(self, now: float) -> FloatArray | None:
+        """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
+        with self.lock:
+            effort = self.supervisor.tick(now)
+            self._follow_faults()
+            return effort
+
+    def _follow_time(self, verdict: StateVerdict, now: float) -> None:
+        """Restart if the joint states restart, and end a stream of set-points that has paused."""
+        if verdict.restart:
+            self.consistency.restart()
+            if self.states > 0:
+                self.restarts[verdict.restart] += 1
+                self._interrupt(f'joint states restarted: {verdict.restart}')
+                self.controller.restart_states()
+        if verdict.time_shift:
+            self.controller.shift_time(verdict.time_shift)
+            self.consistency.restart()
+        if now > self.stream.deadline:
+            self.stream.end()
+            self.controller.stop()
+            self.paused_streams += 1
+            self.interruption = (
+                'the stream of set-points paused for more than reference_timeout')
+            self.notice = (
+                'The stream of set-points paused for more than reference_timeout: the arm stops '
+                'and holds its position.')
+
+    def _interrupt(self, reason: str) -> None:
+        """End the reference; the arm stops from the next measured state, and is held."""
+        self.stream.end()
+        if self.controller.has_reference:
+            self.interruption = reason
+            self.controller.stop_from_state()
+
+    def _follow_faults(self) -> None:
+        """End the reference when a fault begins; apply the options that await the end."""
+        supervisor, controller = self.supervisor, self.controller
+        if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
+            self._fault_count = supervisor.fault_count
+            self._interrupt(f'fault {supervisor.fault.name}: {supervisor.fault.words}')
+        controller.may_hold = supervisor.mode is not Mode.FAULT
+        if self._next_options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
+            options, self._next_options = self._next_options, None
+            controller.set_options(options)
+
+    def set_monitor_age(self, max_age: float) -> None:
+        """Set the largest age of a state [s], 0 for any age."""
+        if max_age < 0.0:
+            raise InvalidInputError(f'max_age is {max_age}, expected at least 0')
+        self.monitor.max_age = max_age

@@ -1,0 +1,398 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Agreement of the measured velocities with the measured positions, joint by joint.
+
+The integral of the velocity over a window must equal the displacement. The integral e = ∫ v dt − q
+is updated at each state. It is compared with its value at the begin of several windows every
+CHECK seconds, and as soon as it changes by more than noise and encoder resolution can change it.
+The tolerance of a window of length W is the sum of
+
+- FLOOR + SLOW W: resolution of the encoders, backlash, offset of the velocity;
+- RATIO times the larger of integral and displacement: gear ratio and scale of the velocity;
+- NOISE_FACTOR √(N W): white noise of the velocity, N being its power spectral density;
+- the delay of a filtered velocity. For a filter with the impulse response h ≥ 0 the integral is
+  ∫ h(s) d(s) ds, where d(s) is the displacement in the window earlier by s. It therefore lies
+  between the smallest and the largest d(s), 0 ≤ s ≤ 40 ms. Only positions decide this tolerance;
+  a velocity with the wrong sign does not increase it;
+- the error of the trapezoidal rule after an impact: the change of the velocity in one period.
+
+A joint whose position and velocity are equal bit by bit in successive states is not updated by its
+driver, or stands still. Drivers that send each sample several times are known by the duration of
+the earlier repetitions. While a sample repeats, the velocity of the joint is not judged.
+"""
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.monitoring.velocity_estimate import SPAN
+
+FLOOR = 0.003
+"""[rad] of difference that encoder resolution and backlash may cause; see PRISMATIC."""
+SLOW = 0.02
+"""[rad/s] of velocity offset that is tolerated."""
+PRISMATIC = 1.0 / 3.0
+"""[m] of a prismatic joint that correspond to 1 rad."""
+RATIO = 0.3
+NOISE_FACTOR = 6.0
+WINDOWS = np.array([0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
+"""[s]; 0 means the latest stored state."""
+DELAYS = np.array([0.01, 0.02, 0.04])
+"""[s] by which a velocity may be late; 40 ms contain 93 % of a first-order filter of 15 ms."""
+STEP, CHECK, PAUSE = 0.005, 0.025, 0.1
+"""[s] between stored states, between checks, and after which a gap restarts the integral."""
+AGREEMENT = 1.0
+"""[s] in motion without a contradiction after which a velocity is trusted again."""
+REPEATS = 0.01
+"""[s] that a sample may repeat, at least."""
+LONGEST_REPEATS = 0.06
+"""[s] that a driver may usually repeat its samples; longer repetitions are not learnt."""
+REFERENCE = 0.03
+"""[rad] that the reference of a joint that stands still may move while its sample repeats."""
+UNKNOWN_NOISE = 0.2
+"""[rad/s] assumed until the noise of the velocity is known."""
+_REST = 0.0005
+"""[rad] that a joint moves at most between two checks at rest."""
+_FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
+"""Samples of the noise: until then its assumed value applies, each state is checked, and the
+estimate is increased; weight of a sample."""
+_HOLD_FORGETTING = 0.98
+_FULL_TURN = 2.0 * math.pi
+_ROWS = 256
+_NS = 1e-9
+_STEP_NS, _CHECK_NS, _PAUSE_NS = (round(1e9 * each) for each in (STEP, CHECK, PAUSE))
+_NEVER = -1 << 62
+_LARGEST_ALERT, _LARGEST_NOISE = 0.5, 1e3
+
+
+class MotionConsistency:
+    """
+    Judges the velocities of n joints state by state; for one thread.
+
+    `doubtful` (n,) marks the joints whose velocity contradicts their position, until it has agreed
+    in motion for AGREEMENT seconds. `frozen` (n,) marks those whose sample repeats although they
+    move. `is_consistent` is true if no joint is marked. `reason` describes the last change of a
+    mark to true.
+    """
+
+    def __init__(self, joint_names: Sequence[str], joint_kinds: Sequence[str]) -> None:
+        """Take the joints and their kinds, as `ArmModel` has them."""
+        n = len(joint_names)
+        self._names = tuple(joint_names)
+        self._wraps = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
+        self._any_wraps = bool(self._wraps.any())
+        self._unit = np.array([PRISMATIC if kind == 'prismatic' else 1.0 for kind in joint_kinds])
+        self.doubtful: BoolArray = np.zeros(n, dtype=bool)
+        self.frozen: BoolArray = np.zeros(n, dtype=bool)
+        self.is_consistent = True
+        self.reason = ''
+        self.delay = 0.0
+        """[s] of the last result of `velocity`: half of its span if a joint is doubtful."""
+        self._zero = np.zeros(n)
+        self._times = np.zeros(_ROWS)
+        self._positions, self._differences = np.zeros((2, _ROWS, n))
+        """Stored states: time [s] since `_base_ns`, q and e."""
+        self._row = 0
+        """Number of stored states."""
+        self._base_ns, self._stamp_ns = 0, _NEVER
+        self._q = self._v = self._v_before = self._integral = self._zero
+        self._bits, self._is_measured = b'', False
+        self._mark, self._alert = [0.0] * n, 0.0
+        """e at the last check, and the distance from it that requires a check."""
+        self._store_ns = self._check_ns = 0
+        self._variance, self._density = np.zeros((2, n))
+        """Of the noise: variance of each velocity, spectral density of its integral at rest."""
+        self._rests = np.zeros(n)
+        self._count, self._consecutive = 0, 0
+        self._rest: tuple[float, FloatArray, FloatArray] | None = None
+        self._agreed = np.zeros(n)
+        self._hold = np.zeros(n)
+        """[s] that the driver usually repeats a sample."""
+        self._repeats_ns = np.full(n, _NEVER)
+        self._is_repeating = False
+        self._store_v = self._zero
+        self._reference: FloatArray | None = None
+
+    def restart(self) -> None:
+        """Treat the next state as a first one; joints in doubt remain in doubt."""
+        self._stamp_ns, self._row, self._bits = _NEVER, 0, b''
+        self._reference = None
+        self._repeats_ns.fill(_NEVER)
+        self._set_frozen(np.zeros_like(self.frozen))
+
+    def update(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
+        reference: FloatArray | None = None,
+    ) -> bool:
+        """
+        Take a state and return `is_consistent`; `v` is None if no velocity is measured.
+
+        `reference` (n,) is the position that the reference demands at this state, or None.
+        """
+        bits = q.tobytes()
+        if bits == self._bits and (v is None or v is self._v or v.tobytes() == self._v.tobytes()):
+            if stamp_ns >= self._store_ns and stamp_ns > self._stamp_ns:
+                self._store_ns = stamp_ns + _STEP_NS
+                self._follow_repeats(stamp_ns, np.ones_like(self.frozen), reference)
+            return self.is_consistent
+        dt_ns = stamp_ns - self._stamp_ns
+        if dt_ns == 0:
+            return self.is_consistent
+        if not 0 < dt_ns <= _PAUSE_NS or (v is None) is self._is_measured:
+            self._begin(stamp_ns, q, v)
+            self._bits = bits
+            return self.is_consistent
+        if v is None:
+            e = v = self._zero
+        else:
+            dt = _NS * dt_ns
+            self._integral = integral = self._integral + (0.5 * dt) * (v + self._v)
+            e = integral - q
+            if (stamp_ns >= self._check_ns
+                    or not math.dist(e.tolist(), self._mark) <= self._alert):
+                e = self._check(stamp_ns, dt, q, v, e)
+        if stamp_ns >= self._store_ns:
+            self._store(stamp_ns, q, v, e, reference)
+        self._v_before = self._v
+        self._stamp_ns, self._bits, self._q, self._v = stamp_ns, bits, q, v
+        return self.is_consistent
+
+    def velocity(self, v: FloatArray) -> FloatArray | None:
+        """
+        Return v (n,) of the last state with the velocities in doubt replaced; sets `delay`.
+
+        The replacement is the difference of the positions over SPAN, as in `velocity_estimate`;
+        None if a velocity is in doubt and there is no earlier position yet.
+        """
+        self.delay = 0.0
+        if not self.doubtful.any():
+            return v
+        t, row = _NS * (self._stamp_ns - self._base_ns), self._row - 1
+        while row > 0 and t - self._times[row] < SPAN - 1e-6:
+            row -= 1
+        span = t - self._times[row]
+        if row < 0 or span <= 0.0:
+            return None
+        self.delay = 0.5 * float(span)
+        return np.where(self.doubtful, (self._q - self._positions[row]) / span, v)
+
+    def _begin(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
+        self.restart()
+        self._is_measured = v is not None
+        if v is None:
+            v = self._zero
+        self._base_ns = self._stamp_ns = stamp_ns
+        self._q = self._integral = q
+        self._v = v
+        self._mark = [0.0] * len(q)
+        self._consecutive, self._rest = 0, None
+        self._check_ns = 0
+        self._store(stamp_ns, q, v, self._zero, None)
+
+    def _store(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray, e: FloatArray,
+        reference: FloatArray | None,
+    ) -> None:
+        """Store a state, and look for repetitions since the one stored before."""
+        row = self._row
+        if row > 0:
+            same = (q == self._positions[row - 1]) & (v == self._store_v)
+            if (self._is_repeating or True in same.tolist()) and (
+                    self._follow_repeats(stamp_ns, same, reference)):
+                row = 0
+        if row == _ROWS - 1:
+            row = _ROWS // 2
+            for values in (self._times, self._positions, self._differences):
+                values[:row] = values[_ROWS - 1 - row:_ROWS - 1]
+        self._times[row] = _NS * (stamp_ns - self._base_ns)
+        self._positions[row], self._differences[row] = q, e
+        self._row, self._store_v, self._store_ns = row + 1, v, stamp_ns + _STEP_NS
+
+    def _check(
+        self, stamp_ns: int, dt: float, q: FloatArray, v: FloatArray, e: FloatArray,
+    ) -> FloatArray:
+        """Judge the velocities in all windows that end at this state; return e."""
+        if self._any_wraps:
+            turns = np.where(
+                self._wraps, _FULL_TURN * np.rint((q - self._q) / _FULL_TURN), 0.0)
+            if turns.any():
+                self._integral = self._integral + turns
+                self._positions[:self._row] += turns
+                e = self._integral - q
+        t, row = _NS * (stamp_ns - self._base_ns), self._row
+        if not np.isfinite(e).all():  # velocities beyond the range of the numbers
+            self.reason = 'the integral of the velocities is not finite'
+            self._set_doubtful(self.doubtful | ~np.isfinite(e))
+            self._integral, self._row = q, 0
+            return self._zero
+        self._times[row], self._positions[row], self._differences[row] = t, q, e
+        self._consecutive += 1
+        first = np.maximum(
+            np.searchsorted(self._times[:row], t - WINDOWS, side='right') - 1, 0)
+        length = (t - self._times[first])[:, None]
+        difference, moved = e - self._differences[first], q - self._positions[first]
+        integral = difference + moved
+        density = np.maximum(self._variance * dt, self._density)
+        if self._count < _LEARNT:  # an estimate of a few samples may be far too small
+            density = (1.0 + _KNOWN / max(self._count, 1)) * density
+            if self._count < _FEW:
+                density = np.maximum(density, dt * (UNKNOWN_NOISE * self._unit)**2)
+        floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(density * length)
+        tolerance = floor + RATIO * np.maximum(np.abs(moved), np.abs(integral))
+        agrees = np.abs(difference) <= tolerance
+        if not agrees.all():
+            tolerance = tolerance + self._sampling_error(first, dt, v)
+            difference = self._excess(first, integral, moved)
+            agrees = (np.abs(difference) <= tolerance) | (
+                (q == self._q) & (v == self._v))
+            if not agrees.all():
+                self._find(~agrees, length, integral, moved, difference, tolerance)
+        if stamp_ns >= self._check_ns:
+            self._estimate_noise(t, dt, q, v, e)
+            self._check_ns = stamp_ns + (_CHECK_NS if self._count >= _KNOWN else 0)
+            is_judged = ((1.0 - RATIO) * np.abs(moved) > floor).any(axis=0)
+            self._agreed = np.where(
+                agrees.all(axis=0), self._agreed + np.where(is_judged, max(CHECK, dt), 0.0), 0.0)
+            self._set_doubtful(self.doubtful & (self._agreed < AGREEMENT))
+        self._mark = e.tolist()
+        self._alert = min(0.5 * FLOOR * float(self._unit.min()) + 2.0 * math.sqrt(
+            0.01 * float(density.sum())), _LARGEST_ALERT)
+        return e
+
+    def _estimate_noise(
+        self, t: float, dt: float, q: FloatArray, v: FloatArray, e: FloatArray,
+    ) -> None:
+        """Update the noise from the second difference of v, and from e while a joint rests."""
+        if self._consecutive > 1:
+            self._count += 1
+            d = np.minimum(np.abs(v - 2.0 * self._v + self._v_before), _LARGEST_NOISE)
+            weight = max(_FORGETTING, 1.0 / self._count)
+            self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
+        if self._rest is not None:
+            t_rest, q_rest, e_rest = self._rest
+            rests = np.abs(q - q_rest) <= _REST * self._unit
+            self._rests = self._rests + rests
+            weights = np.where(
+                rests, np.maximum(_FORGETTING, 1.0 / np.maximum(self._rests, 1.0)), 0.0)
+            self._density = self._density + weights * (
+                (e - e_rest)**2 / (t - t_rest) - self._density)
+        self._rest = t, q, e
+        self._hold = _HOLD_FORGETTING * self._hold
+
+    def _sampling_error(self, first: IntArray, dt: float, v: FloatArray) -> FloatArray:
+        """Return the error of integral and displacement due to the sampling, (windows, n)."""
+        start = max(int(first.min()) - 1, 0)
+        times, positions = self._times[start:self._row + 1], self._positions[start:self._row + 1]
+        intervals = np.diff(times)[:, None]
+        velocity = np.diff(positions, axis=0) / intervals
+        speed = np.maximum.accumulate(np.abs(velocity)[::-1])[::-1]
+        change = np.zeros_like(positions)
+        change[1:-1] = np.maximum(dt, np.maximum(
+            intervals[1:], intervals[:-1]) - 2.0 * STEP) * np.abs(np.diff(velocity, axis=0))
+        change = np.maximum.accumulate(change[::-1])[::-1]
+        at = first - start
+        return np.asarray(
+            change[at] + self._hold * speed[at] + 0.5 * dt * np.abs(v - self._v))
+
+    def _excess(self, first: IntArray, integral: FloatArray, moved: FloatArray) -> FloatArray:
+        """Return the distance of the integral from all delayed displacements, (windows, n)."""
+        times, positions = self._times[:self._row + 1], self._positions
+        ends = times[np.append(first, self._row)]
+        at = np.maximum(ends[:, None] - DELAYS, times[0])
+        after = np.clip(np.searchsorted(times, at, side='right'), 1, self._row)
+        share = (at - times[after - 1]) / (times[after] - times[after - 1])
+        before = positions[after - 1]
+        past = before + share[..., None] * (positions[after] - before)
+        delayed = past[-1] - past[:-1]
+        low = np.minimum(moved, delayed.min(axis=1))
+        high = np.maximum(moved, delayed.max(axis=1))
+        return np.asarray(integral - np.minimum(np.maximum(integral, low), high))
+
+    def _find(
+        self, contradicts: BoolArray, length: FloatArray, integral: FloatArray,
+        moved: FloatArray, difference: FloatArray, tolerance: FloatArray,
+    ) -> None:
+        """Mark the joints of which a window, (windows, n), contradicts the displacement."""
+        found = contradicts.any(axis=0)
+        for j in np.flatnonzero(found & ~self.doubtful & ~self.frozen):
+            row = int(np.argmax(np.where(
+                contradicts[:, j], np.abs(difference[:, j]) / tolerance[:, j], -1.0)))
+            self.reason = _text(
+                self._names[j], float(length[row, 0]), float(integral[row, j]),
+                float(moved[row, j]))
+        self._set_doubtful(self.doubtful | found & ~self.frozen)
+
+    def _follow_repeats(
+        self, stamp_ns: int, same: BoolArray, reference: FloatArray | None,
+    ) -> bool:
+        """
+        Follow repeated samples; `same` (n,) marks the joints whose sample repeats now.
+
+        Returns whether a frozen joint is updated again, after a displacement that is not known.
+        """
+        if self._reference is None or reference is None:
+            moved = self._zero
+            self._reference = reference
+        else:
+            self._reference = np.where(
+                same & (self._repeats_ns != _NEVER), self._reference, reference)
+            moved = np.abs(reference - self._reference)
+        start = np.where(self._repeats_ns == _NEVER, self._stamp_ns, self._repeats_ns)
+        duration = _NS * (stamp_ns - start)
+        speed = np.abs(self._v) - SLOW * self._unit
+        ends = ~same & (self._repeats_ns != _NEVER) & (speed > -SLOW * self._unit)
+        self._hold = np.where(ends & (duration <= LONGEST_REPEATS), np.maximum(
+            self._hold, duration), self._hold)
+        self._repeats_ns = np.where(same, start, _NEVER)
+        self._is_repeating = bool(same.any())
+        excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
+        frozen = same & (self.frozen | (excess > 0.0) & (
+            (speed * excess > FLOOR * self._unit) | (moved > REFERENCE * self._unit)))
+        for j in np.flatnonzero(frozen & ~self.frozen):
+            self.reason = (
+                f'position and velocity of {self._names[j]!r} have not changed for '
+                f'{1e3 * duration[j]:.0f} ms: velocity {self._v[j]:.2g}, reference moved by '
+                f'{moved[j]:.2g}')
+        has_ended = bool((self.frozen & ~frozen).any())
+        self._set_frozen(frozen)
+        return has_ended
+
+    def _set_doubtful(self, doubtful: BoolArray) -> None:
+        self._agreed = np.where(doubtful, self._agreed, 0.0)
+        self.doubtful = doubtful
+        self.is_consistent = not (doubtful.any() or self.frozen.any())
+
+    def _set_frozen(self, frozen: BoolArray) -> None:
+        self.frozen = frozen
+        self.is_consistent = not (frozen.any() or self.doubtful.any())
+
+
+def _text(name: str, length: float, integral: float, moved: float) -> str:
+    """Return what contradicts what, and the probable cause."""
+    ratio = integral / moved if moved else math.inf
+    if abs(ratio) < 0.1:
+        cause = 'velocity is zero or missing'
+    elif -4.0 < ratio < 0.0:
+        cause = 'wrong sign'
+    elif 40.0 < abs(ratio) < 75.0:
+        cause = f'about {ratio:.0f} times the displacement: degrees instead of radians?'
+    elif abs(ratio) < 1e3:
+        cause = f'{ratio:.2g} times the displacement'
+    else:
+        cause = 'the position does not move'
+    return (f'velocity of {name!r} is {integral / length:.2g}, but its position moved by '
+            f'{moved:.2g} in {1e3 * length:.0f} ms: {cause}')

@@ -1,0 +1,114 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Exact extrema of many polynomials on [0, 1], such as the motions on the segments of a trajectory.
+
+A function is monotone between two neighbouring extrema and has at most one root there, and the
+roots of a derivative are the extrema of the next lower derivative. The search begins with the
+quadratic derivative, and bisects the lower derivatives one after the other between the roots of
+the derivative above. It divides by no leading coefficient, so that polynomials of lower degree are
+no special cases.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+
+_BISECTIONS = 26
+"""An error of the phase of 2⁻²⁶ changes an extremum by less than 2⁻⁵² of the curvature there."""
+
+
+class Extrema(NamedTuple):
+    """Phases in [0, 1] and values of the minima and maxima, (2, ...) each, minima first."""
+
+    phases: FloatArray
+    values: FloatArray
+
+
+def extrema(coefficients: FloatArray) -> Extrema:
+    """
+    Return the minimum and the maximum on [0, 1] of each polynomial, including both ends.
+
+    `coefficients` (..., m, n) are finite: those of 1, s, ..., s^(m - 1), for n polynomials each.
+    The arrays of the result have shape (2, ..., n).
+    """
+    largest = np.max(np.abs(coefficients), axis=-2, initial=0.0)
+    scale = np.where(largest > 0.0, largest, 1.0)
+    unit = coefficients / scale[..., np.newaxis, :]
+    derivatives = [derivative(unit)]
+    while derivatives[-1].shape[-2] > 3:
+        derivatives.append(derivative(derivatives[-1]))
+    phases = _with_ends(_quadratic_roots(derivatives.pop()))
+    for one in reversed(derivatives):
+        phases = _with_ends(_roots(one, phases))
+    values = _evaluate(unit, phases)
+    rows = np.stack((np.argmin(values, axis=0), np.argmax(values, axis=0)))
+    with np.errstate(over='ignore'):
+        return Extrema(
+            np.take_along_axis(phases, rows, axis=0),
+            np.take_along_axis(values, rows, axis=0) * scale)
+
+
+def derivative(coefficients: FloatArray) -> FloatArray:
+    """Return the coefficients (..., m - 1, n) of the derivatives by s of polynomials."""
+    orders = np.arange(1.0, coefficients.shape[-2])
+    return orders[:, np.newaxis] * coefficients[..., 1:, :]
+
+
+def _with_ends(phases: FloatArray) -> FloatArray:
+    ends = np.zeros_like(phases, shape=(1, *phases.shape[1:]))
+    return np.concatenate((ends, phases, ends + 1.0))
+
+
+def _quadratic_roots(c: FloatArray) -> FloatArray:
+    """
+    Return the roots (2, ..., n) of the polynomials c (..., up to 3, n), clipped to [0, 1].
+
+    Where there are fewer roots, the other values are any phases in [0, 1].
+    """
+    c0, c1, c2 = np.zeros_like(c, shape=(3, *c.shape[:-2], c.shape[-1]))
+    for row, given in zip((c0, c1, c2), np.moveaxis(c, -2, 0)):
+        row[...] = given
+    # Both terms of the sum have the same sign, so that nothing cancels.
+    x = -0.5 * (c1 + np.copysign(np.sqrt(np.maximum(c1 * c1 - 4.0 * c0 * c2, 0.0)), c1))
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
+        roots = np.stack((x / c2, c0 / x))
+    return np.sort(np.clip(np.nan_to_num(roots), 0.0, 1.0), axis=0)
+
+
+def _roots(c: FloatArray, nodes: FloatArray) -> FloatArray:
+    """
+    Return a phase between each two of the nodes (k, ..., n): the root there, if there is one.
+
+    The polynomials c (..., m, n) are monotone between neighbouring nodes. Without a root the phase
+    is one of the two nodes.
+    """
+    low, high = nodes[:-1].copy(), nodes[1:].copy()
+    is_positive = _evaluate(c, low) > 0.0
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        is_before = (_evaluate(c, middle) > 0.0) == is_positive
+        low = np.where(is_before, middle, low)
+        high = np.where(is_before, high, middle)
+    return high
+
+
+def _evaluate(c: FloatArray, phases: FloatArray) -> FloatArray:
+    """Return the values (k, ...) of the polynomials c (..., m, n) at phases (k, ..., n)."""
+    values = np.zeros_like(phases)
+    for row in np.moveaxis(c, -2, 0)[::-1]:
+        values = values * phases + row
+    return values

@@ -1,0 +1,303 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Plans of all joints within limits: to rest at a goal, to a moving target, and the earliest stop.
+
+Each joint follows phases of constant jerk (`jerk_profile`). The position of a joint never leaves
+the hull of its start, the path of its earliest stop and its goal. The reference brakes with the
+full limits. It moves with lower limits (`MotionLimits.lowered`) only if the motion from the
+present state stays in the hull with them; otherwise the joint first stops, and then moves from
+rest to rest. Joints at rest move together, on a straight line; a joint stops alone, at once.
+"""
+
+from bisect import bisect_right
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.trajectories.interpolation import Reference, Segment
+from robot_dynamics.trajectories.jerk_profile import (
+    Bounds,
+    duration,
+    end,
+    extremes,
+    Phases,
+    stop,
+    to_rest,
+)
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+
+AT_REST = 1e-6
+"""[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
+_HULL = 1e-9
+"""Tolerance [rad] or [m] of the hull, for rounding."""
+_STEPS = 24
+"""Bisections of the time for which a joint follows a target towards a position limit."""
+
+
+class Plan:
+    """A motion of n joints from a start: one list of phases per joint."""
+
+    def __init__(self, start: Reference, phases: list[Phases]) -> None:
+        self._start = [x.tolist() for x in start]
+        self.phases = phases
+        ends = [end(joint, *state) for joint, state in zip(phases, zip(*self._start))]
+        self.end = Reference(*(np.array(values) for values in zip(*ends)))
+        """The state at the end, of which joints with shorter motions have waited at rest."""
+        times = sorted({0.0, *(t for joint in phases for t in _times(joint))})
+        self._times = times
+        self.duration = times[-1]
+        """[s]"""
+        self._times_ns = [round(NANOSECONDS_PER_SECOND * t) for t in times]
+        for values in self.end:
+            values.setflags(write=False)
+
+    def segment(self, since_ns: int, now_ns: int) -> Segment:
+        """Return the segment that is active at `now_ns` of the plan that begins at `since_ns`."""
+        i = min(bisect_right(self._times_ns, now_ns - since_ns), len(self._times) - 1)
+        i = max(i, 1)
+        t_0, t_1 = self._times[i - 1], self._times[i]
+        T = max(t_1 - t_0, 1e-9)
+        middle = 0.5 * (t_0 + t_1)
+        q, v, a, j = np.array([
+            _state_at(joint, t_0, middle, *state)
+            for joint, state in zip(self.phases, zip(*self._start))]).T
+        zero = np.zeros_like(q)
+        return Segment(
+            since_ns + self._times_ns[i - 1], since_ns + self._times_ns[i],
+            since_ns + self._times_ns[i - 1], T, np.hstack((
+                (q, v * T, a * T**2 / 2.0, j * T**3 / 6.0, zero, zero),
+                (v, a * T, j * T**2 / 2.0, zero, zero, zero),
+                (a, j * T, zero, zero, zero, zero))))
+
+
+def _times(phases: Phases) -> list[float]:
+    """Return the times [s] at which phases end."""
+    times, t = [], 0.0
+    for T, _ in phases:
+        t += T
+        times.append(t)
+    return times
+
+
+def _state_at(
+    phases: Phases, t: float, inside: float, q: float, v: float, a: float,
+) -> tuple[float, float, float, float]:
+    """Return q, v, a at t [s] and the jerk at the later time `inside`, in the same phase."""
+    for T, j in phases:
+        if inside < T:
+            t = max(t, 0.0)
+            return (q + (v + (a / 2.0 + j * t / 6.0) * t) * t, v + (a + j * t / 2.0) * t,
+                    a + j * t, j)
+        q, v, a = end([(T, j)], q, v, a)
+        t, inside = t - T, inside - T
+    return q, v, a, 0.0
+
+
+class Target(NamedTuple):
+    """
+    A target that moves with constant acceleration, each (n,), and is at `position` at `time` [s].
+
+    `velocity` is that at `time` too.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    time: float
+
+    def at(self, t: float) -> Reference:
+        """Return its state at t [s]."""
+        s, a = t - self.time, self.acceleration
+        return Reference(
+            self.position + (self.velocity + 0.5 * a * s) * s, self.velocity + a * s, a)
+
+
+class _Joint:
+    """One joint: its state, and the bounds of its limits."""
+
+    def __init__(self, state: Reference, limits: MotionLimits, j: int) -> None:
+        self.q, self.v, self.a = (float(x[j]) for x in state)
+        self.lower, self.upper = float(limits.lower[j]), float(limits.upper[j])
+        self.full = _bounds(limits, j)
+        self.whole = _bounds(limits.whole, j)
+        self.low = self.full if limits.scale == 1.0 else _bounds(limits.lowered, j)
+
+    def is_at_rest(self) -> bool:
+        return abs(self.v) <= AT_REST and abs(self.a) <= AT_REST
+
+    def stop(self) -> Phases:
+        """Return the earliest stop; with the whole limits if it ends beyond a position limit."""
+        phases = stop(self.v, self.a, self.full)
+        return phases if self._is_inside(phases) else stop(self.v, self.a, self.whole)
+
+    def _is_inside(self, phases: Phases, *more: float) -> bool:
+        """Return whether a motion stays within the position limits, except those of its start."""
+        found = extremes(phases, self.q, self.v, self.a)
+        low, high = min(self.lower, self.q, *more), max(self.upper, self.q, *more)
+        return low - _HULL <= found.q_min and found.q_max <= high + _HULL
+
+    def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
+        """Return the motion to rest at a goal, after `earliest` [s] or later."""
+        stopping = self.stop()
+        phases = to_rest(goal - self.q, self.v, self.a, self.low, earliest)
+        if self.low is self.full or self._is_in_hull(phases, stopping, goal):
+            return phases
+        q_stop, T = end(stopping, self.q, self.v, self.a)[0], duration(stopping)
+        return [*stopping, *to_rest(goal - q_stop, 0.0, 0.0, self.low, max(earliest - T, 0.0))]
+
+    def _is_in_hull(self, phases: Phases, stopping: Phases, *goals: float) -> bool:
+        hull = extremes(stopping, self.q, self.v, self.a)
+        found = extremes(phases, self.q, self.v, self.a)
+        return (min(hull.q_min, *goals) - _HULL <= found.q_min
+                and found.q_max <= max(hull.q_max, *goals) + _HULL
+                and found.v_max <= max(hull.v_max, self.whole.v_max) + _HULL
+                and found.v_min >= min(hull.v_min, self.whole.v_min) - _HULL)
+
+    def to_target(self, target: Target, j: int, until: float, scale: float) -> Phases | None:
+        """Return the motion that meets a target by `until` [s] and follows it; None if none."""
+        first, last = target.at(0.0), target.at(until)
+        p, v, a = (float(x[j]) for x in first)
+        bounds = self.whole
+        slowest, fastest = sorted((v, float(last.velocity[j])))
+        bounds = Bounds(
+            scale * bounds.v_min - slowest, scale * bounds.v_max - fastest,
+            scale**2 * bounds.a_min - a, scale**2 * bounds.a_max - a, scale**3 * bounds.jerk)
+        if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
+            return None
+        phases = to_rest(p - self.q, self.v - v, self.a - a, bounds)
+        rest = until - duration(phases)
+        return [*phases, (rest, 0.0)] if rest >= 0.0 else None
+
+    def followed(self, target: Target, j: int, until: float, scale: float) -> Phases | None:
+        """Return the motion with a target until `until` [s], and a stop inside the limits."""
+        phases = self.to_target(target, j, until, scale)
+        if phases is None:
+            return None
+        *meeting, (rest, _) = phases
+        goal = float(target.position[j])
+
+        def stopped_after(time: float) -> Phases | None:
+            moving = [*meeting, (time, 0.0)]
+            q, v, a = end(moving, self.q, self.v, self.a)
+            for bounds in (self.full, self.whole):
+                stopping = [*moving, *stop(v, a, bounds)]
+                if self._is_inside(stopping):
+                    final = end(stopping, self.q, self.v, self.a)[0]
+                    return stopping if self._is_in_hull(
+                        stopping, stop(self.v, self.a, self.full), goal, final) else None
+            return None
+
+        found = stopped_after(rest)
+        if found is not None:
+            return found
+        found, low, high = stopped_after(0.0), 0.0, rest
+        for _ in range(_STEPS if found is not None else 0):
+            middle = 0.5 * (low + high)
+            longer = stopped_after(middle)
+            if longer is None:
+                high = middle
+            else:
+                found, low = longer, middle
+        return found
+
+
+def _bounds(limits: MotionLimits, j: int) -> Bounds:
+    v, a = float(limits.velocity[j]), float(limits.acceleration[j])
+    return Bounds(-v, v, -a, a, float(limits.jerk[j]))
+
+
+def _joints(start: Reference, limits: MotionLimits) -> list[_Joint]:
+    return [_Joint(start, limits, j) for j in range(len(start.position))]
+
+
+def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
+    """Return the earliest stop of each joint."""
+    return Plan(start, [joint.stop() for joint in _joints(start, limits)])
+
+
+def plan_to_goal(
+    start: Reference, goal: FloatArray, limits: MotionLimits, arrival: float = 0.0,
+    earliest: float = 0.0,
+) -> Plan:
+    """
+    Return the motion to rest at `goal` (n,).
+
+    A moving joint arrives as soon as its limits permit, after `earliest` [s] or later. The joints
+    that start at rest arrive together on a straight line, after all moving joints and after
+    `arrival` [s].
+    """
+    joints, goals = _joints(start, limits), goal.tolist()
+    rests = [joint.is_at_rest() for joint in joints]
+    phases = [[] if is_at_rest else joint.to_rest(q, earliest)
+              for joint, q, is_at_rest in zip(joints, goals, rests)]
+    last = max(arrival, earliest, *(duration(joint) for joint in phases))
+    together = _straight(joints, goals, rests, last)
+    for j, is_at_rest in enumerate(rests):
+        if is_at_rest:
+            way = goals[j] - joints[j].q
+            phases[j] = [(T, way * jerk) for T, jerk in together]
+    return Plan(without_creep(start), phases)
+
+
+def _straight(
+    joints: list[_Joint], goals: list[float], rests: list[bool], earliest: float,
+) -> Phases:
+    """Return the motion from 0 to 1 of the joints at rest along a straight line to their goals."""
+    ways = [(abs(goal - joint.q), joint.low)
+            for joint, goal, is_at_rest in zip(joints, goals, rests) if is_at_rest]
+    ways = [(way, bounds) for way, bounds in ways if way > 0.0]
+    if not ways:
+        return []
+    v, a, jerk = (min(bounds[k] / way for way, bounds in ways) for k in (1, 3, 4))
+    return to_rest(1.0, 0.0, 0.0, Bounds(-v, v, -a, a, jerk), earliest)
+
+
+def plan_with_target(
+    start: Reference, target: Target, limits: MotionLimits, follow_time: float,
+) -> Plan:
+    """
+    Return the motion that meets a moving target, follows it, and stops.
+
+    Joints follow until `follow_time` [s] after the time of the target, as far as they can stop
+    within the position limits. A joint that cannot meet the target by then moves to rest at the
+    position of the target.
+    """
+    until, scale = target.time + follow_time, limits.scale
+    phases = []
+    for j, joint in enumerate(_joints(start, limits)):
+        moving = joint.followed(target, j, until, scale)
+        goal = min(max(float(target.position[j]), joint.lower), joint.upper)
+        phases.append(joint.to_rest(goal) if moving is None else moving)
+    return Plan(start, phases)
+
+
+def plan_to_path(start: Reference, state: Reference, time: float, limits: MotionLimits) -> (
+        Plan | None):
+    """Return the motion that is in a moving `state` at `time` [s]; None if it is impossible."""
+    target = Target(*state, time)
+    phases = []
+    for j, joint in enumerate(_joints(start, limits)):
+        moving = joint.to_target(target, j, time, limits.scale)
+        if moving is None or not joint._is_in_hull(moving, joint.stop(), float(state.position[j])):
+            return None
+        phases.append(moving)
+    return Plan(start, phases)
+
+
+def without_creep(state: Reference) -> Reference:
+    """Return the state with joints at rest that move imperceptibly."""
+    moves = (np.abs(state.velocity) > AT_REST) | (np.abs(state.acceleration) > AT_REST)
+    return Reference(state.position, *(np.where(moves, x, 0.0) for x in state[1:]))

@@ -1,0 +1,326 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Motions of one joint with bounded jerk: hull, bounds, arrival, durations; ruckig as oracle."""
+
+from collections.abc import Iterator
+import math
+import random
+from typing import Any, NamedTuple
+
+import pytest
+from robot_dynamics.trajectories.jerk_profile import (
+    Bounds,
+    duration,
+    end,
+    evaluate,
+    Extremes,
+    extremes,
+    Phases,
+    stop,
+    to_rest,
+    velocity_change,
+)
+
+NEAR_STOP = (0.0, 1e-13, -1e-13, 1e-12, -1e-11, 1e-9, -1e-9, 1e-6, -1e-6, 1e-4, -1e-4)
+"""Distances of goals from the stop position."""
+LATER = (1.0 + 1e-9, 1.001, 1.1, 1.5, 3.0)
+"""Factors on the shortest duration."""
+
+counts = pytest.mark.parametrize(
+    'count', [1_000, pytest.param(100_000, marks=pytest.mark.soak)])
+kinds = pytest.mark.parametrize(('largest', 'symmetric'), [
+    pytest.param(0.95, True, id='within'), pytest.param(3.0, True, id='beyond'),
+    pytest.param(0.95, False, id='within asymmetric'),
+    pytest.param(3.0, False, id='beyond asymmetric')])
+
+
+class Problem(NamedTuple):
+    distance: float
+    v: float
+    a: float
+    bounds: Bounds
+
+    def extremes(self, phases: Phases) -> Extremes:
+        return extremes(phases, 0.0, self.v, self.a)
+
+    def reached(self) -> float:
+        """Return the velocity after the removal of the acceleration."""
+        return self.v + self.a * abs(self.a) / (2.0 * self.bounds.jerk)
+
+
+def problems(
+    count: int, largest: float = 0.95, symmetric: bool = True, near_stop: float = 0.0,
+) -> Iterator[Problem]:
+    """Yield problems with velocities and accelerations up to `largest` times their bounds."""
+    r = random.Random(count)
+    for _ in range(count):
+        v = 10.0 ** r.uniform(-0.5, 0.7)
+        a = v * 10.0 ** r.uniform(0.0, 1.5)
+        j = a * 10.0 ** r.uniform(0.0, 1.8)
+        lower_v, lower_a = (1.0, 1.0) if symmetric else (r.uniform(0.1, 1.0), r.uniform(0.1, 1.0))
+        bounds = Bounds(-lower_v * v, v, -lower_a * a, a, j)
+        v, a = (largest * r.uniform(*bounds[k:k + 2]) for k in (0, 2))
+        distance = r.choice((-1.0, 1.0)) * 10.0 ** r.uniform(-3.0, 0.3)
+        if r.random() < near_stop:
+            distance = end(stop(v, a, bounds), 0.0, v, a)[0] + r.choice(NEAR_STOP)
+        yield Problem(distance, v, a, bounds)
+
+
+def check_motion(problem: Problem, phases: Phases, tolerance: float = 1e-9) -> None:
+    """Check arrival, hull and bounds; `tolerance` is that of a path of at most 100 rad."""
+    distance, v, a, bounds = problem
+    stopping, found = problem.extremes(stop(v, a, bounds)), problem.extremes(phases)
+    tolerance *= max(1.0, (found.q_max - found.q_min) / 100.0)
+    assert end(phases, 0.0, v, a) == pytest.approx((distance, 0.0, 0.0), abs=tolerance)
+    assert all(T > 0.0 for T, _ in phases)
+    assert found.q_min >= min(stopping.q_min, distance) - tolerance
+    assert found.q_max <= max(stopping.q_max, distance) + tolerance
+    # A start beyond a bound, or that must pass it, is the only reason to exceed it.
+    near = 1.0 + 1e-9
+    assert found.v_min >= near * min(bounds.v_min, v, problem.reached())
+    assert found.v_max <= near * max(bounds.v_max, v, problem.reached())
+    assert found.a_min >= near * min(bounds.a_min, a)
+    assert found.a_max <= near * max(bounds.a_max, a)
+    assert all(abs(j) <= near * bounds.jerk for _, j in phases)
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+@counts
+@kinds
+def test_the_motion_arrives_within_hull_and_bounds(
+    count: int, largest: float, symmetric: bool,
+) -> None:
+    for problem in problems(count, largest, symmetric, near_stop=0.3):
+        check_motion(problem, to_rest(*problem))
+
+
+@counts
+@kinds
+def test_a_later_arrival_is_exact_within_hull_and_bounds(
+    count: int, largest: float, symmetric: bool,
+) -> None:
+    r = random.Random(1)
+    for problem in problems(count, largest, symmetric, near_stop=0.3):
+        earliest = r.choice(LATER) * duration(to_rest(*problem))
+        if earliest < 100.0:  # The rounding error of the position grows with the square.
+            phases = to_rest(*problem, earliest)
+            assert duration(phases) == pytest.approx(earliest, rel=1e-6)
+            check_motion(problem, phases)
+
+
+@counts
+def test_a_velocity_change_ends_at_its_velocity(count: int) -> None:
+    for problem in problems(count, 3.0, symmetric=False):
+        v_end, v, a, bounds = problem
+        phases = velocity_change(v, a, v_end, bounds)
+        assert len(phases) <= 3
+        assert end(phases, 0.0, v, a)[1:] == pytest.approx((v_end, 0.0), abs=1e-9)
+        found = problem.extremes(phases)
+        assert min(bounds.a_min, a) - 1e-9 <= found.a_min
+        assert found.a_max <= max(bounds.a_max, a) + 1e-9
+        assert min(v, v_end, problem.reached()) - 1e-9 <= found.v_min
+        assert found.v_max <= max(v, v_end, problem.reached()) + 1e-9
+
+
+@counts
+def test_any_finite_problem_has_a_finite_motion(count: int) -> None:
+    r = random.Random(2)
+    for _ in range(count):
+        bounds = Bounds(*(sign * 10.0 ** r.uniform(-3.0, 4.0) for sign in (-1, 1, -1, 1, 1)))
+        distance, v, a = (r.choice((-1, 0, 1)) * 10.0 ** r.uniform(-12.0, 6.0) for _ in range(3))
+        phases = to_rest(distance, v, a, bounds, r.choice((0.0, 10.0 ** r.uniform(-6.0, 5.0))))
+        assert all(0.0 < T < math.inf and abs(j) <= 1.000001 * bounds.jerk for T, j in phases)
+        found = extremes(phases, 0.0, v, a)
+        assert all(map(math.isfinite, found))
+        if duration(phases) < 100.0:
+            size = max(1.0, abs(distance), -found.q_min, found.q_max)
+            check_motion(Problem(distance, v, a, bounds), phases, 1e-9 * max(size, abs(v), abs(a)))
+
+
+@counts
+def test_extremes_and_samples_agree(count: int) -> None:
+    for problem in problems(count // 10, 1.5, symmetric=False):
+        phases = to_rest(*problem)
+        times = [0.0]
+        for T, _ in phases:
+            times += [times[-1] + i * T / 50 for i in range(1, 51)]
+        samples = list(zip(*(evaluate(phases, t, 0.0, *problem[1:3])[:3] for t in times)))
+        found = problem.extremes(phases)
+        for values, low, high in zip(samples, found[::2], found[1::2]):
+            near = 0.02 * (high - low) + 1e-9
+            assert low - 1e-9 <= min(values) <= low + near
+            assert high - near <= max(values) <= high + 1e-9
+
+
+@counts
+def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count: int) -> None:
+    """In the frame of a target with constant acceleration, the bounds are relative to it."""
+    r, (v_b, a_b, jerk) = random.Random(3), (2.0, 10.0, 200.0)
+    for _ in range(count):
+        v_f, a_f = r.uniform(-0.5, 0.5), r.uniform(-1.0, 1.0)
+        v, a, distance = r.uniform(-1.0, 1.0), r.uniform(-5.0, 5.0), r.uniform(-0.5, 0.5)
+        bounds = Bounds(-v_b - v_f + 1.0, v_b - v_f - 1.0, -a_b - a_f, a_b - a_f, jerk)
+        phases = to_rest(distance, v - v_f, a - a_f, bounds, r.choice((0.0, 0.9)))
+        T = duration(phases)
+        meeting = (distance + (v_f + a_f * T / 2.0) * T, v_f + a_f * T, a_f)
+        assert end(phases, 0.0, v, a) == pytest.approx(meeting, abs=1e-9)
+        found = extremes(phases, 0.0, v, a)
+        if T < 1.0:  # The target changes its velocity by less than the reserve.
+            assert -v_b <= found.v_min
+            assert found.v_max <= v_b
+        assert -a_b - 1e-9 <= found.a_min
+        assert found.a_max <= a_b + 1e-9
+
+
+# --- known motions -------------------------------------------------------------------------------
+
+REST = (0.0, 0.0)
+WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
+
+
+def test_a_short_motion_from_rest_has_the_known_duration() -> None:
+    phases = to_rest(1.0, *REST, WIDE)
+    assert duration(phases) == pytest.approx((32.0 * 1.0 / 4.0) ** (1.0 / 3.0))
+
+
+def test_a_long_motion_from_rest_has_the_known_duration() -> None:
+    phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
+    assert len(phases) == 7
+    assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
+
+
+def test_twice_the_duration_is_the_same_path_with_an_eighth_of_the_jerk() -> None:
+    fast = to_rest(1.0, *REST, WIDE)
+    slow = to_rest(1.0, *REST, WIDE, 2.0 * duration(fast))
+    for i in range(21):
+        q, v, a, _ = evaluate(fast, i / 10.0, 0.0, *REST)
+        assert evaluate(slow, i / 5.0, 0.0, *REST)[:3] == pytest.approx((q, v / 2.0, a / 4.0))
+    assert max(abs(j) for _, j in slow) == pytest.approx(4.0 / 8.0)
+
+
+def test_the_goal_at_the_stop_position_is_the_stop() -> None:
+    v, a = 1.0, -0.5
+    stopping = stop(v, a, WIDE)
+    goal = end(stopping, 0.0, v, a)[0]
+    assert to_rest(goal, v, a, WIDE) == stopping
+    later = to_rest(goal, v, a, WIDE, 9.0)
+    assert later[:-1] == stopping
+    assert later[-1] == pytest.approx((9.0 - duration(stopping), 0.0))
+
+
+def test_the_goal_at_the_start_needs_no_motion() -> None:
+    assert to_rest(0.0, *REST, WIDE) == []
+    assert to_rest(0.0, *REST, WIDE, 2.0) == [(2.0, 0.0)]
+    assert duration([]) == 0.0
+    assert evaluate([], 1.0, 0.5, *REST) == (0.5, 0.0, 0.0, 0.0)
+    assert extremes([], 0.5, *REST) == (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_the_state_before_the_start_is_the_start_and_after_a_change_velocity_is_constant() -> None:
+    phases = velocity_change(0.0, 0.0, 1.0, WIDE)
+    q, v, a = end(phases, 0.2, *REST)
+    assert evaluate(phases, -1.0, 0.2, *REST)[:3] == (0.2, 0.0, 0.0)
+    assert (v, a) == pytest.approx((1.0, 0.0))
+    assert evaluate(phases, duration(phases) + 2.0, 0.2, *REST) == pytest.approx(
+        (q + 2.0, 1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize('factor', [1.01, 1.1, 1.3, 2.0])
+def test_a_later_arrival_of_a_moving_joint_neither_reverses_nor_waits_at_the_goal(
+    factor: float,
+) -> None:
+    """A peak velocity, a cruise and a stop have no solution for the first two durations."""
+    v, a, goal = 1.0, 0.0, 1.05
+    bounds = Bounds(-2.0, 2.0, -100.0, 100.0, 1.0)
+    phases = to_rest(goal, v, a, bounds, factor * duration(to_rest(goal, v, a, bounds)))
+    assert extremes(phases, 0.0, v, a).v_min >= -1e-12
+    assert evaluate(phases, 0.99 * duration(phases), 0.0, v, a)[0] < goal
+
+
+# --- ruckig as oracle ----------------------------------------------------------------------------
+
+class Oracle:
+    """The plans of `ruckig` for one joint, whose inputs are built once."""
+
+    def __init__(self) -> None:
+        self.ruckig: Any = pytest.importorskip(
+            'ruckig', reason='the oracle has wheels for x86-64 only')
+        self._otg, self._plan = self.ruckig.Ruckig(1), self.ruckig.Trajectory(1)
+        self._input = self.ruckig.InputParameter(1)
+        self._input.current_position = self._input.target_acceleration = [0.0]
+
+    def plan(self, interface: str, target: float, problem: Problem) -> Any:
+        """Return the trajectory to rest at `target`, or to this velocity."""
+        one, (_, v, a, bounds) = self._input, problem
+        one.control_interface = getattr(self.ruckig.ControlInterface, interface)
+        is_position = interface == 'Position'
+        one.target_position = [target if is_position else 0.0]
+        one.target_velocity = [0.0 if is_position else target]
+        one.current_velocity, one.current_acceleration = [v], [a]
+        one.min_velocity, one.max_velocity = [bounds.v_min], [bounds.v_max]
+        one.min_acceleration, one.max_acceleration = [bounds.a_min], [bounds.a_max]
+        one.max_jerk = [bounds.jerk]
+        self._otg.calculate(one, self._plan)
+        return self._plan
+
+
+@pytest.fixture(scope='module')
+def oracle() -> Oracle:
+    return Oracle()
+
+
+@counts
+@pytest.mark.parametrize('symmetric', [True, False])
+def test_no_motion_takes_longer_than_that_of_the_oracle(
+    oracle: Oracle, count: int, symmetric: bool,
+) -> None:
+    """
+    The durations are equal, unless the velocity must exceed its bound.
+
+    The oracle then returns to the bound of the velocity before it plans the motion to the goal,
+    and reverses if the goal is nearer; leaving for the goal earlier is faster, at no higher speed.
+    """
+    beyond = 0
+    for problem in problems(count, symmetric=symmetric):
+        T = oracle.plan('Position', problem.distance, problem).duration
+        ratio = duration(to_rest(*problem)) / T
+        assert ratio <= 1.0 + 1e-6
+        if problem.bounds.v_min <= problem.reached() <= problem.bounds.v_max:
+            assert ratio >= 1.0 - 1e-6
+        else:
+            beyond += ratio < 1.0 - 1e-6
+    assert beyond <= 0.03 * count
+
+
+@counts
+def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(
+    oracle: Oracle, count: int,
+) -> None:
+    for problem in problems(count, symmetric=False):
+        v_end, v, a, bounds = problem
+        T = oracle.plan('Velocity', v_end, problem).duration
+        assert duration(velocity_change(v, a, v_end, bounds)) == pytest.approx(T, rel=1e-6)
+
+
+@counts
+def test_no_motion_leaves_limits_within_which_the_oracle_can_stop(
+    oracle: Oracle, count: int,
+) -> None:
+    for problem in problems(count, symmetric=False, near_stop=0.2):
+        stopping = oracle.plan('Velocity', 0.0, problem).position_extrema[0]
+        found = problem.extremes(to_rest(*problem))
+        assert found.q_min >= min(stopping.min, problem.distance, 0.0) - 1e-9
+        assert found.q_max <= max(stopping.max, problem.distance, 0.0) + 1e-9
