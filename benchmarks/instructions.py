@@ -62,8 +62,8 @@ JOINTS = 7
 NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
 PERIOD = 2_000_000
 """[ns] from one stamp to the next."""
-WARM_UP = 300
-"""States after which rate and noise of the states are known, and all gains have their values."""
+WARM_UP = 600
+"""States before each count: gains have their values, and the last segment of the trajectory."""
 MESSAGES = 200
 COMMAND_TOPIC = 'effort_command'
 EMPTY, PUBLISHED, UNPUBLISHED = 'empty', 'published', 'unpublished'

@@ -28,7 +28,7 @@ import itertools
 import math
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 import zlib
 
 import numpy as np
@@ -111,6 +111,8 @@ class Case(NamedTuple):
     delay: int
     noisy: bool
     has_velocity: bool = True
+    disturbance: str = ''
+    """A key of `safe_motion_disturbances.DISTURBANCES`, empty for none."""
 
     @property
     def seed(self) -> int:
@@ -148,10 +150,21 @@ class Motion(NamedTuple):
     end: float
 
 
-def all_cases(arms: Sequence[str] = ARMS) -> list[Case]:
-    """Return all combinations for these arms, in a random order that is always the same."""
+def all_cases(arms: Sequence[str] = ARMS, disturbances: Sequence[str] = ('',)) -> list[Case]:
+    """
+    Return all combinations for these arms, in a random order that is always the same.
+
+    Each case has one of the disturbances. Each of them occurs as often as the others, or once more
+    or less, for each combination of arm, rate, delay and noise.
+    """
     cases = [Case(*values) for values in itertools.product(
         arms, MOTIONS, SIZES, PERIODS, DELAYS, (False, True))]
+    rng, decks = np.random.default_rng(1), dict[tuple[Any, ...], list[str]]()
+    for i, case in enumerate(cases):
+        deck = decks.setdefault((case.arm, case.rate, case.delay, case.noisy), [])
+        if not deck:
+            deck += rng.permutation(disturbances).tolist()
+        cases[i] = case._replace(disturbance=deck.pop())
     order = np.random.default_rng(0).permutation(len(cases))
     return [cases[i] for i in order]
 
@@ -190,12 +203,13 @@ def motion_of(case: Case) -> Motion:
     free = np.where(direction > 0.0, arm.limits.upper - start, start - arm.limits.lower)
     goal = start + direction * np.minimum(case.size, free - GOAL_MARGIN)
     if case.motion == SET_POINT:
-        return Motion(start, goal, [Message(BEGIN, _set_point(arm, goal))], None, BEGIN)
+        return Motion(start, goal, [Message(BEGIN, set_point(arm, goal))], None, BEGIN)
     if case.motion == STREAM:
         return _stream(arm, start, goal)
     if case.motion == TRAJECTORY:
-        return _trajectory(arm, start, goal)
-    hold = Message(BEGIN, _set_point(arm, start))
+        duration, trajectory = trajectory_to(arm, start, goal)
+        return Motion(start, goal, [Message(BEGIN, trajectory)], None, BEGIN + duration)
+    hold = Message(BEGIN, set_point(arm, start))
     push = _push(arm, start, SIZES.index(case.size), case.rate)
     return Motion(start, start, [hold], push, PUSH_END)
 
@@ -210,11 +224,15 @@ def _start(name: str) -> FloatArray:
     return start
 
 
-def _set_point(arm: ArmModel, q: FloatArray) -> JointTrajectory:
-    return make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names)
+def set_point(
+    arm: ArmModel, q: FloatArray, v: FloatArray | None = None,
+) -> JointTrajectory:
+    """Return a set-point with a velocity, or without."""
+    return make_trajectory(
+        arm.joint_names, [0.0], [q], () if v is None else [v], (), arm.joint_names)
 
 
-def _duration(
+def duration_of(
     arm: ArmModel, start: FloatArray, goal: FloatArray, peak: float, least: float,
 ) -> float:
     """Return the duration [s] of a path within SPEED; `peak` is largest divided by mean speed."""
@@ -229,22 +247,24 @@ def _duration(
 
 def _stream(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
     """Return set-points along a linear ramp; the last one is repeated."""
-    duration = _duration(arm, start, goal, 1.0, RAMP_TIME)
+    duration = duration_of(arm, start, goal, 1.0, RAMP_TIME)
     count, total = (math.ceil(time / STREAM_PERIOD) for time in (duration, LONGEST - BEGIN))
-    points = [_set_point(arm, start + i / count * (goal - start)) for i in range(count + 1)]
+    points = [set_point(arm, start + i / count * (goal - start)) for i in range(count + 1)]
     messages = [
         Message(BEGIN + i * STREAM_PERIOD, points[min(i, count)]) for i in range(1, total)]
     return Motion(start, goal, messages, None, BEGIN + count * STREAM_PERIOD)
 
 
-def _trajectory(arm: ArmModel, start: FloatArray, goal: FloatArray) -> Motion:
+def trajectory_to(
+    arm: ArmModel, start: FloatArray, goal: FloatArray,
+) -> tuple[float, JointTrajectory]:
+    """Return duration [s] and points of a path of positions."""
     peak = max(np.diff([0.0, *PATH_FRACTIONS]) / np.diff([0.0, *PATH_TIMES]))
-    duration = _duration(arm, start, goal, peak, PATH_DURATION)
-    trajectory = make_trajectory(
+    duration = duration_of(arm, start, goal, peak, PATH_DURATION)
+    return duration, make_trajectory(
         arm.joint_names, [fraction * duration for fraction in PATH_TIMES],
         [start + fraction * (goal - start) for fraction in PATH_FRACTIONS], (), (),
         arm.joint_names)
-    return Motion(start, goal, [Message(BEGIN, trajectory)], None, BEGIN + duration)
 
 
 def _push(arm: ArmModel, q: FloatArray, index: int, rate: int) -> Push:

@@ -15,6 +15,7 @@
 """What the controller returns for one state: the efforts, or an error if they are not finite."""
 
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ class NonFiniteEffortError(InvalidInputError):
     """A state for which the model has no finite effort."""
 
 
+@dataclass(eq=False)
 class ControlOutput:
     """
     The efforts for one state, each (n,) [N·m] or [N].
@@ -38,90 +40,72 @@ class ControlOutput:
     Efforts that are not part of the command are computed when they are read.
     """
 
-    __slots__ = (
-        '_bounds', '_drive', '_lock', '_robot', '_state', '_unloaded', 'clamped', 'command',
-        'law', 'scale')
+    state: LawInput
+    """The input of the law."""
+    law: LawOutput
+    """The efforts of the law, before any limit."""
+    velocity: FloatArray | None
+    """The velocity (n,) that was used, measured or from positions; None if it is unknown."""
+    scale: float
+    """The smallest fraction of the bandwidth to which the gains were scaled down."""
+    robot: RobotEffort
+    """The efforts that the robot adds on its own."""
+    unloaded: UncheckedArmDynamics
+    """The dynamics without loads, with the gravity of `robot`."""
+    bounds: EffortBounds
+    drive: DriveEffort | None
+    lock: AbstractContextManager[Any]
+    command: FloatArray | None = None
+    """
+    The effort to command, None for none.
 
-    def __init__(
-        self, state: LawInput, law: LawOutput, robot: RobotEffort, bounds: EffortBounds,
-        drive: DriveEffort | None, unloaded: UncheckedArmDynamics, lock: AbstractContextManager[Any], scale: float,
-    ) -> None:
-        self._state, self._robot, self._bounds, self._drive = state, robot, bounds, drive
-        self._unloaded, self._lock = unloaded, lock
-        self.law = law
-        """The efforts of the law, before any limit."""
-        self.scale = scale
-        """The smallest fraction of the bandwidth to which the gains were scaled down."""
-        self.command: FloatArray | None = None
-        """
-        The effort to command, None for none.
-
-        It is within the effort limits, an effort of the drives (`drive_effort`), and excludes the
-        efforts that the robot adds on its own.
-        """
-        self.clamped: BoolArray = bounds.no_joint
-        """Marks the joints of `command` that met their effort limit."""
+    It is within the effort limits, an effort of the drives (`drive_effort`), and excludes the
+    efforts that the robot adds on its own.
+    """
+    clamped: BoolArray | None = None
+    """Marks the joints of `command` that met their effort limit; None if none did."""
 
     @property
     def gravity_compensation(self) -> FloatArray:
         """The gravity-compensation torque g(q) with the load."""
-        with self._lock:
-            return self._state.gravity
+        if self.law.gravity is not None:
+            return self.law.gravity
+        with self.lock:
+            return self.state.gravity
 
     @property
     def robot_gravity(self) -> FloatArray:
         """The gravity-compensation torque without a load."""
-        with self._lock:
-            if self._unloaded is self._state.dynamics:
-                return self._state.gravity
-            return self._unloaded.rigid_body.gravity(self._state.q)
+        if self.unloaded is self.state.dynamics:
+            return self.gravity_compensation
+        with self.lock:
+            return self.unloaded.rigid_body.gravity(self.state.q)
 
     @property
     def computed_torque(self) -> FloatArray | None:
         """The effort of the law that follows the reference, None without a reference."""
-        return None if self._state.trajectory is None else self.law.effort
-
-    @property
-    def velocity(self) -> FloatArray | None:
-        """The velocity (n,) that was used, measured or from positions; None if it is unknown."""
-        return self._state.v
-
-    @property
-    def is_far(self) -> bool:
-        """Whether the following error of a joint exceeds its limit."""
-        return self.law.is_far
-
-    @property
-    def no_joint(self) -> BoolArray:
-        """The value of `clamped` if no joint met its limit."""
-        return self._bounds.no_joint
-
-    @property
-    def has_reference(self) -> bool:
-        """Whether a reference is followed."""
-        return self._state.trajectory is not None
+        return None if self.state.trajectory is None else self.law.effort
 
     @property
     def reference(self) -> Reference | None:
         """The reference that is followed, or None."""
-        return None if self._state.trajectory is None else self._state.reference
+        return None if self.state.trajectory is None else self.state.reference
 
     def hold(self) -> FloatArray:
         """Return the command that holds the arm still; a command starts from it."""
-        with self._lock:
-            effort = self.hold_torque()
-            return effort if self._drive is None else self._drive.command(effort)
+        effort = self.hold_torque()
+        return effort if self.drive is None else self.drive.command(effort)
 
     def hold_torque(self) -> FloatArray:
         """Return the same as torques at the joints."""
-        robot = self._robot
-        return self._bounds.bounded(robot.without_gravity(self._state.gravity), robot)[0]
+        gravity = self.robot.without_gravity(self.gravity_compensation)
+        return self.bounds.bounded(gravity, self.robot)[0]
 
     @property
     def terms(self) -> EffortTerms | None:
         """The terms of the command, or None if they are not finite."""
-        with self._lock, np.errstate(over='ignore', invalid='ignore'):
-            terms = self._robot.command_terms(self.law.terms())
+        with self.lock, np.errstate(over='ignore', invalid='ignore'):
+            terms = self.robot.command_terms(self.law.terms())
             # The effort is valid even if the energy overflows.
             return terms if all(np.isfinite(part).all() for part in terms) else None
 

@@ -363,7 +363,31 @@ class Controller:
             if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
                 q_ahead = q + gains.lag * v
         state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback)
-        return self._limited(state, law)
+        answer, options, drive = law(state), self._options, self.arm.drive
+        effort, bounds = answer.effort, self._bounds
+        efforts = effort.tolist()
+        if not math.isfinite(sum(efforts) + sum(state.q.tolist())) and not (
+                np.isfinite(effort).all() and np.isfinite(state.q).all()):
+            raise non_finite_effort(state.q, state.gravity, effort)
+        own = self._robot if self._robot is not None else load.unloaded
+        robot = NOTHING
+        if options.semantics.robot_compensates:
+            robot = robot_effort(
+                options.semantics, own.rigid_body.gravity(state.q),
+                None if effort is answer.gravity else answer.friction, drive)
+        output = ControlOutput(
+            state, answer, v, gains.least, robot, own, bounds, drive, self.lock)
+        if options.command == NO_COMMAND:
+            return output
+        output.command = effort
+        if robot is not NOTHING or max(map(abs, efforts), default=0.0) > bounds.least:
+            output.command, clamped = bounds.bounded(
+                robot.command(effort), robot,
+                None if effort is answer.gravity else output.hold_torque())
+            output.clamped = clamped if clamped.any() else None
+        if drive is not None:
+            output.command = drive.command(output.command)
+        return output
 
     def _stops_now(self) -> bool:
         """Return whether the arm stops and is held although there is no reference."""
@@ -374,33 +398,6 @@ class Controller:
         if self._reference.active is not None:
             self._reference.stop_from_next(self._options.stops_and_holds)
         self._state = None
-
-    def _limited(self, state: LawInput, law: ControlLaw) -> ControlOutput:
-        """Return the effort of a law as a command within the effort limits."""
-        answer, options, drive = law(state), self._options, self.arm.drive
-        effort, bounds = answer.effort, self._bounds
-        efforts = effort.tolist()
-        if not math.isfinite(sum(efforts) + sum(state.q.tolist())) and not (
-                np.isfinite(effort).all() and np.isfinite(state.q).all()):
-            raise non_finite_effort(state.q, state.gravity, effort)
-        is_gravity = effort is vars(state).get('gravity')
-        own = self._robot if self._robot is not None else self._load.unloaded
-        robot = NOTHING
-        if options.semantics.robot_compensates:
-            gravity = state.gravity if state.dynamics is own else own.rigid_body.gravity(state.q)
-            robot = robot_effort(
-                options.semantics, gravity, None if is_gravity else answer.friction, drive)
-        output = ControlOutput(
-            state, answer, robot, bounds, drive, own, self.lock, self._gains.least)
-        if options.command == NO_COMMAND:
-            return output
-        if robot is NOTHING and max(map(abs, efforts), default=0.0) <= bounds.least:
-            command = effort
-        else:
-            command, output.clamped = bounds.bounded(
-                robot.command(effort), robot, None if is_gravity else output.hold_torque())
-        output.command = command if drive is None else drive.command(command)
-        return output
 
     def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""

@@ -44,15 +44,12 @@ class FollowedReference:
                       if kind == 'continuous']
         self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
         self._limits: MotionLimits | None = None
+        self.active: ActiveTrajectory | None = None
+        """The trajectory or stop that is followed, or None."""
         self.stops_next = False
         """Whether a stop from the next measured state is wanted."""
         self.slowness = 1.0
         """Factor by which the last trajectory was slowed down."""
-
-    @property
-    def active(self) -> ActiveTrajectory | None:
-        """The trajectory or stop that is followed, or None."""
-        return self._follower.active
 
     def limit(self, limits: MotionLimits | None, stream_timeout: float) -> None:
         """Set the limits of motion, which `scale` applies, and the timeout [s] of set-points."""
@@ -97,25 +94,27 @@ class FollowedReference:
         state: tuple[int, FloatArray, FloatArray], stamp_ns: int,
     ) -> None:
         """Follow a trajectory from the last state (stamp, q, v) on; raise TrajectoryError."""
-        self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
+        self.active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
         self.stops_next = False
         self.slowness = slowness
 
     def clear(self) -> None:
         """Follow nothing."""
         self._follower.clear()
-        self.stops_next = False
+        self.active, self.stops_next = None, False
 
     def stop_from_next(self, holds: bool) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
         self._follower.clear()
-        self.stops_next = holds
+        self.active, self.stops_next = None, holds
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
         """Stop from the reference, or from this state if there is none, and hold."""
         self.stops_next = False
         self._follower.stop(stamp_ns, q, v)
+        self.active = self._follower.active
 
     def shift_time(self, shift_ns: int) -> None:
         """Continue as before if the stamps of states continue lower by `shift_ns`."""
         self._follower.shift_time(shift_ns)
+        self.active = self._follower.active

@@ -21,7 +21,7 @@ references, stops, faults.
 """
 
 from collections.abc import Callable, Mapping
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from importlib import metadata
 from typing import Any, ClassVar, NamedTuple
 
@@ -38,7 +38,7 @@ ENTRY_POINTS = 'robot_dynamics.control_laws'
 """Group of the entry points of further laws."""
 
 
-class LawInput:
+class LawInput(NamedTuple):
     """
     The input of a law; arrays are (n,), in the order of the joints.
 
@@ -48,19 +48,20 @@ class LawInput:
     there is one, `v` is known.
     """
 
-    def __init__(
-        self, dynamics: UncheckedArmDynamics, stamp_ns: int, q: FloatArray, v: FloatArray | None,
-        q_ahead: FloatArray, trajectory: ActiveTrajectory | None, feedback: ErrorFeedback,
-    ) -> None:
-        self.dynamics, self.stamp_ns, self.trajectory = dynamics, stamp_ns, trajectory
-        self.q, self.v, self.q_ahead, self._feedback = q, v, q_ahead, feedback
+    dynamics: UncheckedArmDynamics
+    stamp_ns: int
+    q: FloatArray
+    v: FloatArray | None
+    q_ahead: FloatArray
+    trajectory: ActiveTrajectory | None
+    feedback: ErrorFeedback
 
-    @cached_property
+    @property
     def gravity(self) -> FloatArray:
         """The gravity-compensation torque g(q) [N·m] or [N]."""
         return self.dynamics.rigid_body.gravity(self.q)
 
-    @cached_property
+    @property
     def reference(self) -> Reference:
         """Position, velocity and acceleration of the reference; raise ValueError without one."""
         if self.trajectory is None:
@@ -70,7 +71,7 @@ class LawInput:
     @property
     def position_error(self) -> FloatArray:
         """Reference minus measured position; of continuous joints the shortest distance."""
-        return self._feedback.position_error(self.reference.position, self.q)
+        return self.feedback.position_error(self.reference.position, self.q)
 
     @property
     def velocity_error(self) -> FloatArray:
@@ -83,7 +84,7 @@ class LawInput:
     def is_far(self) -> bool:
         """Whether the following error of a joint exceeds its limit."""
         return self.trajectory is not None and bool(
-            (np.abs(self.position_error) > self._feedback.largest_error).any())
+            (np.abs(self.position_error) > self.feedback.largest_error).any())
 
 
 class LawOutput(NamedTuple):
@@ -92,13 +93,14 @@ class LawOutput(NamedTuple):
 
     `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
     that compensates friction. `is_far` is true if the following error of a joint exceeds its
-    limit.
+    limit. `gravity` (n,) is g(q) if the law has computed it.
     """
 
     effort: FloatArray
     terms: Callable[[], EffortTerms]
     friction: FloatArray
     is_far: bool = False
+    gravity: FloatArray | None = None
 
 
 class ControlLaw:
@@ -161,11 +163,13 @@ class GravityCompensation(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return g(q)."""
-        return LawOutput(state.gravity, partial(self._terms, state), self._zero)
+        gravity = state.gravity
+        return LawOutput(
+            gravity, partial(self._terms, state, gravity), self._zero, False, gravity)
 
-    def _terms(self, state: LawInput) -> EffortTerms:
+    def _terms(self, state: LawInput, gravity: FloatArray) -> EffortTerms:
         terms = equation_terms(
-            state.dynamics, state.q, self._zero, self._zero, self._zero, state.gravity)
+            state.dynamics, state.q, self._zero, self._zero, self._zero, gravity)
         if state.v is None:
             return terms
         return terms._replace(

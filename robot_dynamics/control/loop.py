@@ -294,9 +294,9 @@ class ControlLoop:
         Return the effort for a state (q, v), each (n,); v is None if it is not measured.
 
         `clock_ns` is the time of this computer and `steady_ns` that of a steady clock, both by
-        default the stamp. `has_several_publishers` is called for an implausible state; `fault` is a
-        fault that the caller has found. Raises ImplausibleStateError and NonFiniteEffortError; the
-        state is then dropped.
+        default the stamp. `has_several_publishers` is called for an implausible state; `fault` was
+        found by the caller. Raises ImplausibleStateError and NonFiniteEffortError; the state is
+        then dropped.
         """
         with self.lock:
             clock_ns = stamp_ns if clock_ns is None else clock_ns
@@ -345,8 +345,7 @@ class ControlLoop:
             passed = dt if dt is not None else now - supervisor.last_output
             supervisor.last_output = now
             effort = limiter.rate_limited(output.command, passed)
-            if effort is output.command and output.scale == 1.0 and (
-                    output.clamped is output.no_joint):
+            if effort is output.command and output.scale == 1.0 and output.clamped is None:
                 return LoopAnswer(effort, output, verdict)
             no_joint = limiter.limits.no_joint
             return LoopAnswer(effort, output, verdict, ActiveLimits(

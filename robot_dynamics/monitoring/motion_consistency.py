@@ -63,8 +63,8 @@ LONGEST_REPEATS = 0.06
 """[s] that a driver may usually repeat its samples; longer repetitions are not learnt."""
 REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
-UNKNOWN_NOISE = 0.2
-"""[rad/s] assumed until the noise of the velocity is known."""
+UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
+"""[rad/s] of the velocity: assumed until it is known, and tolerated."""
 _REST = 0.0005
 """[rad] that a joint moves at most between two checks at rest."""
 _FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
@@ -76,7 +76,7 @@ _ROWS = 256
 _NS = 1e-9
 _STEP_NS, _CHECK_NS, _PAUSE_NS = (round(1e9 * each) for each in (STEP, CHECK, PAUSE))
 _NEVER = -1 << 62
-_LARGEST_ALERT, _LARGEST_NOISE = 0.5, 1e3
+_LARGEST_ALERT = 0.5
 
 
 class MotionConsistency:
@@ -251,6 +251,7 @@ class MotionConsistency:
             density = (1.0 + _KNOWN / max(self._count, 1)) * density
             if self._count < _FEW:
                 density = np.maximum(density, dt * (UNKNOWN_NOISE * self._unit)**2)
+        density = np.minimum(density, dt * (LARGEST_NOISE * self._unit)**2)
         floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(density * length)
         tolerance = floor + RATIO * np.maximum(np.abs(moved), np.abs(integral))
         agrees = np.abs(difference) <= tolerance
@@ -279,7 +280,8 @@ class MotionConsistency:
         """Update the noise from the second difference of v, and from e while a joint rests."""
         if self._consecutive > 1:
             self._count += 1
-            d = np.minimum(np.abs(v - 2.0 * self._v + self._v_before), _LARGEST_NOISE)
+            d = np.minimum(
+                np.abs(v - 2.0 * self._v + self._v_before), 3.0 * LARGEST_NOISE * self._unit)
             weight = max(_FORGETTING, 1.0 / self._count)
             self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
         if self._rest is not None:
@@ -305,8 +307,8 @@ class MotionConsistency:
             intervals[1:], intervals[:-1]) - 2.0 * STEP) * np.abs(np.diff(velocity, axis=0))
         change = np.maximum.accumulate(change[::-1])[::-1]
         at = first - start
-        return np.asarray(
-            change[at] + self._hold * speed[at] + 0.5 * dt * np.abs(v - self._v))
+        step = np.minimum(np.abs(v - self._v), 2.0 * speed[at] + LARGEST_NOISE * self._unit)
+        return np.asarray(change[at] + self._hold * speed[at] + 0.5 * dt * step)
 
     def _excess(self, first: IntArray, integral: FloatArray, moved: FloatArray) -> FloatArray:
         """Return the distance of the integral from all delayed displacements, (windows, n)."""

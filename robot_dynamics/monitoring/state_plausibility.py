@@ -105,6 +105,10 @@ class StateMonitor:
         self._stamp: int | None = None
         self._received = 0
         self._is_same_clock = self._is_unstamped = False
+        self._is_simple = False
+        """Whether the last state was of the clock of this computer, and uncontradicted."""
+        self.is_other_clock = True
+        """Whether stamps are of a simulation, or of the clock of another computer."""
         self._offset = 0.0
         """Delay [s] of the clock of the stamps relative to the clock of this computer."""
         self._challenger: tuple[int, FloatArray, int] | None = None
@@ -129,10 +133,15 @@ class StateMonitor:
         """
         if steady is None:
             steady = clock
-        if self._is_usual(stamp, clock, steady, q):
-            dt = 1e-9 * (stamp - self._stamp)  # type: ignore[operator]
-            self._stamp, self._q, self._received = stamp, q, steady
-            return StateVerdict(True, dt, '', stamp)
+        last = self._stamp
+        if self._is_simple and last is not None:  # the usual case; others are checked in full
+            passed_ns, largest = steady - self._received, 1e9 * self.max_age or _JUMP_NS
+            if (last < stamp <= last + passed_ns + largest and 0 <= passed_ns <= _LONGEST_GAP_NS
+                    and (self.max_age <= 0.0 or abs(clock - stamp) <= largest)
+                    and math.dist(q.tolist(), self._q.tolist()) <= PLAY):
+                self._stamp, self._q, self._received = stamp, q, steady
+                return StateVerdict(True, 1e-9 * (stamp - last), '', stamp)
+        self._is_simple = False
         passed = 1e-9 * (steady - self._received)
         if not 0.0 <= passed <= LONGEST_GAP:
             self._stamp = None
@@ -151,30 +160,11 @@ class StateMonitor:
             self._follow_offset(age, passed, bool(judgement.restart))
             self._stamp, self._q, self._received = stamp, q, steady
             self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
+            self.is_other_clock = not is_same_clock
+        self._is_simple = self._is_same_clock and not self._is_unstamped and (
+            self._challenger is None and not self._contradiction)
         is_new, dt, restart, *_ = judgement
         return StateVerdict(is_new, dt, '' if shift else restart, stamp, shift)
-
-    @property
-    def is_other_clock(self) -> bool:
-        """Return whether stamps are of a simulation, or of the clock of another computer."""
-        return not self._is_same_clock
-
-    def _is_usual(self, stamp: int, clock: int, steady: int, q: FloatArray) -> bool:
-        """
-        Return whether a state is of the common case, in which it follows the previous state.
-
-        Such a state is of the same clock, neither old nor from the future, arrives soon after the
-        previous state, and the arm has hardly moved. All other states are checked in full.
-        """
-        last = self._stamp
-        if last is None or self._challenger is not None or self._contradiction:
-            return False
-        passed, largest = steady - self._received, 1e9 * self.max_age or _JUMP_NS
-        return (
-            last < stamp <= last + passed + largest and 0 <= passed <= _LONGEST_GAP_NS
-            and self._is_same_clock and not self._is_unstamped
-            and (self.max_age <= 0.0 or abs(clock - stamp) <= largest)
-            and self._has_hardly_moved(q))
 
     def _check_clock(self, stamp: int, age: float, is_same_clock: bool) -> None:
         """Raise ImplausibleStateError for a stamp that is too far from its clock."""

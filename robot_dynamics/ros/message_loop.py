@@ -22,7 +22,7 @@ rclpy.wait_for_message does. With `in_thread=False` the executor of the node ser
 subscription instead.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable
 import threading
 from typing import Any
 
@@ -119,24 +119,33 @@ class MessageLoop:
 
     def _deliver(self, data: bytes) -> None:
         """Deliver this message and the waiting ones, without the outdated ones."""
-        waiting = [data]
+        following = self._take()
+        if following is not None:
+            self._deliver_newest([data, following])
+            return
+        try:
+            message = self._read(data)
+        except UnreadableMessageError as error:
+            self._refuse(error)
+        else:
+            self._callback(message)
+
+    def _deliver_newest(self, waiting: list[bytes]) -> None:
+        """Deliver the newest of the waiting messages per source; pass errors to `refuse`."""
         while len(waiting) < MOST_WAITING and (following := self._take()) is not None:
             waiting.append(following)
         newest: dict[Hashable, Any] = {}
-        for message in self._readable(waiting):
+        for data in waiting:
+            try:
+                message = self._read(data)
+            except UnreadableMessageError as error:
+                self._refuse(error)
+                continue
             source = self._source(message)
             newest.pop(source, None)
             newest[source] = message
         for message in newest.values():
             self._callback(message)
-
-    def _readable(self, waiting: Sequence[bytes]) -> Iterator[Any]:
-        """Yield the results of `read`; pass its errors to `refuse`."""
-        for data in waiting:
-            try:
-                yield self._read(data)
-            except UnreadableMessageError as error:
-                self._refuse(error)
 
     def _take(self) -> bytes | None:
         """Return the next message as bytes, None without a message."""

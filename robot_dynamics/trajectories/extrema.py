@@ -18,8 +18,8 @@ Exact extrema of many polynomials on [0, 1], such as the motions on the segments
 A function is monotone between two neighbouring extrema and has at most one root there, and the
 roots of a derivative are the extrema of the next lower derivative. The search begins with the
 quadratic derivative, and bisects the lower derivatives one after the other between the roots of
-the derivative above. It divides by no leading coefficient, so that polynomials of lower degree are
-no special cases.
+the derivative above. Polynomials of lower degree are no special cases, because the leading
+coefficient of none of them has to be nonzero.
 """
 
 from typing import NamedTuple
@@ -96,7 +96,7 @@ def _roots(c: FloatArray, nodes: FloatArray) -> FloatArray:
     The polynomials c (..., m, n) are monotone between neighbouring nodes. Without a root the phase
     is one of the two nodes.
     """
-    low, high = nodes[:-1].copy(), nodes[1:].copy()
+    low, high = nodes[:-1], nodes[1:]
     is_positive = _evaluate(c, low) > 0.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)

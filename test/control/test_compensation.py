@@ -70,8 +70,7 @@ def run(
         q, v = simulation.state
         measured = v + velocity_noise * random.standard_normal(2)
         output = controller.update(
-            1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured,
-            with_terms=True)
+            1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured)
         assert output.command is not None
         assert output.reference is not None
         assert output.terms is not None

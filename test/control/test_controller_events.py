@@ -80,7 +80,7 @@ def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> 
     assert later.reference is not None
     assert not later.reference.velocity.any()
     assert later.computed_torque is not None
-    assert np.abs(later.computed_torque - later.hold).max() > 1.0  # it holds the position
+    assert np.abs(later.computed_torque - later.hold()).max() > 1.0  # it holds the position
 
 
 def test_a_stop_of_a_motion_begins_on_its_path() -> None:
@@ -94,21 +94,23 @@ def test_a_stop_of_a_motion_begins_on_its_path() -> None:
     assert after.velocity == pytest.approx(before.velocity)
 
 
-@pytest.mark.parametrize('holds', [True, False])
-def test_a_motion_that_ends_early_stops_on_its_path_or_is_ended(holds: bool) -> None:
-    one = moving(stops_and_holds=holds)
-    before = one.update(NOW + SECOND, Q, V).reference
-    one.stop_on_path()
-    after = one.update(NOW + SECOND, Q, V).reference
-    assert one.has_reference == holds
-    assert before is not None
-    assert (after is not None) == holds
-    if after is not None:
-        assert after.position == pytest.approx(before.position)
-        end = one.update(NOW + 20 * SECOND, Q, V).reference
-        assert end is not None
-        assert not end.velocity.any()
-        assert np.abs(end.position - [1.6, 0.1]).max() > 0.01  # not the goal
+def test_a_stop_ends_before_the_goal_and_not_before_its_time() -> None:
+    one = moving()
+    assert not one.has_stopped
+    one.stop()
+    assert not one.has_stopped
+    end = one.update(NOW + 20 * SECOND, Q, V).reference
+    assert one.has_stopped
+    assert end is not None
+    assert not end.velocity.any()
+    assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
+
+
+def test_without_a_reference_the_arm_has_stopped() -> None:
+    one = make()
+    assert one.has_stopped
+    one.update(NOW, Q, V)
+    assert one.has_stopped
 
 
 @pytest.mark.parametrize('holds', [True, False])
@@ -129,7 +131,7 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
     output = one.update(NOW + SECOND + MS, Q, None)
     assert output.reference is None
     assert output.command is not None
-    assert output.command.tolist() == output.hold.tolist()
+    assert output.command.tolist() == output.hold().tolist()
     with pytest.raises(TrajectoryError, match=NO_STATE):
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     assert one.stop() == NOTHING_TO_STOP
@@ -139,21 +141,46 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
         assert reference.position == pytest.approx(Q + 0.1)
 
 
-def test_a_state_without_a_velocity_at_rest_starts_no_stop() -> None:
+@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation', 'none'])
+@pytest.mark.parametrize('holds', [True, False])
+def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(
+    holds: bool, command: str,
+) -> None:
+    one = make(stops_and_holds=holds, command=command)
+    assert one.update(NOW, Q, None).reference is None
+    reference = one.update(NOW + MS, Q, V).reference
+    assert (reference is not None) == (holds and command == 'computed_torque')
+    if reference is not None:
+        assert reference.position == pytest.approx(Q)
+        assert reference.velocity == pytest.approx(V)
+        end = one.update(NOW + 9 * SECOND, Q, ZERO).reference
+        assert end is not None
+        assert not end.velocity.any()
+        assert (end.position > Q).all()
+
+
+def test_a_stop_does_not_begin_while_the_caller_forbids_it() -> None:
+    """In a fault, for example: the reference begins where the arm is when the fault has ended."""
     one = make(stops_and_holds=True)
-    one.update(NOW, Q, None)
-    assert one.update(NOW + MS, Q, V).reference is None
+    one.may_hold = False
+    for _ in range(2):
+        assert one.update(NOW, Q, V).reference is None
+        one.stop_from_state()
+    one.may_hold = True
+    reference = one.update(NOW + MS, Q + 0.1, ZERO).reference
+    assert reference is not None
+    assert reference.position.tolist() == (Q + 0.1).tolist()
 
 
 # --- references ----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('timeout', [0.1, 0.4])
+@pytest.mark.parametrize('timeout', [0.2, 0.4])
 def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout: float) -> None:
     one = make(stream_timeout=timeout)
     one.update(NOW, ZERO, ZERO)
     one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
     velocities = []
-    for ms in (100, 400, 5000):
+    for ms in (200, 400, 5000):
         reference = one.update(NOW + ms * MS, ZERO, ZERO).reference
         assert reference is not None
         velocities.append(reference.velocity[0])
@@ -216,19 +243,27 @@ def test_a_motion_continues_when_the_stamps_decrease() -> None:
 
 # --- terms and words -----------------------------------------------------------------------------
 
-@pytest.mark.filterwarnings('error')
-def test_the_terms_are_those_of_the_last_command() -> None:
-    one = make()
-    assert one.terms() is None
-    output = one.update(NOW, Q, V, with_terms=True)
-    later = one.terms()
+def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output() -> None:
+    """Also if other states and another load follow."""
+    one, other = make(), make()
+    output, read = (each.update(NOW, Q, V) for each in (one, other))
+    expected = read.terms
+    one.update(NOW + MS, Q + 0.3, -V)
+    one.set_payloads([LOAD], 0.0, lambda _: None)
+    one.update(NOW + 2 * MS, Q + 0.3, -V)
     assert output.terms is not None
-    assert later is not None
-    for ours, theirs in zip(output.terms, later):
+    assert expected is not None
+    for ours, theirs in zip(output.terms, expected):
         assert np.array_equal(ours, theirs)
-    one.answer(NOW + MS, Q, np.full(2, 1e200))
-    assert one.terms() is None  # its energy is not finite
-    assert one.update(NOW + 2 * MS, Q, np.full(2, 1e200), with_terms=True).terms is None
+    assert output.gravity_compensation.tolist() == read.gravity_compensation.tolist()
+    assert output.hold().tolist() == read.hold().tolist()
+
+
+@pytest.mark.filterwarnings('error')
+def test_terms_that_are_not_finite_are_not_reported() -> None:
+    one = make()
+    assert one.update(NOW, Q, np.full(2, 1e200)).terms is None  # the energy
+    assert one.update(NOW + MS, Q, V).terms is not None
 
 
 def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
@@ -253,7 +288,7 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> Non
     """Against the motion, with half of the damping of the feedback and the inertia of the load."""
     one, v = make(), 0.2 * V
     one.set_payloads(loads, 0.0, lambda _: None)  # type: ignore[arg-type]
-    hold = one.update(NOW, Q, v).hold
+    hold = one.update(NOW, Q, v).hold()
     braked = one.braked(Q, v, hold)
     assert braked == pytest.approx(hold - damping(v, loads))
     assert float(v @ (braked - hold)) < 0.0  # it takes energy away

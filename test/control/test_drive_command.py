@@ -71,9 +71,9 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
     follow(one, goal)
     output = one.update(NOW + 1, Q, ZERO)
     assert output.command is not None
-    for effort in (output.command, output.hold, one.braked(Q, V, output.hold)):
+    for effort in (output.command, output.hold(), one.braked(Q, V, output.hold())):
         assert (np.abs(effort) <= LIMIT).all()
-    free = np.maximum(np.abs(output.hold), np.abs(drive.offset))
+    free = np.maximum(np.abs(output.hold()), np.abs(drive.offset))
     assert (np.abs(output.command) <= np.maximum(share * LIMIT, free) + 1e-9).all()
 
 
@@ -84,7 +84,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
     arm, drive = driven(FRICTION, [0.7, 1.3], [8.0, -4.0])
     one = controller(arm, robot)
     follow(one, Q, V)
-    output = one.update(NOW + 1, Q, V, with_terms=True)
+    output = one.update(NOW + 1, Q, V)
     assert output.command is not None
     assert output.terms is not None
     assert output.computed_torque is not None
@@ -92,12 +92,12 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
     added = np.zeros(2)
     if 'gravity' in robot:
         added += output.robot_gravity
-    hold = drive.torque(output.hold + added)
+    hold = drive.torque(output.hold() + added)
     assert hold == pytest.approx(output.gravity_compensation)
     if 'friction' in robot:
         friction = controller(FRICTION, ())  # the same reference without a drive
         follow(friction, Q, V)
-        terms = friction.update(NOW + 1, Q, V, with_terms=True).terms
+        terms = friction.update(NOW + 1, Q, V).terms
         assert terms is not None
         added += terms.friction
     assert drive.torque(output.command + added) == pytest.approx(output.computed_torque)
@@ -111,10 +111,10 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
 def test_in_a_fault_the_damping_is_a_torque() -> None:
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     without, one = controller(ARM, ()), controller(arm, ())
-    held = without.update(NOW, Q, V).hold
+    held = without.update(NOW, Q, V).hold()
     braked = without.braked(Q, V, held)
     assert np.abs(braked - held).min() > 0.1
-    hold = one.update(NOW, Q, V).hold
+    hold = one.update(NOW, Q, V).hold()
     assert drive.torque(one.braked(Q, V, hold)) == pytest.approx(braked)
     assert one.braked(Q, None, hold) is hold
 

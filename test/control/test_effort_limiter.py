@@ -42,13 +42,29 @@ def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
 
 
 class Step(NamedTuple):
-    """The arguments of a call of the guard."""
+    """The arguments of a call of the guard, with the result of `hold`."""
 
     effort: np.ndarray
     hold: np.ndarray
     q: np.ndarray
     v: np.ndarray | None
     dt: float
+
+
+class Guarded(NamedTuple):
+    """The result of a call of the guard, and the joints whose effort each limit has changed."""
+
+    effort: np.ndarray
+    by_position: np.ndarray
+    by_velocity: np.ndarray
+    by_rate: np.ndarray
+
+
+def guarded_by(one: EffortLimiter, step: Step) -> Guarded:
+    effort, hold, *rest = step
+    result, active = one.apply(effort, lambda: hold, *rest), one.active
+    assert (active is None) == (result is effort)
+    return Guarded(result, *(active or (one.limits.no_joint,) * 3))
 
 
 STEPS = st.builds(
@@ -73,7 +89,7 @@ def test_efforts_in_a_row_keep_to_the_rate_limit(steps: list[Step | None]) -> No
         if step is None:
             one.last = last = None
             continue
-        effort = one.apply(*step).effort
+        effort = guarded_by(one, step).effort
         if last is None:
             assert effort.tolist() == step.hold.tolist()
         else:
@@ -87,8 +103,8 @@ def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(
     first: Step, second: Step,
 ) -> None:
     one = guard(-np.inf, np.inf, np.inf)
-    start = one.apply(*first).effort
-    effort, by_position, by_velocity, by_rate = one.apply(*second)
+    start = guarded_by(one, first).effort
+    effort, by_position, by_velocity, by_rate = guarded_by(one, second)
     reachable = RATE * min(max(second.dt, 0.0), LONGEST_STEP)
     way = second.effort - start
     longest = np.abs(way).max()
@@ -129,7 +145,7 @@ def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
     one = guard()
     for step in steps:
         last = step.hold if one.last is None else one.last
-        effort, signs = one.apply(*step).effort, forbidden(step)
+        effort, signs = guarded_by(one, step).effort, forbidden(step)
         push, before = effort - step.hold, last - step.hold
         for sign in (1.0, -1.0):
             held = (signs == sign) | (signs == 2)
@@ -143,7 +159,7 @@ def test_only_a_push_past_the_limit_is_reduced(step: Step) -> None:
     """With a rate that allows any step: exactly to the gravity torque; other efforts unchanged."""
     one = guard(rate=1e9)
     one.last = np.zeros(N)
-    effort, by_position, by_velocity, by_rate = one.apply(*step._replace(dt=LONGEST_STEP))
+    effort, by_position, by_velocity, by_rate = guarded_by(one, step._replace(dt=LONGEST_STEP))
     push, signs = step.effort - step.hold, forbidden(step)
     held = (push != 0.0) & ((signs == 2) | (np.sign(push) == signs))
     assert effort.tolist() == np.where(held, step.hold, step.effort).tolist()
@@ -157,7 +173,7 @@ def test_a_constant_push_at_the_margin_ends_after_push_over_rate(sign: float) ->
     one, hold = guard(), np.array([30.0, -20.0])
     one.last = hold + sign * 100.0
     wanted, q = hold + sign * 100.0, np.full(N, UPPER if sign > 0 else LOWER)
-    pushes = [sign * (one.apply(wanted, hold, q, np.zeros(N), 0.002).effort - hold)
+    pushes = [sign * (guarded_by(one, Step(wanted, hold, q, np.zeros(N), 0.002)).effort - hold)
               for _ in range(60)]
     for k, push in enumerate(pushes, start=1):
         assert push == pytest.approx(max(100.0 - 2.0 * k, 0.0), abs=1e-9)
@@ -171,10 +187,11 @@ def test_the_margin_begins_where_it_says(q: float, held: bool) -> None:
     one = guard(rate=1e9)
     one.last = np.zeros(N)
     push = np.copysign(7.0, q)
-    guarded = one.apply(np.full(N, push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
+    step = Step(np.full(N, push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
+    guarded = guarded_by(one, step)
     assert guarded.by_position.tolist() == [held, held]
     assert guarded.effort.tolist() == ([0.0, 0.0] if held else [push, push])
-    away = one.apply(np.full(N, -push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
+    away = guarded_by(one, step._replace(effort=-step.effort))
     assert not away.by_position.any()
     assert away.effort.tolist() == [-push, -push]
 
@@ -186,7 +203,7 @@ def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(
     one = guard(rate=1e9)
     one.last = np.zeros(N)
     push = np.full(N, np.copysign(7.0, past))
-    guarded = one.apply(push, np.zeros(N), np.array([near, past]), np.zeros(N), 0.01)
+    guarded = guarded_by(one, Step(push, np.zeros(N), np.array([near, past]), np.zeros(N), 0.01))
     assert guarded.by_position.tolist() == [False, True]
     assert guarded.effort.tolist() == [push[0], 0.0]
 
@@ -196,7 +213,7 @@ def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(
 def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, push: float) -> None:
     one, hold = guard(rate=1e9), np.array([30.0, -20.0])
     one.last = hold
-    guarded = one.apply(hold + push, hold, np.zeros(N), np.full(N, v), 0.01)
+    guarded = guarded_by(one, Step(hold + push, hold, np.zeros(N), np.full(N, v), 0.01))
     held = abs(v) > SPEED and push * v > 0.0
     assert guarded.by_velocity.tolist() == [held, held]
     assert guarded.effort.tolist() == (hold if held else hold + push).tolist()
@@ -205,7 +222,8 @@ def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, pus
 def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it() -> None:
     one, hold = guard(rate=1e9), np.array([30.0, -20.0])
     one.last = hold
-    guarded = one.apply(hold + 7.0, hold, np.zeros(N), np.array([SPEED, 1.1 * SPEED]), 0.01)
+    v = np.array([SPEED, 1.1 * SPEED])
+    guarded = guarded_by(one, Step(hold + 7.0, hold, np.zeros(N), v, 0.01))
     assert guarded.by_velocity.tolist() == [False, True]
     assert guarded.effort.tolist() == [37.0, -20.0]
 
@@ -215,7 +233,7 @@ def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it() -> None
 def test_without_limits_nothing_is_held_back(step: Step) -> None:
     one = guard(-np.inf, np.inf, np.inf, 1e9)
     one.last = np.zeros(N)
-    effort, *held = one.apply(*step._replace(dt=LONGEST_STEP))
+    effort, *held = guarded_by(one, step._replace(dt=LONGEST_STEP))
     assert effort.tolist() == step.effort.tolist()
     assert not np.any(held)
 
@@ -227,4 +245,4 @@ def test_finite_efforts_stay_finite(steps: list[Step]) -> None:
     one = guard()
     with np.errstate(over='ignore'):
         for step in steps:
-            assert np.isfinite(one.apply(*step).effort).all()
+            assert np.isfinite(guarded_by(one, step).effort).all()

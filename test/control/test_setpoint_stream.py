@@ -38,7 +38,7 @@ def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
 @pytest.mark.parametrize('count', range(STREAM_LENGTH))
 def test_fewer_than_five_set_points_are_held_indefinitely(count: int) -> None:
     stream, t = streaming(count)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
 
 
 @pytest.mark.parametrize('pause', [0.0, 0.02, TIMEOUT])
@@ -47,16 +47,16 @@ def test_five_are_a_stream_that_is_over_after_the_timeout_and_not_before(
     count: int, pause: float,
 ) -> None:
     stream, t = streaming(count, pause)
-    assert not stream.is_over(t)
-    assert not stream.is_over(t + 0.999 * TIMEOUT)
-    assert stream.is_over(t + 1.001 * TIMEOUT)
-    assert stream.is_over(t + LONG_AFTER)
+    assert t <= stream.deadline
+    assert t + 0.999 * TIMEOUT <= stream.deadline
+    assert t + 1.001 * TIMEOUT > stream.deadline
+    assert t + LONG_AFTER > stream.deadline
 
 
 @pytest.mark.parametrize('pause', [1.001 * TIMEOUT, 1.0, 60.0])
 def test_set_points_with_pauses_are_no_stream(pause: float) -> None:
     stream, t = streaming(100, pause)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
 
 
 def test_one_pause_restarts_the_count() -> None:
@@ -64,34 +64,36 @@ def test_one_pause_restarts_the_count() -> None:
     t += 2.0 * TIMEOUT
     for _ in range(STREAM_LENGTH - 1):
         stream.arrived(True, t)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
     stream.arrived(True, t)
-    assert stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER > stream.deadline
 
 
 def test_a_trajectory_ends_a_stream() -> None:
     stream, t = streaming(10)
     stream.arrived(False, t + 0.02)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
     for k in range(STREAM_LENGTH - 1):  # and the count restarts with the next set-point
         stream.arrived(True, t + 0.03 + 0.01 * k)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
 
 
 def test_an_ended_stream_is_reset() -> None:
     stream, t = streaming(10)
     stream.end()
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
     for _ in range(STREAM_LENGTH - 1):
         stream.arrived(True, t)
-    assert not stream.is_over(t + LONG_AFTER)
+    assert t + LONG_AFTER <= stream.deadline
 
 
-def test_the_timeout_may_change() -> None:
+def test_a_new_timeout_applies_from_the_next_set_point_on() -> None:
     stream, t = streaming(10)
     stream.timeout = 1.0
-    assert not stream.is_over(t + 0.5)
-    assert stream.is_over(t + 1.1)
+    assert t + 1.001 * TIMEOUT > stream.deadline
+    stream.arrived(True, t)
+    assert t + 0.5 <= stream.deadline
+    assert t + 1.1 > stream.deadline
 
 
 @laws
@@ -104,5 +106,5 @@ def test_only_the_set_points_at_the_end_count(events: list[tuple[bool, float]]) 
         t += timeouts * TIMEOUT
         stream.arrived(is_set_point, t)
         in_a_row = (in_a_row if timeouts <= 1.0 else 0) + 1 if is_set_point else 0
-    assert stream.is_over(t + LONG_AFTER) == (in_a_row >= STREAM_LENGTH)
-    assert not stream.is_over(t)
+    assert (t + LONG_AFTER > stream.deadline) == (in_a_row >= STREAM_LENGTH)
+    assert t <= stream.deadline

@@ -14,9 +14,18 @@
 
 """Start and end of the effort commands: the supervisor of the command, event by event."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from robot_dynamics.control.supervisor import Fault, FAULT_ACTIONS, Mode, SafetyOptions
+from robot_dynamics.control.supervisor import (
+    BRAKING_TIME,
+    CommandSupervisor,
+    Fault,
+    FAULT_ACTIONS,
+    Mode,
+    SafetyOptions,
+)
 from supervised import (
     answer,
     course,
@@ -46,7 +55,7 @@ def test_no_effort_is_published_before_the_first_good_state() -> None:
     assert not one.is_commanding
     assert [one.tick(START + after) for after in (0.0, 10.0, 1e6)] == [None] * 3
     assert one.repeat() is None
-    assert one.guarded is None
+    assert one.limiter.active is None
     assert one.fault_count == 0  # no timeout before the first effort
 
 
@@ -58,8 +67,8 @@ def test_the_first_effort_is_the_gravity_torque() -> None:
     assert one.is_commanding
     step = (PUSH - HOLD) * RATE * PERIOD / np.abs(PUSH - HOLD).max()
     assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + step)
-    assert one.guarded is not None
-    assert one.guarded.by_rate.tolist() == [True, True]
+    assert one.limiter.active is not None
+    assert one.limiter.active.rate.tolist() == [True, True]
 
 
 def test_an_effort_changes_as_far_as_the_time_between_the_stamps_allows() -> None:
@@ -279,7 +288,8 @@ def test_the_hold_in_a_fault_is_damped() -> None:
     one = running()
     q, v = np.array([0.0, 1.2]), np.array([0.5, -0.25])
     effort = one.answer(
-        START + 0.1, q, v, PUSH, HOLD, 0.1, lambda at, speed, hold: hold - 2.0 * speed + at)
+        START + 0.1, q, v, PUSH, HOLD.copy, 0.1,
+        lambda at, speed, hold: hold - 2.0 * speed + at)
     assert one.mode is Mode.FAULT
     assert effort == pytest.approx(HOLD - 2.0 * v + q)
 
@@ -288,7 +298,7 @@ def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
     one = running(PUSH)
     for k in range(1, 100):
         effort = one.answer(
-            START + k * PERIOD, np.zeros(2), np.zeros(2), PUSH, HOLD, PERIOD, None, TROUBLE)
+            START + k * PERIOD, np.zeros(2), np.zeros(2), PUSH, HOLD.copy, PERIOD, None, TROUBLE)
     assert effort == pytest.approx(HOLD)
     assert one.mode is Mode.FAULT
     assert one.fault_count == 1
@@ -336,11 +346,11 @@ def test_deactivation_ignores_further_events() -> None:
     (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
 def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: float) -> None:
     one = running(rate=rate, ramp_time=ramp_time)
-    assert one.time_to_stop == expected
+    assert one.time_to_stop == BRAKING_TIME + expected
     one.deactivate(START)
     t, _ = course(one)
     assert t[-1] == pytest.approx(expected, abs=2 * PERIOD)
-    assert one.time_to_stop == ramp_time  # the effort is zero already
+    assert one.time_to_stop == BRAKING_TIME + ramp_time  # the effort is zero already
 
 
 def test_without_an_effort_deactivation_is_at_once() -> None:
@@ -384,3 +394,92 @@ def test_options_that_change_act_at_once() -> None:
     one.set_options(limits(), SafetyOptions(fault_action='stop_publishing'))
     assert one.tick(START + 0.21) is None
     assert not one.acts_alone
+
+
+# --- the stop before the end of the command ------------------------------------------------------
+
+def braking(**options: Any) -> CommandSupervisor:
+    one = running(PUSH, **options)
+    assert one.brake(START)
+    assert one.mode is Mode.BRAKING
+    assert one.is_commanding
+    return one
+
+
+def test_the_command_continues_during_the_stop() -> None:
+    one = braking()
+    for k in range(1, 100):
+        assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
+        assert one.tick(START + (k + 0.5) * PERIOD) is None
+    repeated = one.repeat()
+    assert repeated is not None
+    assert repeated.tolist() == PUSH.tolist()
+    one.deactivate(START + 0.2)  # the arm has stopped
+    t, efforts = course(one, START + 0.2)
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
+
+
+def test_a_stop_that_does_not_succeed_ends_with_the_ramp() -> None:
+    """All numbers are exact in binary; a second request does not extend the time."""
+    one, period, end = braking(), 0.03125, START + BRAKING_TIME
+    for k in range(1, round(BRAKING_TIME / period) + 1):
+        now = START + k * period
+        answer(one, now, PUSH)
+        assert one.tick(now) is None
+        assert one.brake(now)
+    assert one.mode is Mode.BRAKING
+    assert one.tick(np.nextafter(end, np.inf)) is not None
+    assert one.mode is Mode.STOPPING
+
+
+def test_without_states_a_stop_ends_with_the_ramp() -> None:
+    one = braking(state_timeout=0.0625)
+    assert one.tick(START + 0.0625) is None
+    assert one.tick(START + 0.0627) is not None
+    assert one.mode is Mode.STOPPING
+    assert one.fault is None
+
+
+@pytest.mark.parametrize('overdue', [False, True])
+def test_without_a_command_or_without_states_there_is_no_stop(overdue: bool) -> None:
+    one = running() if overdue else make()
+    one.activate()
+    assert not one.brake(START + (1.0 if overdue else 0.0))
+    assert one.mode is (Mode.STOPPING if overdue else Mode.INACTIVE)
+    one = running(fault_action='stop_publishing')
+    one.fail(START, TROUBLE)
+    one.tick(START)
+    assert not one.brake(START)
+    assert one.mode is Mode.INACTIVE
+
+
+@pytest.mark.parametrize('before', [True, False])
+def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before: bool) -> None:
+    one = running(PUSH)
+    for step in ((one.fail, one.brake) if before else (one.brake, one.fail)):
+        step(START, *([TROUBLE] if step == one.fail else []))  # type: ignore[operator]
+    assert one.mode is Mode.BRAKING
+    assert one.fault == TROUBLE
+    assert one.fault_count == 1
+    damped = HOLD + [2.0, -3.0]
+    for k in range(1, 200):  # good states do not end the hold
+        effort = one.answer(
+            START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
+            lambda *_: damped)
+    assert effort == pytest.approx(damped)
+    one.fail(START + 0.4, TROUBLE)
+    assert one.fault_count == 1
+    one.resume()
+    assert one.mode is Mode.FAULT
+    assert answer(one, START + 0.402, PUSH) is not None
+    assert one.mode is Mode.RUNNING
+
+
+def test_a_stop_that_is_cancelled_continues_with_the_command() -> None:
+    one = braking()
+    one.resume()
+    assert one.mode is Mode.RUNNING
+    assert answer(one, START + PERIOD, PUSH) == PUSH.tolist()
+    one.resume()  # nothing to continue
+    assert one.mode is Mode.RUNNING

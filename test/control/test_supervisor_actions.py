@@ -118,7 +118,8 @@ def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
 def test_the_damped_hold_remains_until_the_states_time_out() -> None:
     one = running()
     damped = HOLD + [2.0, -3.0]
-    one.answer(START + 0.01, np.zeros(2), np.ones(2), PUSH, HOLD, 0.01, lambda *_: damped, TROUBLE)
+    one.answer(
+        START + 0.01, np.zeros(2), np.ones(2), PUSH, HOLD.copy, 0.01, lambda *_: damped, TROUBLE)
     for after in (0.005, 0.02, 0.04):
         effort = one.tick(START + 0.01 + after)
         assert effort is not None

@@ -20,6 +20,7 @@ from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachi
 import numpy as np
 from robot_dynamics.control.effort_limiter import EffortLimits, LONGEST_STEP
 from robot_dynamics.control.supervisor import (
+    BRAKING_TIME,
     CommandSupervisor,
     Fault,
     FAULT_ACTIONS,
@@ -61,6 +62,7 @@ class Supervised(RuleBasedStateMachine):
         self.now = self.sent_at = 0.0
         self.standing: np.ndarray | None = None  # the last published effort
         self.must_be_reset = False
+        self.brake_until = 0.0
 
     # ------------------------------------------------------------------ checks of the observer
 
@@ -93,7 +95,8 @@ class Supervised(RuleBasedStateMachine):
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
         since = self.now + pause - self.sent_at
         self.now += pause
-        effort = self.one.answer(self.now, q, v, command, hold, since if stamped else None)
+        effort = self.one.answer(
+            self.now, q, v, command, lambda: hold, since if stamped else None)
         self.receives(effort, hold)
         assert self.one.mode is not Mode.WAITING
         if silent_before and (np.abs(q) > REACH + self.one.options.fault_margin).any():
@@ -106,7 +109,9 @@ class Supervised(RuleBasedStateMachine):
         effort = self.one.tick(self.now)
         assert not waits or effort is None
         self.receives(effort)
-        assert self.one.mode is not Mode.RUNNING or self.now <= self.one.deadline + 1e-9
+        assert self.one.mode not in (Mode.RUNNING, Mode.BRAKING) or (
+            self.now <= self.one.deadline + 1e-9)
+        assert self.one.mode is not Mode.BRAKING or self.now <= self.brake_until
 
     @rule(pause=pauses, fault=faults)
     def a_fault(self, pause: float, fault: Fault) -> None:
@@ -114,14 +119,14 @@ class Supervised(RuleBasedStateMachine):
         is_active = self.one.mode not in (Mode.INACTIVE, Mode.STOPPING)
         self.one.fail(self.now, fault)
         if is_active:
-            assert self.one.mode is Mode.FAULT
+            assert self.one.mode in (Mode.FAULT, Mode.BRAKING)
             self.must_be_reset = self.must_be_reset or fault.latched
 
     @rule()
     def a_repeated_state(self) -> None:
         effort = self.one.repeat()
         if effort is not None:
-            assert self.one.mode is Mode.RUNNING
+            assert self.one.mode in (Mode.RUNNING, Mode.BRAKING)
             assert self.standing is not None
             assert effort.tolist() == self.standing.tolist()
 
@@ -129,6 +134,26 @@ class Supervised(RuleBasedStateMachine):
     def activated(self) -> None:
         self.one.activate()
         assert self.one.mode is not Mode.INACTIVE
+
+    @rule()
+    def braked(self) -> None:
+        """A second request does not extend the time for the stop."""
+        was_braking, is_commanding = self.one.mode is Mode.BRAKING, self.one.is_commanding
+        is_braking = self.one.brake(self.now)
+        assert is_braking == (self.one.mode is Mode.BRAKING)
+        assert is_braking or self.one.mode in (Mode.INACTIVE, Mode.STOPPING)
+        assert is_commanding or not is_braking
+        if is_braking and not was_braking:
+            self.brake_until = self.now + BRAKING_TIME
+
+    @rule()
+    def resumed(self) -> None:
+        before = self.one.mode
+        self.one.resume()
+        if before is Mode.BRAKING:
+            assert self.one.mode in (Mode.RUNNING, Mode.FAULT)
+        else:
+            assert self.one.mode is before
 
     @rule()
     def deactivated(self) -> None:

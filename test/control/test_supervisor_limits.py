@@ -100,17 +100,18 @@ def test_a_push_toward_a_limit_is_taken_away(
     assert one.mode is Mode.RUNNING
     pushed = [q[0] != 0.0 or v[0] != 0.0, q[1] != 0.0 or v[1] != 0.0]
     assert effort == np.where(pushed, HOLD, PUSH).tolist()
-    assert one.guarded is not None
-    assert one.guarded.by_position.tolist() == [bool(q[0]), bool(q[1])]
-    assert one.guarded.by_velocity.tolist() == [bool(v[0]), bool(v[1])]
+    active = one.limiter.active
+    assert active is not None
+    assert active.position.tolist() == [bool(q[0]), bool(q[1])]
+    assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
 
 
 def test_a_state_without_a_velocity_has_the_position_limits() -> None:
     one = running(PUSH, reach=1.0, velocity=2.0)
     for k, place in enumerate((0.0, 0.995), start=1):
-        effort = one.answer(START + k * PERIOD, np.array([place, 0.0]), None, PUSH, HOLD)
+        effort = one.answer(START + k * PERIOD, np.array([place, 0.0]), None, PUSH, HOLD.copy)
         assert one.mode is Mode.RUNNING
         assert effort is not None
         assert (effort.tolist() == PUSH.tolist()) == (place == 0.0)
-    one.answer(START + 3 * PERIOD, np.array([1.1, 0.0]), None, PUSH, HOLD)
+    one.answer(START + 3 * PERIOD, np.array([1.1, 0.0]), None, PUSH, HOLD.copy)
     assert one.mode is Mode.FAULT

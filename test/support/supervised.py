@@ -52,7 +52,7 @@ def answer(
     q: Sequence[float] = (0.0, 0.0), dt: float | None = None, v: Sequence[float] = (0.0, 0.0),
 ) -> list[float] | None:
     """Pass a valid state; return the command as a list, None without a command."""
-    effort = one.answer(now, np.array(q), np.array(v), command, hold, dt)
+    effort = one.answer(now, np.array(q), np.array(v), command, lambda: hold, dt)
     return None if effort is None else list(effort)
 
 

@@ -290,8 +290,8 @@ def test_no_motion_takes_longer_than_that_of_the_oracle(
     """
     The durations are equal, unless the velocity must exceed its bound.
 
-    The oracle then returns to the bound of the velocity before it plans the motion to the goal,
-    and reverses if the goal is nearer; leaving for the goal earlier is faster, at no higher speed.
+    The oracle then passes the bound in the shortest time and plans from there; this motion
+    returns to the bound later, which can be faster in total. The largest speeds are equal.
     """
     beyond = 0
     for problem in problems(count, symmetric=symmetric):

@@ -80,7 +80,7 @@ class CommandOutput:
         self._faults_seen = 0
         self.mode_seen = Mode.INACTIVE
         """The mode that was logged last."""
-        self._order = ControllerOrder(
+        self.order = ControllerOrder(
             node, self._commands,
             lambda: [] if self.loop is None else list(self.loop.controller.arm.joint_names),
             self.fail)
@@ -210,7 +210,7 @@ class CommandOutput:
         try:
             if self._count():
                 self._send(named.filled(stamp, effort))
-            if self._count_bare() and self._order.allows():
+            if self._count_bare() and self.order.allows():
                 self._commands.publish(bare.filled(stamp, effort))
         except Exception:
             if self._node.context.ok():
@@ -230,11 +230,6 @@ class CommandOutput:
                 self.loop.fail(time.monotonic(), fault)
                 self.log_changes()
                 self._changed.notify()
-
-    @property
-    def order_fault(self) -> Fault | None:
-        """The difference between the joint order of a controller and that of the command."""
-        return self._order.fault
 
     # ------------------------------------------------------------------ the watchdog
 

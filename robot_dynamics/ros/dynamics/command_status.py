@@ -43,7 +43,7 @@ class CommandCounters:
         """Count the limits that have changed the effort of a state."""
         if output.scale < 1.0:
             self._count_limit('scaled gains')
-        if any_of(output.clamped):
+        if output.clamped is not None:
             self._count_limit('effort limit')
         if active is not None:
             for name, joints in zip(('position limit', 'velocity limit', 'effort rate'), active):

@@ -199,7 +199,7 @@ class ControlPath:
             with command.lock:
                 answer = served.loop.answer(
                     state.stamp_ns, q, v, time.time_ns(), steady_ns,
-                    self._has_several_publishers, command.order_fault)
+                    self._has_several_publishers, command.order.fault)
                 if answer.effort is not None:
                     command.publish(state.stamp, answer.effort)
                 if (served.loop.supervisor.mode is not command.mode_seen
@@ -273,7 +273,7 @@ class ControlPath:
     ) -> None:
         """Count and publish what follows from a state, after its command."""
         counters, output, verdict = self.counters, answer.output, answer.verdict
-        counters.answered_at, counters.following = now, output.has_reference
+        counters.answered_at, counters.following = now, output.state.trajectory is not None
         if verdict.is_new:
             counters.arrivals.append(now)
         else:

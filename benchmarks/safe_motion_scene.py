@@ -1,0 +1,398 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The simulation of a run of `safe_motion`: the plant, the loop of `dynamics`, and who uses it.
+
+A disturbance (`safe_motion_disturbances`) changes the attributes of the scene.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from benchmarks.safe_motion_cases import (
+    BEGIN,
+    Case,
+    LONGEST,
+    Message,
+    Motion,
+    NOISE,
+    PERIODS,
+    POSITION_NOISE,
+    PUSH,
+    PUSH_END,
+)
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.supervisor import Mode
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.jerk_profile import Bounds, end, extremes, stop
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+
+ACTION_PERIOD, SLACK = 0.002, 1e-4
+"""[s] between ticks of a fault action, and after a deadline; see `ros/dynamics/command_output`."""
+FIRST_STAMP, MS = 1_000_000_000, 1_000_000
+"""[ns]"""
+STEP = 1e-3
+"""[s]"""
+HOLDING = 1e6
+"""Inertia of a joint that sticks, by the largest inertia of the arm."""
+MODE_CHANGES = 20
+"""Changes between sliding and sticking in a step, at most."""
+
+SHORTEST, REST = 4.0, 2.0
+"""[s] that a run lasts at least, and after the end of its reference."""
+SETTLING = 4.0
+"""[s] that a run lasts at least after the begin of its disturbance."""
+LOOK = 100
+"""[ms] between two checks whether the reference has ended."""
+ENTRY = 0.2
+"""[s] after the last message in which a state has answered it."""
+AT_GOAL = 1e-3
+"""[rad] and [rad/s] within which a reference is at its end."""
+HOPELESS = 100.0
+"""Share of a velocity limit at which a run is stopped."""
+LATEST_IN_PUSH = PUSH_END + 0.3
+"""[s]: latest begin of a disturbance of a run with a push."""
+
+
+class Plant:
+    """
+    An arm with viscous and Coulomb friction in steps of the semi-implicit Euler method.
+
+    Friction is implicit, so that stiff friction is stable and a joint sticks if Coulomb friction
+    can hold it. `ArmSimulation` is the exact solution, but three to nine times slower.
+    """
+
+    def __init__(self, arm: ArmModel, q: FloatArray) -> None:
+        self._body = UncheckedRigidBody(arm)
+        self._viscous, self._coulomb = arm.friction.viscous, arm.friction.coulomb
+        self._is_rough = bool(self._viscous.any() or self._coulomb.any())
+        self.q, self.v = q.copy(), np.zeros_like(q)
+
+    def load(self, arm: ArmModel) -> None:
+        """Continue with the bodies of this arm."""
+        self._body = UncheckedRigidBody(arm)
+
+    def step(self, tau: FloatArray, h: float) -> None:
+        """Continue by h [s] under the effort tau (n,)."""
+        q = self.q + 0.5 * h * self.v
+        if self._is_rough:
+            v = self._velocity_after(q, tau, h)
+        else:
+            v = self.v + h * self._body.acceleration(q, self.v, tau)
+        self.q, self.v = self.q + 0.5 * h * (self.v + v), v
+
+    def _velocity_after(self, q: FloatArray, tau: FloatArray, h: float) -> FloatArray:
+        """Return v with M (v - v_0) = h (tau - C v_0 - g - F_v v) - F, |F| <= h F_c."""
+        M = self._body.mass_matrix(q)
+        momentum = M @ self.v + h * (tau - self._body.nonlinear(q, self.v))
+        A, largest = M + h * np.diag(self._viscous), h * self._coulomb
+        holding = HOLDING * A.diagonal().max()
+        direction = np.sign(self.v)
+        sticks = (direction == 0.0) & (largest > 0.0)
+        for _ in range(MODE_CHANGES):
+            v = np.linalg.solve(A + holding * np.diag(sticks), momentum - largest * direction)
+            breaks = sticks & (np.abs(holding * v) > largest)
+            stops = ~sticks & (largest > 0.0) & (v * direction < 0.0)
+            if not (breaks.any() or stops.any()):
+                break
+            direction = np.where(breaks, np.sign(v), np.where(stops, 0.0, direction))
+            sticks = (sticks & ~breaks) | stops
+        return np.where(sticks, 0.0, v)
+
+
+class Hull:
+    """
+    The positions (n,) that a reference may have: those of start, earliest stop and goals.
+
+    `lowest` and `highest` are those of all references so far.
+    """
+
+    def __init__(self, q: FloatArray) -> None:
+        self.lower = self.upper = self.lowest = self.highest = q
+
+    def begin(self, state: Reference, limits: MotionLimits) -> None:
+        """Begin with the path of the earliest stop from a state."""
+        self.lower = self.upper = state.position
+        self.include(*stop_path(state, limits))
+
+    def include(self, *positions: FloatArray) -> None:
+        """Include positions (n,)."""
+        self.lower = np.min([self.lower, *positions], axis=0)
+        self.upper = np.max([self.upper, *positions], axis=0)
+        self.lowest = np.minimum(self.lowest, self.lower)
+        self.highest = np.maximum(self.highest, self.upper)
+
+    def excess(self, q: FloatArray) -> float:
+        """Return the largest distance of q from the hull."""
+        return float(np.max(np.maximum(q - self.upper, self.lower - q)))
+
+
+def stop_path(state: Reference, limits: MotionLimits) -> tuple[FloatArray, FloatArray]:
+    """
+    Return lowest and highest position (n,) on the earliest stop from a state.
+
+    A joint that would pass a position limit brakes with the limits without reserve.
+    """
+    found = []
+    for j, joint in enumerate(zip(*(x.tolist() for x in state))):
+        least, most = min(joint[0], limits.lower[j]), max(joint[0], limits.upper[j])
+        for each in (limits, limits.whole):
+            a = float(each.acceleration[j])
+            path = extremes(
+                stop(*joint[1:], Bounds(-1.0, 1.0, -a, a, float(each.jerk[j]))), *joint)
+            if least <= path.q_min and path.q_max <= most:
+                break
+        found.append((path.q_min, path.q_max))
+    lowest, highest = np.array(found).T
+    return lowest, highest
+
+
+class Trace(NamedTuple):
+    """
+    Result of a run: the true q and v, (m, n) each, one row per ms, and what the loop has done.
+
+    `is_judged` (m,) is false during a push and after the end of the command.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    is_judged: BoolArray
+    follows: bool
+    diverges: bool
+    faults: list[str]
+    hull_excess: float
+    doubt: str
+
+
+class Scene:
+    """One run: the arm, its loop, the messages to it, and the conditions that may change."""
+
+    def __init__(
+        self, case: Case, arm: ArmModel, motion: Motion, disturb: Callable[['Scene'], None] | None,
+        at_once: bool = False,
+    ) -> None:
+        """Call `disturb` once, at a random time of the motion, or before the first state."""
+        self.case, self.arm, self.motion = case, arm, motion
+        self.loop = ControlLoop.of_arm(arm)
+        self.plant = Plant(arm, motion.start)
+        self.rng = np.random.default_rng((case.seed, 1))
+        """For the disturbance."""
+        self._noise = np.random.default_rng(case.seed)
+        self._disturb, self._at_once = disturb, at_once
+        share = self.rng.uniform()
+        self._begin_share = share**2 * (3.0 - 2.0 * share)
+        self._begin_time = BEGIN + share * (LATEST_IN_PUSH - BEGIN)
+        self.time = 0.0
+        self.messages = deque(motion.messages)
+        self._actions: list[tuple[float, Callable[[], None]]] = []
+        self.period = self.longest_period = PERIODS[case.rate]
+        self.next_state = 0
+        """[ms]"""
+        self.measured: Callable[[FloatArray, FloatArray | None], tuple[
+            FloatArray, FloatArray | None]] = lambda q, v: (q, v)
+        """Returns the measured state."""
+        self.push = motion.push
+        self.effort: FloatArray | None = None
+        """The effort that acts; None: brakes hold the arm."""
+        self.goal: FloatArray | None = motion.goal
+        """Where the motion ends, None if it need not arrive."""
+        self.quiet_after = motion.end
+        """[s] after which no message changes the motion."""
+        self.begun = 0.0
+        """Time of the disturbance [s]."""
+        self.sag = np.zeros_like(motion.start)
+        """Distance from the goal (n,) that an unknown load causes."""
+        self.velocities_are_true = True
+        self.ramp_speed, self.end_time = 0.0, 0.0
+        """Largest velocity when the ramp to zero began, and its end [s] after the request."""
+        self.hull, self._excess = Hull(motion.start), 0.0
+        self._faults, self._doubt = list[str](), ''
+        self._tick_due, self._mode = 0.0, self.loop.supervisor.mode
+
+    # ------------------------------------------------------------------ for disturbances
+
+    def later(self, delay: float, action: Callable[[], None]) -> None:
+        """Call an action in `delay` [s]."""
+        self._actions.append((self.time + delay, action))
+        self._actions.sort(key=lambda each: each[0])
+
+    def set_period(self, period: int) -> None:
+        """Receive the next states with this period [ms]."""
+        self.next_state += period - self.period
+        self.period, self.longest_period = period, max(period, self.longest_period)
+
+    @property
+    def limits(self) -> MotionLimits:
+        """The limits of the references."""
+        controller = self.loop.controller
+        return controller.workspace.motion_limits(
+            controller.options.effort_scale * self.arm.limits.effort,
+            np.asarray(controller.options.effort_rate))
+
+    @property
+    def state(self) -> Reference:
+        """The state of the reference, or that of the arm without a reference."""
+        return self.loop.reference or Reference(
+            self.plant.q, self.plant.v, np.zeros_like(self.plant.q))
+
+    def send(self, trajectory: JointTrajectory) -> bool:
+        """Send a trajectory to the loop; return whether the loop follows it."""
+        before = self.state
+        try:
+            self.loop.follow(trajectory)
+        except TrajectoryError:
+            return False
+        hull, limits, points = self.hull, self.limits, trajectory.points
+        hull.begin(before, limits)
+        hull.include(*(point.position for point in points))
+        q, v = points[-1].position, points[-1].velocity
+        if v is not None and v.any():
+            bounds = self.arm.limits
+            T = self.loop.controller.options.stream_timeout
+            # The acceleration of the target is at most that of the limits.
+            for a in (-limits.acceleration, 0.0 * v, limits.acceleration):
+                target = Reference(q + (v + 0.5 * a * T) * T, v + a * T, a)
+                for path in stop_path(target, limits):
+                    hull.include(np.clip(path, bounds.lower, bounds.upper))
+        return True
+
+    # ------------------------------------------------------------------ the run
+
+    def run(self) -> Trace:
+        """Simulate the run; return the motion of the arm."""
+        limit, delay = self.arm.limits.effort, self.case.delay
+        plant, pending = self.plant, deque[tuple[int, FloatArray]]()
+        last, states, judged, diverges = LONGEST, [(plant.q, plant.v)], [True], False
+        for k in range(round(LONGEST / STEP)):
+            self.time = STEP * k
+            if self._disturb is not None and self._is_due():
+                self.begun, disturb, self._disturb = self.time, self._disturb, None
+                disturb(self)
+            while self._actions and self._actions[0][0] <= self.time:
+                self._actions.pop(0)[1]()
+            while self.messages and self.messages[0].time <= self.time:
+                self.send(self.messages.popleft().trajectory)
+            effort = None
+            if k >= self.next_state:
+                effort, self.next_state = self._answer(k), k + self.period
+            elif self.time >= self._tick_due:
+                effort = self._tick()
+            if effort is not None:
+                pending.append((k + delay, np.minimum(np.maximum(effort, -limit), limit)))
+            while pending and pending[0][0] <= k:
+                self.effort = pending.popleft()[1]
+            if self._mode is Mode.INACTIVE and not pending:
+                self.effort, plant.v = None, np.zeros_like(plant.v)
+            push = self.push if self.push is not None and (
+                self.push.begin <= self.time < self.push.end) else None
+            if self.effort is not None:
+                plant.step(self.effort + (0.0 if push is None else push.effort), STEP)
+            states.append((plant.q, plant.v))
+            judged.append(push is None and self._mode not in (Mode.STOPPING, Mode.INACTIVE))
+            if k % LOOK == 0:
+                diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
+                if last == LONGEST and self._disturb is None and self._has_ended():
+                    last = max(SHORTEST, self.time + REST, self.begun + SETTLING)
+            if diverges or self.time >= last:
+                break
+        q, v = (np.array(values) for values in zip(*states))
+        return Trace(
+            q, v, np.array(judged), self.loop.reference is not None, diverges, self._faults,
+            self._excess, self._doubt)
+
+    def _is_due(self) -> bool:
+        """Return whether the disturbance begins."""
+        reference, way = self.loop.reference, self.motion.goal - self.motion.start
+        if self._at_once:
+            return True
+        if self.case.motion == PUSH:
+            return self.time >= self._begin_time
+        if reference is None:
+            return False
+        moves = np.abs(way) > AT_GOAL
+        covered = np.abs(reference.position - self.motion.start)[moves] / np.abs(way[moves])
+        return bool(covered.max(initial=1.0 - moves.any()) >= self._begin_share) and (
+            self.time > BEGIN)
+
+    def _answer(self, k: int) -> FloatArray | None:
+        """Return the effort for a state."""
+        case, n = self.case, len(self.plant.q)
+        q, v = self.plant.q, self.plant.v
+        if case.has_velocity:
+            q, v = self.measured(q, v + (self._noise.normal(0.0, NOISE, n) if case.noisy else 0.0))
+        else:
+            q, v = self.measured(
+                q + (self._noise.normal(0.0, POSITION_NOISE, n) if case.noisy else 0.0), None)
+        had_reference = self.loop.reference is not None
+        try:
+            answer = self.loop.answer(FIRST_STAMP + MS * k, q, v)
+        except ImplausibleStateError:
+            return None
+        self._follow_loop()
+        reference, used = self.loop.reference, answer.output.velocity
+        if reference is not None:
+            if answer.verdict.restart or not had_reference:
+                self.hull.begin(
+                    Reference(q, reference.velocity if used is None else used, 0.0 * q),
+                    self.limits)
+            self._excess = max(self._excess, self.hull.excess(reference.position))
+        consistency = self.loop.consistency
+        if not self._doubt and not consistency.is_consistent:
+            self._doubt = consistency.reason
+        return answer.effort
+
+    def _tick(self) -> FloatArray | None:
+        """Do what the watchdog does; return the effort that is due."""
+        effort = self.loop.tick(FIRST_STAMP * 1e-9 + self.time)
+        supervisor = self.loop.supervisor
+        self._follow_loop()
+        self._tick_due = self.time + (
+            ACTION_PERIOD if supervisor.acts_alone else supervisor.options.state_timeout)
+        if supervisor.mode in (Mode.RUNNING, Mode.BRAKING):
+            self._tick_due = max(supervisor.deadline - FIRST_STAMP * 1e-9, self.time) + SLACK
+        return effort
+
+    def _follow_loop(self) -> None:
+        """Note faults and changes of the mode."""
+        supervisor = self.loop.supervisor
+        if supervisor.fault_count > len(self._faults) and supervisor.fault is not None:
+            self._faults.append(supervisor.fault.name)
+        mode, self._mode = self._mode, supervisor.mode
+        if mode is not self._mode and self._mode in (Mode.STOPPING, Mode.INACTIVE):
+            if mode is not Mode.STOPPING:
+                self.ramp_speed = float(np.abs(self.plant.v).max())
+            self.end_time = self.time - self.begun
+        if supervisor.acts_alone:
+            self._tick_due = min(self._tick_due, self.time + ACTION_PERIOD)
+
+    def _has_ended(self) -> bool:
+        """Return whether the reference is at its end."""
+        if self.time < self.quiet_after + ENTRY or self._actions:
+            return False
+        reference = self.loop.reference
+        if reference is None:
+            return True
+        is_at_rest = bool(np.abs(reference.velocity).max() < AT_GOAL)
+        return is_at_rest and (
+            self.goal is None or bool(self.loop.interruption)
+            or bool(np.abs(reference.position - self.goal).max() < AT_GOAL))
