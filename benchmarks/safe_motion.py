@@ -15,8 +15,8 @@
 """
 Safety of the control loop with default parameters, in simulation without ROS.
 
-Arms × kinds of motion × sizes × state rates × delays × velocity noise. Ends with status 1 if any
-run is bad. With options: `scripts/run python -m benchmarks.safe_motion --help`.
+Arms × kinds of motion × sizes × state rates × delays × velocity noise, each without and with one
+disturbance (`safe_motion_disturbances`). Ends with status 1 if any run is bad. With options: `scripts/run python -m benchmarks.safe_motion --help`.
 """
 
 import argparse
@@ -44,6 +44,7 @@ from benchmarks.safe_motion_cases import (
     STREAM,
     TRAJECTORY,
 )
+from benchmarks.safe_motion_disturbances import DISTURBANCES
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
 from robot_dynamics.reporting.figures import (
     BLACK,
@@ -61,6 +62,7 @@ from robot_dynamics.reporting.figures import (
 
 QUICK = 20
 """`--quick` without a number runs one case of this many."""
+NONE = 'none'
 SHOWN = 10
 """Bad runs that are listed."""
 STYLES = dict(zip(ARMS, (
@@ -80,7 +82,11 @@ LARGE = {
 def main(argv: Sequence[str] = ()) -> None:
     """Run the cases and print the tables; exit with status 1 if any run is bad."""
     arguments = _parser().parse_args(argv)
-    cases = all_cases(_installed(arguments.arms))[::arguments.quick]
+    arms, cases = _installed(arguments.arms), list[Case]()
+    if not arguments.disturbed:
+        cases += all_cases(arms)[::arguments.quick]
+    if not arguments.clean:
+        cases += all_cases(arms, arguments.kinds)[::arguments.quick]
     cases = [case._replace(has_velocity=not arguments.positions_only) for case in cases]
     start = time.perf_counter()
     runs = run_all(cases, arguments.jobs)
@@ -105,6 +111,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--quick', type=int, nargs='?', const=QUICK, default=1, metavar='K',
         help=f'run every K-th case, every {QUICK}th without a number')
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument('--clean', action='store_true', help='only runs without a disturbance')
+    group.add_argument('--disturbed', action='store_true', help='only runs with a disturbance')
+    parser.add_argument(
+        '--kinds', nargs='+', choices=DISTURBANCES, default=list(DISTURBANCES), metavar='KIND',
+        help=f'disturbances, all by default: {", ".join(DISTURBANCES)}')
     parser.add_argument(
         '--positions-only', action='store_true',
         help='joint states without velocities; with noise, that of the positions')
@@ -157,9 +169,10 @@ def _print_report(runs: Sequence[Run], seconds: float, jobs: int) -> None:
     keys: dict[str, Callable[[Case], str]] = {
         'arm': lambda case: case.arm, 'motion': lambda case: case.motion,
         'size [rad]': lambda case: '-' if case.motion == PUSH else f'{case.size:g}',
+        'disturbance': lambda case: case.disturbance or NONE,
         'rate, delay, noise': _condition}
     orders = {
-        'arm': ARMS, 'motion': MOTIONS, 'size [rad]': [f'{size:g}' for size in SIZES],
+        'arm': ARMS, 'motion': MOTIONS, 'disturbance': [NONE, *DISTURBANCES], 'size [rad]': [f'{size:g}' for size in SIZES],
         'rate, delay, noise': [
             _condition(Case('', '', 0.0, rate, delay, noisy))
             for noisy in (False, True) for rate in PERIODS for delay in DELAYS]}
@@ -172,9 +185,12 @@ def _print_report(runs: Sequence[Run], seconds: float, jobs: int) -> None:
     if runs:
         _print_table(['', *heads], [_row('all', [outcome for _, outcome in runs])])
     for case, outcome in sorted(bad, key=lambda found: -found[1].velocity_ratio)[:SHOWN]:
-        print(f'{case.arm}, {case.motion} {case.size:g} rad, {_condition(case)}: |v|/v_max '
+        verdicts = ', '.join(name for name, is_bad in zip(VERDICTS, outcome.verdicts) if is_bad)
+        print(f'{case.arm}, {case.motion} {case.size:g} rad, {_condition(case)}, '
+              f'{case.disturbance or "no disturbance"}: {verdicts}; |v|/v_max '
               f'{outcome.velocity_ratio:.2f}, amplitude {outcome.amplitude:.3f} rad, overshoot '
-              f'{outcome.overshoot:.3f} rad, distance {outcome.distance:.3f} rad'
+              f'{outcome.overshoot:.3f} rad, distance {outcome.distance:.3f} rad, reference '
+              f'{outcome.hull_excess:.2g} rad out of its hull'
               f'{", " if outcome.faults else ""}{outcome.faults}')
 
 

@@ -210,7 +210,7 @@ def motion_of(case: Case) -> Motion:
         duration, trajectory = trajectory_to(arm, start, goal)
         return Motion(start, goal, [Message(BEGIN, trajectory)], None, BEGIN + duration)
     hold = Message(BEGIN, set_point(arm, start))
-    push = _push(arm, start, SIZES.index(case.size), case.rate)
+    push = push_of(arm, start, SIZES.index(case.size), case.rate)
     return Motion(start, start, [hold], push, PUSH_END)
 
 
@@ -267,7 +267,7 @@ def trajectory_to(
         arm.joint_names)
 
 
-def _push(arm: ArmModel, q: FloatArray, index: int, rate: int) -> Push:
+def push_of(arm: ArmModel, q: FloatArray, index: int, rate: int) -> Push:
     """Return the push of this index: joint by joint, then again with half the effort."""
     j, n = index % arm.joint_count, arm.joint_count
     inertia = 1.0 / np.linalg.inv(ArmDynamics(arm).rigid_body.mass_matrix(q))[j, j]

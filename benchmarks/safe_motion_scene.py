@@ -83,13 +83,14 @@ class Plant:
     """
 
     def __init__(self, arm: ArmModel, q: FloatArray) -> None:
-        self._body = UncheckedRigidBody(arm)
+        self.load(arm)
         self._viscous, self._coulomb = arm.friction.viscous, arm.friction.coulomb
         self._is_rough = bool(self._viscous.any() or self._coulomb.any())
         self.q, self.v = q.copy(), np.zeros_like(q)
 
     def load(self, arm: ArmModel) -> None:
         """Continue with the bodies of this arm."""
+        self.arm = arm
         self._body = UncheckedRigidBody(arm)
 
     def step(self, tau: FloatArray, h: float) -> None:
@@ -182,6 +183,7 @@ class Trace(NamedTuple):
     faults: list[str]
     hull_excess: float
     doubt: str
+    interruption: str
 
 
 class Scene:
@@ -220,13 +222,17 @@ class Scene:
         """[s] after which no message changes the motion."""
         self.begun = 0.0
         """Time of the disturbance [s]."""
-        self.sag = np.zeros_like(motion.start)
-        """Distance from the goal (n,) that an unknown load causes."""
+        self.has_unknown_load = False
+        self.start_speed = np.zeros_like(motion.start)
+        """Velocity (n,) of the arm when the loop starts."""
         self.velocities_are_true = True
+        self.rejection = ''
+        """Reason why the last trajectory that the loop does not follow was rejected."""
         self.ramp_speed, self.end_time = 0.0, 0.0
         """Largest velocity when the ramp to zero began, and its end [s] after the request."""
         self.hull, self._excess = Hull(motion.start), 0.0
         self._faults, self._doubt = list[str](), ''
+        self._is_pushed = False
         self._tick_due, self._mode = 0.0, self.loop.supervisor.mode
 
     # ------------------------------------------------------------------ for disturbances
@@ -260,7 +266,8 @@ class Scene:
         before = self.state
         try:
             self.loop.follow(trajectory)
-        except TrajectoryError:
+        except TrajectoryError as error:
+            self.rejection = str(error)
             return False
         hull, limits, points = self.hull, self.limits, trajectory.points
         hull.begin(before, limits)
@@ -308,6 +315,7 @@ class Scene:
             if self.effort is not None:
                 plant.step(self.effort + (0.0 if push is None else push.effort), STEP)
             states.append((plant.q, plant.v))
+            self._is_pushed = push is not None
             judged.append(push is None and self._mode not in (Mode.STOPPING, Mode.INACTIVE))
             if k % LOOK == 0:
                 diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
@@ -318,7 +326,7 @@ class Scene:
         q, v = (np.array(values) for values in zip(*states))
         return Trace(
             q, v, np.array(judged), self.loop.reference is not None, diverges, self._faults,
-            self._excess, self._doubt)
+            self._excess, self._doubt, self.loop.interruption)
 
     def _is_due(self) -> bool:
         """Return whether the disturbance begins."""
@@ -379,7 +387,7 @@ class Scene:
             self._faults.append(supervisor.fault.name)
         mode, self._mode = self._mode, supervisor.mode
         if mode is not self._mode and self._mode in (Mode.STOPPING, Mode.INACTIVE):
-            if mode is not Mode.STOPPING:
+            if mode is not Mode.STOPPING and not self._is_pushed:
                 self.ramp_speed = float(np.abs(self.plant.v).max())
             self.end_time = self.time - self.begun
         if supervisor.acts_alone:

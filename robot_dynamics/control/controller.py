@@ -48,6 +48,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
+from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
@@ -231,6 +232,17 @@ class Controller:
         active, state = self._reference.active, self._state
         return None if active is None or state is None else active.sample(state[0])
 
+    @property
+    def trajectory(self) -> ActiveTrajectory | None:
+        """The trajectory or stop that is followed, or None."""
+        return self._reference.active
+
+    def next_reference(self, dt: float) -> Reference | None:
+        """Return the reference dt [s] after the last state, None without one."""
+        active, state = self._reference.active, self._state
+        return None if active is None or state is None else active.sample(
+            state[0] + round(1e9 * dt))
+
     def reference_position(self) -> FloatArray | None:
         """Return the position of the reference (n,) at the last state, None without one."""
         reference = self.reference
@@ -407,7 +419,7 @@ class Controller:
         torque = hold if drive is None else drive.torque(hold)
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
-            damping = M @ (self.fault_damping * v)
+            damping = M @ (FAULT_DAMPING * self.feedback_gains[1] * v)
             braked = np.clip(
                 torque - damping, np.minimum(-limit, torque), np.maximum(limit, torque))
             if not np.isfinite(braked).all():
@@ -415,9 +427,10 @@ class Controller:
             return braked if drive is None else drive.command(braked)
 
     @property
-    def fault_damping(self) -> FloatArray:
-        """The rate (n,) [1/s] at which the velocity decreases in a fault."""
-        return np.asarray(FAULT_DAMPING * self._gains.scale * self._feedback.gains.kd)
+    def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
+        """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
+        s, gains = self._gains.scale, self._feedback.gains
+        return s * s * gains.kp, s * gains.kd
 
     # ------------------------------------------------------------------ reports
 

@@ -131,23 +131,22 @@ class EffortLimiter:
         """
         limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
-        if not limits.is_clear(q, v):
+        is_clear = limits.is_clear(q, v)
+        if not is_clear:
             still = hold()
             push = effort - still
             by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
                 (push < 0.0) & (q < limits.soft_lower))
             if v is not None:
                 by_velocity = (np.abs(v) > limits.velocity) & (push * v > 0.0)
-            is_held = by_position | by_velocity
-            if is_held.any():
-                allowed = np.where(is_held, still, effort)
+            allowed = np.where(by_position | by_velocity, still, effort)
         if self.last is None:
             self.last, dt = hold(), 0.0
-        moved = self.rate_limited(allowed, dt, in_proportion=allowed is effort)
-        self.active = None
-        if moved is not effort:
+        moved = self.rate_limited(allowed, dt, in_proportion=is_clear)
+        if moved is not allowed:
             by_rate = moved != allowed
-            self.active = ActiveLimits(by_position, by_velocity, by_rate)
+        has_changed = moved is not effort and bool((moved != effort).any())
+        self.active = ActiveLimits(by_position, by_velocity, by_rate) if has_changed else None
         return moved
 
     def rate_limited(

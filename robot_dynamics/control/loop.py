@@ -31,7 +31,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, NO_COMMAND
@@ -44,7 +44,13 @@ from robot_dynamics.control.options import (
     POSITION_MARGIN,
 )
 from robot_dynamics.control.setpoint_stream import SetPointStream
-from robot_dynamics.control.supervisor import CommandSupervisor, Fault, Mode, SafetyOptions
+from robot_dynamics.control.supervisor import (
+    Brake,
+    CommandSupervisor,
+    Fault,
+    Mode,
+    SafetyOptions,
+)
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency
@@ -63,6 +69,9 @@ REST_TIME_NS = 100_000_000
 """[ns]"""
 LONGEST_STEP = 0.05
 """[s] between two states for which the motion of a frozen joint is predicted."""
+_MOST_STEPS = 100
+FROZEN_RECOVERY = 25
+"""Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
 
 class LoopAnswer(NamedTuple):
@@ -79,23 +88,56 @@ class LoopAnswer(NamedTuple):
 
 
 class _FrozenJoints:
-    """The motion of joints without a signal, predicted while the arm is damped in a fault."""
+    """
+    The motion of joints without a signal, predicted from their reference and the feedback.
 
-    def __init__(self, marks: Any, reference: Reference | None, q: FloatArray) -> None:
-        self.marks = marks
-        self._q = q.copy() if reference is None else np.where(marks, reference.position, q)
-        self._v = np.zeros_like(q) if reference is None else np.where(
-            marks, reference.velocity, 0.0)
+    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards on
+    the predicted error, so that this error decays as ë + K_d ė + K_p e = 0.
+    """
+
+    def __init__(
+        self, marks: BoolArray, since_ns: IntArray, controller: Controller, stamp_ns: int,
+        dt: float, q: FloatArray, v: FloatArray | None,
+    ) -> None:
+        """
+        Predict the joints `marks` (n,), whose samples (q, v) repeat since `since_ns` (n,).
+
+        `dt` [s] is the period of the states, in which the feedback is constant.
+        """
+        self.marks, self._controller, self._is_begun = marks, controller, False
+        n, still = len(q), np.zeros_like(q)
+        self._e, self._e_dot = np.zeros(n), np.zeros(n)
+        trajectory, v = controller.trajectory, v if v is not None else still
+        if trajectory is None:
+            return
+        K_p, K_d = controller.feedback_gains
+        start_ns = int(since_ns[marks].min())
+        passed = 1e-9 * (stamp_ns - start_ns)
+        count = min(max(round(passed / max(dt, 1e-4)), 1), _MOST_STEPS)
+        h = passed / count
+        for k in range(count):
+            q_r, v_r, _ = trajectory.sample(start_ns + round(1e9 * k * h))
+            if k == 0:
+                self._e, self._e_dot = q_r - q, v_r - v
+            self._e = self._e + 0.5 * h * self._e_dot
+            self._e_dot = self._e_dot - h * (K_d * (v_r - v) + K_p * (q_r - q))
+            self._e = self._e + 0.5 * h * self._e_dot
 
     def predict(
-        self, dt: float, damping: FloatArray, q: FloatArray, v: FloatArray | None,
+        self, dt: float, q: FloatArray, v: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
-        decay = np.exp(-damping * min(max(dt, 0.0), LONGEST_STEP))
-        self._q = self._q + self._v * dt
-        self._v = decay * self._v
-        return np.where(self.marks, self._q, q), (
-            None if v is None else np.where(self.marks, self._v, v))
+        reference = self._controller.next_reference(dt)
+        if reference is None:
+            return q, v
+        K_p, K_d = self._controller.feedback_gains
+        h = min(max(dt, 0.0), LONGEST_STEP) if self._is_begun else 0.0
+        self._is_begun = True
+        e_dot = self._e_dot - h * (K_d * self._e_dot + K_p * self._e)
+        self._e = self._e + 0.5 * h * (self._e_dot + e_dot)
+        self._e_dot = e_dot
+        return np.where(self.marks, reference.position - self._e, q), (
+            None if v is None else np.where(self.marks, reference.velocity - self._e_dot, v))
 
 
 class ControlLoop:
@@ -324,9 +366,9 @@ class ControlLoop:
         controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
         delay, consistency = 0.0, self.consistency
         is_consistent = consistency.update(
-            verdict.stamp, q, v, controller.reference_position())
+            verdict.stamp, q, v, controller.reference_position)
         if not is_consistent or self._frozen is not None:
-            q, v, delay, frozen = self._judged(q, v, dt or 0.0)
+            q, v, delay, frozen = self._judged(verdict.stamp, q, v, dt or 0.0)
             fault = fault or frozen
         output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1
@@ -353,12 +395,19 @@ class ControlLoop:
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         effort = supervisor.answer(
-            now, q, used, output.command, output.hold, dt, controller.braked, fault)
+            now, q, used, output.command, output.hold, dt,
+            controller.braked if self._frozen is None else self._stopped(output), fault)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)
         return LoopAnswer(effort, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
+
+    def _stopped(self, output: ControlOutput) -> Brake:
+        """Return the brake of an arm with frozen joints: the command of the planned stop."""
+        def brake(q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
+            return hold if output.command is None else output.command
+        return brake
 
     @property
     def _awaits_command(self) -> bool:
@@ -367,7 +416,7 @@ class ControlLoop:
             Mode.INACTIVE, Mode.WAITING)
 
     def _judged(
-        self, q: FloatArray, v: FloatArray | None, dt: float,
+        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, dt: float,
     ) -> tuple[FloatArray, FloatArray | None, float, Fault | None]:
         """
         Return position and velocity to use, the delay of the velocity [s], and a fault.
@@ -390,10 +439,13 @@ class ControlLoop:
                     self.controller.stop()
         if consistency.frozen.any():
             if self._frozen is None:
-                self._frozen = _FrozenJoints(consistency.frozen, self.reference, q)
+                self._frozen = _FrozenJoints(
+                    consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
+                    dt, q, v)
+                self.controller.stop()
             self._frozen.marks = consistency.frozen
-            fault = Fault('frozen_joint', consistency.reason, recovery=25)
-            q, v = self._frozen.predict(dt, self.controller.fault_damping, q, v)
+            fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
+            q, v = self._frozen.predict(dt, q, v)
         else:
             self._frozen = None
         return q, v, delay, fault
@@ -448,7 +500,12 @@ class ControlLoop:
         supervisor, controller = self.supervisor, self.controller
         if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
             self._fault_count = supervisor.fault_count
-            self._interrupt(f'fault {supervisor.fault.name}: {supervisor.fault.words}')
+            reason = f'fault {supervisor.fault.name}: {supervisor.fault.words}'
+            if self._frozen is None:
+                self._interrupt(reason)
+            else:
+                self.stream.end()
+                self.interruption = reason
         controller.may_hold = supervisor.mode is not Mode.FAULT
         if self._next_options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
             options, self._next_options = self._next_options, None

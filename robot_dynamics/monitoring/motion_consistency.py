@@ -16,13 +16,14 @@
 Agreement of the measured velocities with the measured positions, joint by joint.
 
 The integral of the velocity over a window must equal the displacement. The integral e = ∫ v dt − q
-is updated at each state. It is compared with its value at the begin of several windows every
+is updated at each state. It is compared with its value at the beginning of several windows every
 CHECK seconds, and as soon as it changes by more than noise and encoder resolution can change it.
 The tolerance of a window of length W is the sum of
 
 - FLOOR + SLOW W: resolution of the encoders, backlash, offset of the velocity;
 - RATIO times the larger of integral and displacement: gear ratio and scale of the velocity;
-- NOISE_FACTOR √(N W): white noise of the velocity, N being its power spectral density;
+- NOISE_FACTOR σ √(Σ dt²): white noise of the velocity with the standard deviation σ, estimated
+  from its second differences, and from e at rest if the noise is filtered;
 - the delay of a filtered velocity. For a filter with the impulse response h ≥ 0 the integral is
   ∫ h(s) d(s) ds, where d(s) is the displacement in the window earlier by s. It therefore lies
   between the smallest and the largest d(s), 0 ≤ s ≤ 40 ms. Only positions decide this tolerance;
@@ -34,7 +35,7 @@ driver, or stands still. Drivers that send each sample several times are known b
 the earlier repetitions. While a sample repeats, the velocity of the joint is not judged.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
 import numpy as np
@@ -101,11 +102,12 @@ class MotionConsistency:
         self.is_consistent = True
         self.reason = ''
         self.delay = 0.0
-        """[s] of the last result of `velocity`: half of its span if a joint is doubtful."""
+        """[s] of the last returned velocity: half of its span if it is from positions, else 0."""
         self._zero = np.zeros(n)
-        self._times = np.zeros(_ROWS)
+        self._times, self._squared = np.zeros((2, _ROWS))
         self._positions, self._differences = np.zeros((2, _ROWS, n))
-        """Stored states: time [s] since `_base_ns`, q and e."""
+        """Stored states: time [s] since `_base_ns`, sum of the squared periods [s²], q and e."""
+        self._squares = 0.0
         self._row = 0
         """Number of stored states."""
         self._base_ns, self._stamp_ns = 0, _NEVER
@@ -122,32 +124,37 @@ class MotionConsistency:
         self._agreed = np.zeros(n)
         self._hold = np.zeros(n)
         """[s] that the driver usually repeats a sample."""
-        self._repeats_ns = np.full(n, _NEVER)
+        self.repeats_since_ns: IntArray = np.full(n, _NEVER)
+        """Stamp (n,) [ns] since which the sample of a joint repeats, a negative one if it does not."""
         self._is_repeating = False
         self._store_v = self._zero
         self._reference: FloatArray | None = None
 
     def restart(self) -> None:
-        """Treat the next state as a first one; joints in doubt remain in doubt."""
+        """Treat the next state as a first one; doubts about velocities remain."""
         self._stamp_ns, self._row, self._bits = _NEVER, 0, b''
         self._reference = None
-        self._repeats_ns.fill(_NEVER)
+        self.repeats_since_ns.fill(_NEVER)
         self._set_frozen(np.zeros_like(self.frozen))
 
     def update(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
-        reference: FloatArray | None = None,
+        reference: Callable[[], FloatArray | None] = lambda: None,
     ) -> bool:
         """
         Take a state and return `is_consistent`; `v` is None if no velocity is measured.
 
-        `reference` (n,) is the position that the reference demands at this state, or None.
+        `reference` returns the desired position (n,), None without a reference. A gap
+        above PAUSE or a stamp that went back restarts the windows; a state with the last stamp is
+        ignored. The arrays must not be changed afterwards.
         """
         bits = q.tobytes()
         if bits == self._bits and (v is None or v is self._v or v.tobytes() == self._v.tobytes()):
             if stamp_ns >= self._store_ns and stamp_ns > self._stamp_ns:
                 self._store_ns = stamp_ns + _STEP_NS
-                self._follow_repeats(stamp_ns, np.ones_like(self.frozen), reference)
+                self._follow_repeats(
+                    stamp_ns, np.ones_like(self.frozen), reference,
+                    np.full(len(q), self._stamp_ns))
             return self.is_consistent
         dt_ns = stamp_ns - self._stamp_ns
         if dt_ns == 0:
@@ -160,6 +167,7 @@ class MotionConsistency:
             e = v = self._zero
         else:
             dt = _NS * dt_ns
+            self._squares += dt * dt
             self._integral = integral = self._integral + (0.5 * dt) * (v + self._v)
             e = integral - q
             if (stamp_ns >= self._check_ns
@@ -175,20 +183,29 @@ class MotionConsistency:
         """
         Return v (n,) of the last state with the velocities in doubt replaced; sets `delay`.
 
-        The replacement is the difference of the positions over SPAN, as in `velocity_estimate`;
         None if a velocity is in doubt and there is no earlier position yet.
         """
+        if self.doubtful.any():
+            estimate = self.velocity_from_positions()
+            return None if estimate is None else np.where(self.doubtful, estimate, v)
         self.delay = 0.0
-        if not self.doubtful.any():
-            return v
+        return v
+
+    def velocity_from_positions(self) -> FloatArray | None:
+        """
+        Return the velocity (n,) at the last state without the measured one; sets `delay`.
+
+        It is the difference of the positions over SPAN, or over one period if that is longer, as
+        in `velocity_estimate`; None if there is no earlier position yet.
+        """
         t, row = _NS * (self._stamp_ns - self._base_ns), self._row - 1
         while row > 0 and t - self._times[row] < SPAN - 1e-6:
             row -= 1
-        span = t - self._times[row]
-        if row < 0 or span <= 0.0:
+        if row < 0 or t <= self._times[row]:
             return None
-        self.delay = 0.5 * float(span)
-        return np.where(self.doubtful, (self._q - self._positions[row]) / span, v)
+        span = t - float(self._times[row])
+        self.delay = 0.5 * span
+        return np.asarray((self._q - self._positions[row]) / span)
 
     def _begin(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
         self.restart()
@@ -201,24 +218,24 @@ class MotionConsistency:
         self._mark = [0.0] * len(q)
         self._consecutive, self._rest = 0, None
         self._check_ns = 0
-        self._store(stamp_ns, q, v, self._zero, None)
+        self._store(stamp_ns, q, v, self._zero, lambda: None)
 
     def _store(
         self, stamp_ns: int, q: FloatArray, v: FloatArray, e: FloatArray,
-        reference: FloatArray | None,
+        reference: Callable[[], FloatArray | None],
     ) -> None:
         """Store a state, and look for repetitions since the one stored before."""
         row = self._row
         if row > 0:
             same = (q == self._positions[row - 1]) & (v == self._store_v)
             if (self._is_repeating or True in same.tolist()) and (
-                    self._follow_repeats(stamp_ns, same, reference)):
+                    self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
         if row == _ROWS - 1:
             row = _ROWS // 2
-            for values in (self._times, self._positions, self._differences):
+            for values in (self._times, self._squared, self._positions, self._differences):
                 values[:row] = values[_ROWS - 1 - row:_ROWS - 1]
-        self._times[row] = _NS * (stamp_ns - self._base_ns)
+        self._times[row], self._squared[row] = _NS * (stamp_ns - self._base_ns), self._squares
         self._positions[row], self._differences[row] = q, e
         self._row, self._store_v, self._store_ns = row + 1, v, stamp_ns + _STEP_NS
 
@@ -246,13 +263,14 @@ class MotionConsistency:
         length = (t - self._times[first])[:, None]
         difference, moved = e - self._differences[first], q - self._positions[first]
         integral = difference + moved
-        density = np.maximum(self._variance * dt, self._density)
+        variance = np.maximum(self._variance, self._density / dt)
         if self._count < _LEARNT:  # an estimate of a few samples may be far too small
-            density = (1.0 + _KNOWN / max(self._count, 1)) * density
+            variance = (1.0 + _KNOWN / max(self._count, 1)) * variance
             if self._count < _FEW:
-                density = np.maximum(density, dt * (UNKNOWN_NOISE * self._unit)**2)
-        density = np.minimum(density, dt * (LARGEST_NOISE * self._unit)**2)
-        floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(density * length)
+                variance = np.maximum(variance, (UNKNOWN_NOISE * self._unit)**2)
+        variance = np.minimum(variance, (LARGEST_NOISE * self._unit)**2)
+        squares = (self._squares - self._squared[first])[:, None]
+        floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(variance * squares)
         tolerance = floor + RATIO * np.maximum(np.abs(moved), np.abs(integral))
         agrees = np.abs(difference) <= tolerance
         if not agrees.all():
@@ -271,7 +289,7 @@ class MotionConsistency:
             self._set_doubtful(self.doubtful & (self._agreed < AGREEMENT))
         self._mark = e.tolist()
         self._alert = min(0.5 * FLOOR * float(self._unit.min()) + 2.0 * math.sqrt(
-            0.01 * float(density.sum())), _LARGEST_ALERT)
+            0.01 * dt * float(variance.sum())), _LARGEST_ALERT)
         return e
 
     def _estimate_noise(
@@ -339,27 +357,29 @@ class MotionConsistency:
         self._set_doubtful(self.doubtful | found & ~self.frozen)
 
     def _follow_repeats(
-        self, stamp_ns: int, same: BoolArray, reference: FloatArray | None,
+        self, stamp_ns: int, same: BoolArray, reference: Callable[[], FloatArray | None],
+        start_ns: IntArray,
     ) -> bool:
         """
         Follow repeated samples; `same` (n,) marks the joints whose sample repeats now.
 
-        Returns whether a frozen joint is updated again, after a displacement that is not known.
+        `start_ns` (n,) is the begin of a new repetition. Returns whether a frozen joint is updated again, after a displacement that is not known.
         """
-        if self._reference is None or reference is None:
+        desired = reference()
+        if self._reference is None or desired is None:
             moved = self._zero
-            self._reference = reference
+            self._reference = desired
         else:
             self._reference = np.where(
-                same & (self._repeats_ns != _NEVER), self._reference, reference)
-            moved = np.abs(reference - self._reference)
-        start = np.where(self._repeats_ns == _NEVER, self._stamp_ns, self._repeats_ns)
+                same & (self.repeats_since_ns != _NEVER), self._reference, desired)
+            moved = np.abs(desired - self._reference)
+        start = np.where(self.repeats_since_ns == _NEVER, start_ns, self.repeats_since_ns)
         duration = _NS * (stamp_ns - start)
         speed = np.abs(self._v) - SLOW * self._unit
-        ends = ~same & (self._repeats_ns != _NEVER) & (speed > -SLOW * self._unit)
+        ends = ~same & (self.repeats_since_ns != _NEVER) & (speed > -SLOW * self._unit)
         self._hold = np.where(ends & (duration <= LONGEST_REPEATS), np.maximum(
             self._hold, duration), self._hold)
-        self._repeats_ns = np.where(same, start, _NEVER)
+        self.repeats_since_ns = np.where(same, start, _NEVER)
         self._is_repeating = bool(same.any())
         excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
         frozen = same & (self.frozen | (excess > 0.0) & (
@@ -372,6 +392,17 @@ class MotionConsistency:
         has_ended = bool((self.frozen & ~frozen).any())
         self._set_frozen(frozen)
         return has_ended
+
+    def _repeat_start(self, q: FloatArray, v: FloatArray) -> IntArray:
+        """Return when a repetition that is found now began (n,) [ns], from the last motion."""
+        row = self._row
+        if row < 2:
+            return np.full(len(q), self._stamp_ns)
+        before, last = self._times[row - 2:row].tolist()
+        with np.errstate(divide='ignore', invalid='ignore'):
+            t = before + (q - self._positions[row - 2]) / v
+        t = np.where(np.isfinite(t), np.clip(t, before, last), last)
+        return np.asarray(self._base_ns + np.rint(t / _NS), dtype=np.int64)
 
     def _set_doubtful(self, doubtful: BoolArray) -> None:
         self._agreed = np.where(doubtful, self._agreed, 0.0)

@@ -113,6 +113,17 @@ def duration(phases: Phases) -> float:
     return sum(T for T, _ in phases)
 
 
+def before(phases: Phases, time: float) -> Phases:
+    """Return the first part of a motion, until `time` [s], with zero jerk after the end."""
+    first = Phases()
+    for T, j in phases:
+        if T >= time:
+            return [*first, (time, j)]
+        first.append((T, j))
+        time -= T
+    return [*first, (time, 0.0)]
+
+
 def end(phases: Phases, q: float, v: float, a: float) -> State:
     """Return (q, v, a) at the end of a motion from (q, v, a)."""
     for T, j in phases:

@@ -29,11 +29,14 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.trajectories.interpolation import Reference, Segment
 from robot_dynamics.trajectories.jerk_profile import (
+    before,
     Bounds,
     duration,
     end,
+    Extremes,
     extremes,
     Phases,
+    State,
     stop,
     to_rest,
 )
@@ -43,7 +46,10 @@ AT_REST = 1e-6
 """[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
 _HULL = 1e-9
 """Tolerance [rad] or [m] of the hull, for rounding."""
-_STEPS = 24
+import os
+EARLIEST = float(os.environ.get("E","1"))
+EMIN = float(os.environ.get("EM","0"))
+_STEPS = 6
 """Bisections of the time for which a joint follows a target towards a position limit."""
 
 
@@ -118,100 +124,112 @@ class Target(NamedTuple):
     acceleration: FloatArray
     time: float
 
-    def at(self, t: float) -> Reference:
-        """Return its state at t [s]."""
-        s, a = t - self.time, self.acceleration
-        return Reference(
-            self.position + (self.velocity + 0.5 * a * s) * s, self.velocity + a * s, a)
+    def joint(self, j: int, t: float) -> State:
+        """Return position, velocity and acceleration of joint j at t [s]."""
+        s, a, v = t - self.time, float(self.acceleration[j]), float(self.velocity[j])
+        return float(self.position[j]) + (v + 0.5 * a * s) * s, v + a * s, a
 
 
 class _Joint:
-    """One joint: its state, and the bounds of its limits."""
+    """One joint: its state, its earliest stop, and the bounds of its limits."""
 
     def __init__(self, state: Reference, limits: MotionLimits, j: int) -> None:
         self.q, self.v, self.a = (float(x[j]) for x in state)
-        self.lower, self.upper = float(limits.lower[j]), float(limits.upper[j])
-        self.full = _bounds(limits, j)
-        self.whole = _bounds(limits.whole, j)
+        self.full, self.whole = _bounds(limits, j), _bounds(limits.whole, j)
         self.low = self.full if limits.scale == 1.0 else _bounds(limits.lowered, j)
+        self.scale = limits.scale
+        self.lower = min(float(limits.lower[j]), self.q)
+        self.upper = max(float(limits.upper[j]), self.q)
+        """Limits of the position, and the present position if it is beyond them."""
+        self.stop = stop(self.v, self.a, self.full)
+        """The earliest stop; with the whole limits if it would end beyond a position limit."""
+        self.hull = extremes(self.stop, self.q, self.v, self.a)
+        if not self._is_inside(self.hull):
+            self.stop = stop(self.v, self.a, self.whole)
+            self.hull = extremes(self.stop, self.q, self.v, self.a)
 
     def is_at_rest(self) -> bool:
         return abs(self.v) <= AT_REST and abs(self.a) <= AT_REST
 
-    def stop(self) -> Phases:
-        """Return the earliest stop; with the whole limits if it ends beyond a position limit."""
-        phases = stop(self.v, self.a, self.full)
-        return phases if self._is_inside(phases) else stop(self.v, self.a, self.whole)
-
-    def _is_inside(self, phases: Phases, *more: float) -> bool:
-        """Return whether a motion stays within the position limits, except those of its start."""
-        found = extremes(phases, self.q, self.v, self.a)
-        low, high = min(self.lower, self.q, *more), max(self.upper, self.q, *more)
-        return low - _HULL <= found.q_min and found.q_max <= high + _HULL
-
     def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
         """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        stopping = self.stop()
         phases = to_rest(goal - self.q, self.v, self.a, self.low, earliest)
-        if self.low is self.full or self._is_in_hull(phases, stopping, goal):
+        if self._is_in_hull(self._extremes(phases), self.full, goal):
             return phases
-        q_stop, T = end(stopping, self.q, self.v, self.a)[0], duration(stopping)
-        return [*stopping, *to_rest(goal - q_stop, 0.0, 0.0, self.low, max(earliest - T, 0.0))]
+        q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
+        return [*self.stop, *to_rest(goal - q_stop, 0.0, 0.0, self.low, max(earliest - T, 0.0))]
 
-    def _is_in_hull(self, phases: Phases, stopping: Phases, *goals: float) -> bool:
-        hull = extremes(stopping, self.q, self.v, self.a)
-        found = extremes(phases, self.q, self.v, self.a)
-        return (min(hull.q_min, *goals) - _HULL <= found.q_min
-                and found.q_max <= max(hull.q_max, *goals) + _HULL
-                and found.v_max <= max(hull.v_max, self.whole.v_max) + _HULL
-                and found.v_min >= min(hull.v_min, self.whole.v_min) - _HULL)
+    def to_target(self, target: State, until: float, earliest: float) -> Phases | None:
+        """
+        Return the motion that meets a target, or None; both have constant acceleration then.
 
-    def to_target(self, target: Target, j: int, until: float, scale: float) -> Phases | None:
-        """Return the motion that meets a target by `until` [s] and follows it; None if none."""
-        first, last = target.at(0.0), target.at(until)
-        p, v, a = (float(x[j]) for x in first)
-        bounds = self.whole
-        slowest, fastest = sorted((v, float(last.velocity[j])))
+        The target is at position, velocity and acceleration now, and `until` [s] within limits.
+        """
+        (p, v, a), whole, s = target, self.whole, self.scale
+        slowest, fastest = sorted((v, v + a * until))
         bounds = Bounds(
-            scale * bounds.v_min - slowest, scale * bounds.v_max - fastest,
-            scale**2 * bounds.a_min - a, scale**2 * bounds.a_max - a, scale**3 * bounds.jerk)
+            s * whole.v_min - slowest, s * whole.v_max - fastest,
+            s**2 * whole.a_min - a, s**2 * whole.a_max - a, s**3 * whole.jerk)
         if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
             return None
-        phases = to_rest(p - self.q, self.v - v, self.a - a, bounds)
-        rest = until - duration(phases)
-        return [*phases, (rest, 0.0)] if rest >= 0.0 else None
+        return to_rest(p - self.q, self.v - v, self.a - a, bounds, earliest)
 
-    def followed(self, target: Target, j: int, until: float, scale: float) -> Phases | None:
+    def followed(self, target: Target, j: int, until: float) -> Phases | None:
         """Return the motion with a target until `until` [s], and a stop inside the limits."""
-        phases = self.to_target(target, j, until, scale)
-        if phases is None:
+        meeting = self.to_target(target.joint(j, 0.0), until, max(EARLIEST * target.time, EMIN))
+        if meeting is None:
             return None
-        *meeting, (rest, _) = phases
-        goal = float(target.position[j])
+        # The goals are all positions of the target, up to its stop.
+        _, v, a = target.joint(j, until)
+        goals = extremes([(until - target.time, 0.0), *stop(v, a, self.full)],
+                         *target.joint(j, target.time))
 
         def stopped_after(time: float) -> Phases | None:
-            moving = [*meeting, (time, 0.0)]
-            q, v, a = end(moving, self.q, self.v, self.a)
+            moving = before(meeting, time)
+            _, v, a = end(moving, self.q, self.v, self.a)
             for bounds in (self.full, self.whole):
-                stopping = [*moving, *stop(v, a, bounds)]
-                if self._is_inside(stopping):
-                    final = end(stopping, self.q, self.v, self.a)[0]
-                    return stopping if self._is_in_hull(
-                        stopping, stop(self.v, self.a, self.full), goal, final) else None
+                phases = [*moving, *stop(v, a, bounds)]
+                found = self._extremes(phases)
+                if self._is_inside(found):
+                    return phases if self._is_in_hull(
+                        found, self.whole, goals.q_min, goals.q_max) else None
             return None
 
-        found = stopped_after(rest)
-        if found is not None:
-            return found
-        found, low, high = stopped_after(0.0), 0.0, rest
-        for _ in range(_STEPS if found is not None else 0):
-            middle = 0.5 * (low + high)
-            longer = stopped_after(middle)
-            if longer is None:
-                high = middle
-            else:
-                found, low = longer, middle
+        found, low, high = stopped_after(until), target.time, until
+        if found is None:
+            found = stopped_after(low)
+            for _ in range(_STEPS if found is not None else 0):
+                middle = 0.5 * (low + high)
+                longer = stopped_after(middle)
+                if longer is None:
+                    high = middle
+                else:
+                    found, low = longer, middle
         return found
+
+    def to_state(self, state: State, time: float) -> Phases | None:
+        """Return the motion that is in a state at `time` [s]; None if it is impossible."""
+        q, v, a = state
+        start = q - (v - 0.5 * a * time) * time, v - a * time, a
+        phases = self.to_target(start, time, time)
+        if phases is None or duration(phases) > time + 1e-9 or not self._is_in_hull(self._extremes(phases), self.whole, q):
+            return None
+        return phases
+
+    def _extremes(self, phases: Phases) -> Extremes:
+        return extremes(phases, self.q, self.v, self.a)
+
+    def _is_inside(self, found: Extremes) -> bool:
+        """Return whether a motion stays within the position limits."""
+        return self.lower - _HULL <= found.q_min and found.q_max <= self.upper + _HULL
+
+    def _is_in_hull(self, found: Extremes, bounds: Bounds, *goals: float) -> bool:
+        """Return whether a motion is in the hull of stop and goals, with permitted velocities."""
+        hull = self.hull
+        return (min(hull.q_min, *goals) - _HULL <= found.q_min
+                and found.q_max <= max(hull.q_max, *goals) + _HULL
+                and found.v_max <= max(hull.v_max, bounds.v_max) + _HULL
+                and found.v_min >= min(hull.v_min, bounds.v_min) - _HULL)
 
 
 def _bounds(limits: MotionLimits, j: int) -> Bounds:
@@ -225,7 +243,7 @@ def _joints(start: Reference, limits: MotionLimits) -> list[_Joint]:
 
 def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
     """Return the earliest stop of each joint."""
-    return Plan(start, [joint.stop() for joint in _joints(start, limits)])
+    return Plan(start, [joint.stop for joint in _joints(start, limits)])
 
 
 def plan_to_goal(
@@ -275,10 +293,10 @@ def plan_with_target(
     within the position limits. A joint that cannot meet the target by then moves to rest at the
     position of the target.
     """
-    until, scale = target.time + follow_time, limits.scale
+    until = target.time + follow_time
     phases = []
     for j, joint in enumerate(_joints(start, limits)):
-        moving = joint.followed(target, j, until, scale)
+        moving = joint.followed(target, j, until)
         goal = min(max(float(target.position[j]), joint.lower), joint.upper)
         phases.append(joint.to_rest(goal) if moving is None else moving)
     return Plan(start, phases)
@@ -287,11 +305,10 @@ def plan_with_target(
 def plan_to_path(start: Reference, state: Reference, time: float, limits: MotionLimits) -> (
         Plan | None):
     """Return the motion that is in a moving `state` at `time` [s]; None if it is impossible."""
-    target = Target(*state, time)
     phases = []
-    for j, joint in enumerate(_joints(start, limits)):
-        moving = joint.to_target(target, j, time, limits.scale)
-        if moving is None or not joint._is_in_hull(moving, joint.stop(), float(state.position[j])):
+    for joint, values in zip(_joints(start, limits), zip(*(x.tolist() for x in state))):
+        moving = joint.to_state(values, time)
+        if moving is None:
             return None
         phases.append(moving)
     return Plan(start, phases)

@@ -65,6 +65,7 @@ ON_PATH = 1e-6
 """Distance [rad] or [m], and [rad/s] or [m/s], up to which a reference is on a path."""
 _MEETINGS: FloatArray = np.geomspace(0.004, 20.0, 48)
 """[s] after which a motion may meet a path."""
+MOVING = 0.95
 _SAME_TIME_NS = 1_000_000
 """[ns] by which a goal has to be earlier for a new plan."""
 _APART = 3e-6
@@ -87,6 +88,7 @@ class ReferenceGenerator(TrajectoryFollower):
         self.limits = limits
         self.stream_timeout = stream_timeout
         self._set_point: tuple[int, TrajectoryPoint] | None = None
+        self._period = 0.0
         self._arrival_ns = 0
         """The time of the last goal at rest; it arrives then or later."""
 
@@ -157,15 +159,21 @@ class ReferenceGenerator(TrajectoryFollower):
         if point.velocity is None:
             horizon = 0.0 if before is None else max(HORIZON, PERIODS * period)
             return plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
-        most = limits.whole
-        v, a = np.clip(point.velocity, -most.velocity, most.velocity), point.acceleration
+        if period:
+            self._period = period if not self._period else self._period + 0.2*(period-self._period)
+        else:
+            self._period = 0.0
+        time = max(wait, self._period or FIRST_PERIOD)
+        most = MOVING * limits.scale * limits.whole.velocity
+        v, a = np.clip(point.velocity, -most, most), point.acceleration
         if a is None:
             a = np.zeros_like(v)
             if before is not None and before[1].velocity is not None and period > 0.0:
                 a = (v - before[1].velocity) / period
-        a = np.clip(a, -limits.acceleration, limits.acceleration)
-        target = Target(point.position, v, a, max(wait, period or FIRST_PERIOD))
-        return plan_with_target(state, target, limits, self.stream_timeout)
+        most_a = np.minimum(limits.scale**2 * limits.acceleration,
+                            (limits.scale * limits.whole.velocity - np.abs(v)) / (time + self.stream_timeout))
+        a = np.clip(a, -most_a, most_a)
+        return plan_with_target(state, Target(point.position, v, a, time), limits, self.stream_timeout)
 
 
 def _to_path(

@@ -12,28 +12,47 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The control law: gains, the error for feedback, and the resulting error dynamics."""
+"""The control law: gains, the feedback along a trajectory, and the resulting error dynamics."""
+
+import math
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arrays import wrap_to_pi
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
+from robot_dynamics.arrays import wrap_angle, wrap_to_pi
+from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains, Tracking
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.validation import LARGEST_VALUE
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 
+SECOND = 1_000_000_000
+
 laws = settings(deadline=None, derandomize=True)
 positive = st.floats(1e-3, 1e3)
+
+
+def tracked(
+    feedback: ErrorFeedback, reference: Reference, q: np.ndarray, v: np.ndarray,
+) -> Tracking:
+    """Return the feedback at a state for a constant reference."""
+    names = [f'joint{j}' for j in range(len(q))]
+    trajectory = make_trajectory(names, [0.0], *([x.tolist()] for x in reference), names)
+    return feedback.track(ActiveTrajectory(trajectory, 0, 0, reference), 1, q, v)
+
+
+def at_rest(q: np.ndarray) -> Reference:
+    return Reference(q, np.zeros(len(q)), np.zeros(len(q)))
 
 
 # --- gains ---------------------------------------------------------------------------------------
@@ -150,8 +169,11 @@ def test_commanded_acceleration_adds_up() -> None:
     feedback = ErrorFeedback(
         Gains(np.array([2.0, 3.0]), np.array([5.0, 7.0])), ('revolute', 'revolute'))
     reference = Reference(np.array([1.0, 2.0]), np.array([0.1, 0.2]), np.array([10.0, 20.0]))
-    a = feedback.acceleration(reference, np.array([0.5, 2.5]), np.array([0.0, 0.3]))
-    assert a == pytest.approx([10.0 + 5.0 * 0.1 + 2.0 * 0.5, 20.0 - 7.0 * 0.1 - 3.0 * 0.5])
+    found = tracked(feedback, reference, np.array([0.5, 2.5]), np.array([0.0, 0.3]))
+    assert found.acceleration == pytest.approx(
+        [10.0 + 5.0 * 0.1 + 2.0 * 0.5, 20.0 - 7.0 * 0.1 - 3.0 * 0.5])
+    assert found.velocity == pytest.approx([0.1 + 2.0 / 5.0 * 0.5, 0.2 - 3.0 / 7.0 * 0.5])
+    assert not found.is_far
 
 
 def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
@@ -161,13 +183,18 @@ def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
     scaled, expected = full.scaled(0.4), make_gains(NAMES, [2.0, 4.0, 8.0], [0.5, 1.0, 2.0])
     assert scaled.gains.kp == pytest.approx(expected.kp)
     assert scaled.gains.kd == pytest.approx(expected.kd)
-    assert scaled.ratio == pytest.approx(0.4 * full.ratio)
+    assert scaled.gains.ratio == pytest.approx(0.4 * full.gains.ratio)
     reference, q = np.array([3.0, 3.0, 0.0]), np.array([3.0, -3.0, 0.0])
     assert scaled.position_error(reference, q) == pytest.approx([0.0, 6.0 - 2.0 * np.pi, 0.0])
     for error in ([0.1, 0.2, -0.3], [0.11, 0.0, 0.0], [0.0, -0.21, 0.0], [0.0, 0.0, 0.31]):
         is_far = bool((np.abs(error) > [0.1, 0.2, 0.3]).any())
-        assert scaled.is_far(np.array(error), np.zeros(3)) == is_far
-        assert full.is_far(np.array(error), np.zeros(3)) == is_far
+        for one in (scaled, full):
+            found = tracked(one, at_rest(np.array(error)), np.zeros(3), np.zeros(3))
+            assert found.is_far == is_far
+    each = full.scaled(np.array([0.2, 0.5, 1.0])).gains
+    expected = make_gains(NAMES, [1.0, 5.0, 20.0], [0.5, 1.0, 2.0])
+    assert each.kp == pytest.approx(expected.kp)
+    assert each.kd == pytest.approx(expected.kd)
 
 
 def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
@@ -181,7 +208,83 @@ def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
 
 def test_no_limit_of_the_error_by_default() -> None:
     feedback = ErrorFeedback(make_gains(NAMES), ('revolute',) * 3)
-    assert not feedback.is_far(np.full(3, 1e9), np.zeros(3))
+    assert not tracked(feedback, at_rest(np.full(3, 1e9)), np.zeros(3), np.zeros(3)).is_far
+
+
+# --- along a trajectory --------------------------------------------------------------------------
+
+def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
+    """Return a trajectory from 1 s to 3 s."""
+    names = [f'joint{j}' for j in range(n)]
+    p, v, a = rng.uniform(-3.0, 3.0, (3, 2, n))
+    v[-1] = 0.0  # the end position is held
+    p, v, a = p.tolist(), v.tolist(), a.tolist()
+    trajectory = make_trajectory(
+        names, (0.0, 2.0), p, v if kind != 'linear' else (), a if kind == 'quintic' else (), names)
+    return ActiveTrajectory(trajectory, SECOND, SECOND, Reference(*np.zeros((3, n))))
+
+
+@settings(deadline=None, derandomize=True, max_examples=100)
+@given(
+    n=st.integers(1, 14), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
+    joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
+    phase=st.floats(-0.5, 1.5), has_damping=st.booleans(), limit=st.floats(0.0, 20.0))
+def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
+    n: int, kind: str, joint: str, seed: int, phase: float, has_damping: bool, limit: float,
+) -> None:
+    rng = np.random.default_rng(seed)
+    active = segment_of(n, kind, rng)
+    kp, kd = rng.uniform(0.1, 400.0, (2, n))
+    gains = Gains(kp, kd * has_damping)
+    feedback = ErrorFeedback(gains, [joint] * n, np.full(n, limit))
+    q, v = rng.uniform(-9.0, 9.0, (2, n))
+    now = SECOND + round(2e9 * phase)
+    found, reference = feedback.track(active, now, q, v), active.sample(now)
+    e = feedback.position_error(reference.position, q)
+    assert (np.abs(e) <= math.pi).all() or joint != 'continuous'
+    assert found.acceleration == pytest.approx(
+        reference.acceleration + gains.kd * (reference.velocity - v) + kp * e, rel=1e-9, abs=1e-8)
+    assert found.velocity == pytest.approx(
+        reference.velocity + gains.ratio * e, rel=1e-9, abs=1e-8)
+    assert found.is_far == bool((np.abs(e) > limit).any())
+
+
+def test_each_segment_is_followed_also_if_the_time_goes_back() -> None:
+    """Before the arrival, and after the end, the reference is constant."""
+    names = ['joint']
+    trajectory = make_trajectory(names, (0.0, 1.0, 3.0), [[0.0], [1.0], [2.0]], (), (), names)
+    late = ActiveTrajectory(trajectory, 0, SECOND // 2, Reference(*np.full((3, 1), 7.0)))
+    zero = np.zeros(1)
+    feedback = ErrorFeedback(Gains(np.ones(1), zero), ['revolute'])
+    for t, expected in (
+            (0.25, 14.0), (0.5, 0.5), (0.75, 0.75), (0.25, 14.0), (1.0, 1.0), (2.0, 1.5),
+            (0.5, 0.5), (3.0, 2.0), (99.0, 2.0), (2.0, 1.5)):
+        found = feedback.track(late, round(t * SECOND), zero, zero)
+        assert found.acceleration == pytest.approx([expected]), t  # 14: with its acceleration
+
+
+def test_another_trajectory_is_followed_at_once() -> None:
+    first, second = (segment_of(3, 'cubic', np.random.default_rng(k)) for k in range(2))
+    used, zero = ErrorFeedback(make_gains(NAMES), ['revolute'] * 3), np.zeros(3)
+    used.track(first, 2 * SECOND, zero, zero)
+    fresh = ErrorFeedback(make_gains(NAMES), ['revolute'] * 3)
+    for ours, theirs in zip(used.track(second, 2 * SECOND, zero, zero)[:2],
+                            fresh.track(second, 2 * SECOND, zero, zero)[:2]):
+        assert ours.tolist() == theirs.tolist()
+
+
+@pytest.mark.parametrize('size', [1e-3, 1.0, 3.0, math.pi, 4.0, 30.0, 1e6])
+def test_one_angle_is_wrapped_as_many_are(size: float) -> None:
+    for angle in (size, -size):
+        assert wrap_angle(angle) == pytest.approx(float(wrap_to_pi(np.array(angle))), abs=1e-9)
+
+
+@pytest.mark.parametrize('place', [math.inf, -math.inf, math.nan, 1e308])
+def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) -> None:
+    active = segment_of(2, 'quintic', np.random.default_rng(0))
+    feedback = ErrorFeedback(make_gains(['a', 'b']), ['continuous', 'revolute'])
+    found = feedback.track(active, SECOND, np.full(2, place), np.full(2, -place))
+    assert not np.isfinite(found.acceleration[1])
 
 
 # --- the closed loop -----------------------------------------------------------------------------
@@ -225,7 +328,7 @@ class Loop:
             -amplitude * rate**2 * np.sin(angle))
 
     def effort(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        a = self.feedback.acceleration(self.reference(t), q, v)
+        a = tracked(self.feedback, self.reference(t), q, v).acceleration
         return self.dynamics.inverse_dynamics(q, v, a)
 
     def slope(self, t: float, x: np.ndarray) -> np.ndarray:

@@ -94,7 +94,7 @@ def test_the_mode_chooses_the_command_alone(mode: str) -> None:
             controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
     output = controller.update(NOW, Q, V)
     assert (output.computed_torque is not None) == (mode == 'computed_torque')
-    assert not output.clamped.any()
+    assert output.clamped is None
     if mode == 'none':
         assert output.command is None
     else:
@@ -163,6 +163,7 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([3.0, -2.0]), 0)
     output = controller.update(NOW, Q, ZERO)
+    assert output.clamped is not None
     assert output.clamped.tolist() == [True, True]
     assert output.computed_torque is not None
     assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # reported without clamping
@@ -173,7 +174,7 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
 
 
 def test_within_the_limits_nothing_is_clamped() -> None:
-    assert make_controller().update(NOW, Q, ZERO).clamped.tolist() == [False, False]
+    assert make_controller().update(NOW, Q, ZERO).clamped is None
 
 
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
@@ -182,7 +183,7 @@ def test_a_joint_without_a_limit_is_never_clamped(scale: float) -> None:
     controller = make_controller(urdf, effort_scale=scale)
     q = np.array([1.0])
     output = controller.update(NOW, q, np.zeros(1))
-    assert not output.clamped.any()
+    assert output.clamped is None
     assert command(output).tolist() == output.gravity_compensation.tolist()
     assert output.gravity_compensation[0] < -20.0
 

@@ -14,48 +14,42 @@
 
 """The terms of each control law sum to the effort, including the law of docs/control_laws.md."""
 
+from collections.abc import Iterator
 from pathlib import Path
-import re
 
 import numpy as np
 import pytest
 from robot_dynamics.control import controller
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.control.control_output import NonFiniteEffortError
-from robot_dynamics.control.controller import Controller, LAWS
+from robot_dynamics.control.controller import command_modes, Controller, LAWS
 from robot_dynamics.control.laws import (
     ControlLaw,
     equation_terms,
+    further_laws,
     GravityCompensation,
     LawInput,
     LawOutput,
 )
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from page_law import page_law, PAGE_MODULE
 from robots import robot_urdf
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'control_laws.md'
 MS = 1_000_000
 START = 1_790_000_000_000 * MS
 STATES = 40
 
 
-def page_law() -> type[ControlLaw]:
-    """Return the control law of the page."""
-    text, = re.findall(r'```python\n(# impedance.py\n.*?)```', PAGE.read_text(), re.DOTALL)
-    scope: dict[str, type[ControlLaw]] = {}
-    exec(compile(text, 'impedance.py', 'exec'), scope)
-    return scope['Impedance']
-
-
-IMPEDANCE = page_law()
+IMPEDANCE = page_law()['impedance']
 ALL = {**LAWS, 'impedance': IMPEDANCE}
+FOLLOWS = {name: name != 'gravity_compensation' for name in ALL}
 
 
 @pytest.fixture(autouse=True)
@@ -90,14 +84,14 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
     unlimited = 0
     for k in range(1, STATES):
         q = q + rng.normal(scale=1e-3, size=n)
-        output = one.update(START + 5 * k * MS, q, rng.normal(scale=0.2, size=n), with_terms=True)
+        output = one.update(START + 5 * k * MS, q, rng.normal(scale=0.2, size=n))
         terms, command = output.terms, output.command
         assert terms is not None
         parts = (terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
         scale = 1e-9 * (1.0 + np.abs(parts).max())
         assert parts == pytest.approx(terms.effort, abs=scale)
         assert command is not None
-        free = ~output.clamped
+        free = np.ones(n, dtype=bool) if output.clamped is None else ~output.clamped
         assert terms.effort[free] == pytest.approx(command[free], abs=scale)
         unlimited += int(free.all())
     assert unlimited > STATES // 2
@@ -111,7 +105,7 @@ def test_the_terms_sum_to_the_command(
 ) -> None:
     convention = make_effort_convention('joint_torque', robot_compensates, False)
     one = make(arm, name, semantics=convention)
-    follow(one, arm, with_reference=ALL[name].follows)
+    follow(one, arm, with_reference=FOLLOWS[name])
 
 
 @pytest.mark.parametrize('name', ALL)
@@ -121,7 +115,7 @@ def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
     one = make(arm, name, softens_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)
-    follow(one, arm, with_reference=ALL[name].follows)
+    follow(one, arm, with_reference=FOLLOWS[name])
 
 
 def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
@@ -136,12 +130,16 @@ def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
     assert output.command == pytest.approx(gravity + 300.0 * 0.02 - 25.0 * v)
 
 
-class Lifting(GravityCompensation):
+class Lifting(ControlLaw):
     """A law without references: g(q) and 1 N·m."""
 
-    def __call__(self, state: LawInput) -> LawOutput:
-        effort = state.gravity + 1.0
-        return super().__call__(state)._replace(effort=effort, nominal=effort)
+    follows = False
+
+    def __init__(self, *_: object) -> None:
+        pass
+
+    def effort(self, state: LawInput) -> np.ndarray:
+        return np.asarray(state.gravity + 1.0)
 
 
 @pytest.mark.parametrize('has_velocity', [True, False])
@@ -162,11 +160,135 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(
     assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
 
 
+def test_a_law_without_an_effort_is_incomplete() -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = Controller(arm, ControllerOptions(make_gains(arm.joint_names)), ControlLaw()), (
+        np.zeros(arm.joint_count))
+    one.update(START, q, q)
+    one.stop()
+    with pytest.raises(NotImplementedError):
+        one.update(START + MS, q, q)
+
+
+@pytest.mark.parametrize('has_reference', [False, True])
+def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
+    """Of a continuous joint the shortest distance; without a reference there are none."""
+    arm = load_arm(robot_urdf('ur5'))
+    n, seen = arm.joint_count, []
+
+    class Curious(GravityCompensation):
+        follows = has_reference
+
+        def __call__(self, state: LawInput) -> LawOutput:
+            seen.append(state)
+            return super().__call__(state)
+
+    options = ControllerOptions(make_gains(arm.joint_names), following_error=np.full(n, 0.1))
+    law = Curious(ErrorFeedback(options.gains, arm.joint_kinds), options)
+    one, q, v = Controller(arm, options, law), np.full(n, 0.4), np.full(n, 0.2)
+    one.update(START, q, v)
+    if not has_reference:
+        state, = seen
+        assert not state.is_far
+        for name, missing in (('reference', 'a reference'), ('position_error', 'a reference'),
+                              ('velocity_error', 'a velocity|a reference')):
+            with pytest.raises(ValueError, match=missing):
+                getattr(state._replace(v=None), name)
+        return
+    one.follow(make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names), 0)
+    one.update(START + MS, q + 0.05, v)
+    one.update(START + 2 * MS, q + 0.15, v)
+    near, far = seen
+    assert near.position_error == pytest.approx(np.full(n, -0.05))
+    assert near.velocity_error == pytest.approx(-v)
+    assert near.gravity.tolist() == ArmDynamics(arm).rigid_body.gravity(q + 0.05).tolist()
+    assert not near.is_far
+    assert far.is_far
+    with pytest.raises(ValueError, match='needs a velocity'):
+        _ = near._replace(v=None).velocity_error
+
+
+@pytest.fixture
+def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Install a package with the law of the page, and two entry points that cannot be loaded."""
+    (tmp_path / 'user_package').mkdir()
+    (tmp_path / 'user_package' / 'impedance.py').write_text(PAGE_MODULE)
+    (tmp_path / 'user_package' / 'broken.py').write_text('raise RuntimeError("no gripper")')
+    information = tmp_path / 'user_package-1.0.dist-info'
+    information.mkdir()
+    (information / 'METADATA').write_text('Name: user_package\nVersion: 1.0\n')
+    (information / 'entry_points.txt').write_text(
+        '[robot_dynamics.control_laws]\n'
+        'joint_impedance = user_package.impedance:impedance\n'
+        'broken = user_package.broken:law\nabsent = user_package.absent:law\n'
+        'computed_torque = user_package.impedance:impedance\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    further_laws.cache_clear()
+    yield
+    further_laws.cache_clear()
+
+
+@pytest.mark.usefixtures('_user_package')
+def test_a_law_of_another_package_is_a_command() -> None:
+    assert command_modes()[-4:] == ('absent', 'broken', 'joint_impedance', 'none')
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'joint_impedance'), np.full(arm.joint_count, 0.4)
+    assert one.follows
+    one.update(START, q, 0.0 * q)
+    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)
+    gravity = ArmDynamics(arm).rigid_body.gravity(q)
+    assert one.update(START + MS, q, 0.0 * q).command == pytest.approx(gravity + 300.0 * 0.02)
+
+
+@pytest.mark.usefixtures('_user_package')
+def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    assert command_modes().count('computed_torque') == 1
+    one, q = make(arm, 'computed_torque'), np.full(arm.joint_count, 0.4)
+    one.update(START, q, 0.0 * q)
+    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 1e-4], (), (), arm.joint_names), 0)
+    dynamics = ArmDynamics(arm)
+    assert one.update(START + MS, q, 0.0 * q).command == pytest.approx(
+        dynamics.inverse_dynamics(q, 0.0 * q, np.full(arm.joint_count, 300.0 * 1e-4)))
+
+
+@pytest.mark.usefixtures('_user_package')
+@pytest.mark.parametrize(('name', 'words'), [
+    ('broken', "command is 'broken', but the control law of that entry point cannot be loaded: "
+     "RuntimeError.*no gripper"),
+    ('absent', "cannot be loaded: ModuleNotFoundError.*user_package.absent"),
+    ('impedanze', "command is 'impedanze', expected one of .*joint_impedance"),
+])
+def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(
+    name: str, words: str,
+) -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    one, q = make(arm, 'gravity_compensation'), np.full(arm.joint_count, 0.4)
+    gains = make_gains(arm.joint_names)
+    with pytest.raises(InvalidInputError, match=words):
+        one.set_options(ControllerOptions(gains, command=name))
+    assert one.options.command == 'gravity_compensation'
+    assert one.update(START, q, None).command is not None
+    with pytest.raises(InvalidInputError, match=words):
+        make(arm, name)
+
+
+def test_a_given_law_is_used_for_any_command_but_none() -> None:
+    arm = load_arm(robot_urdf('ur5'))
+    q, options = np.full(arm.joint_count, 0.4), ControllerOptions(make_gains(arm.joint_names))
+    one = Controller(arm, options, Lifting())
+    assert not one.follows
+    output = one.update(START, q, None)
+    assert output.command == pytest.approx(output.gravity_compensation + 1.0)
+    one.set_options(ControllerOptions(options.gains, command='none'))
+    assert one.update(START + MS, q, None).command is None
+
+
 class Limp(GravityCompensation):
     """A law whose effort is 0 anywhere."""
 
     def __call__(self, state: LawInput) -> LawOutput:
-        return super().__call__(state)._replace(effort=self._zero, nominal=self._zero)
+        return super().__call__(state)._replace(effort=self._zero)
 
 
 def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
@@ -181,7 +303,7 @@ def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
         one.update(START + MS, np.full(arm.joint_count, np.inf), None)
 
 
-@pytest.mark.parametrize('name', [name for name, law in ALL.items() if not law.follows])
+@pytest.mark.parametrize('name', [name for name, follows in FOLLOWS.items() if not follows])
 def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
     arm = load_arm(robot_urdf('ur5'))
     one, q = make(arm, name), np.zeros(arm.joint_count)
@@ -199,10 +321,12 @@ def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
     dynamics, q = UncheckedArmDynamics(arm), np.full(n, 0.4)
     gravity, options = dynamics.rigid_body.gravity(q), ControllerOptions(make_gains(
         arm.joint_names))
-    law = GravityCompensation(ErrorFeedback(options.gains, arm.joint_kinds), options)
-    output = law(LawInput(dynamics, START, q, None, q, gravity, None))
-    assert output.effort is gravity
-    assert output.nominal is gravity
+    feedback = ErrorFeedback(options.gains, arm.joint_kinds)
+    law = GravityCompensation(feedback, options)
+    output = law(LawInput(dynamics, START, q, None, q, None, feedback))
+    assert output.effort.tolist() == gravity.tolist()
+    assert output.gravity is output.effort
+    assert not output.is_far
     assert output.friction.tolist() == [0.0] * n
     terms = output.terms()
     assert terms.effort.tolist() == gravity.tolist()

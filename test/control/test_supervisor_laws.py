@@ -137,7 +137,7 @@ class Supervised(RuleBasedStateMachine):
 
     @rule()
     def braked(self) -> None:
-        """A second request does not extend the time for the stop."""
+        """Begin a stop; a second request does not extend its time."""
         was_braking, is_commanding = self.one.mode is Mode.BRAKING, self.one.is_commanding
         is_braking = self.one.brake(self.now)
         assert is_braking == (self.one.mode is Mode.BRAKING)

@@ -1,0 +1,146 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Every registered control law is stable in closed loop, without friction and with a delay.
+
+The laws are those of this package, those of the entry points that are installed, and the joint
+impedance of docs/control_laws.md with several stiffnesses. All run with the default parameters of
+`dynamics`, except that references are not conditioned: a set-point is then a disturbance.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+
+from lock_step_loop import LockStep, middle, smooth_arm, Trace
+import numpy as np
+from page_law import page_law
+import pytest
+from robot_dynamics.control import controller
+from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.controller import LAWS
+from robot_dynamics.control.laws import ControlLaw, further_laws, LawFactory, load_law
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+
+PAGE = page_law()
+REGISTERED: Mapping[str, LawFactory] = {
+    **LAWS, **{name: load_law(name) for name in further_laws()}, 'impedance': PAGE['impedance']}
+AT_REST = 1e-3
+"""[rad/s]"""
+DISTURBANCE = 0.02
+"""[rad]"""
+
+arms = pytest.mark.parametrize('arm_name', ['ur5', 'panda'])
+rates = pytest.mark.parametrize('rate', [100.0, 500.0, 1000.0])
+
+
+@cache
+def arm_named(name: str) -> ArmModel:
+    return smooth_arm(name)
+
+
+def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
+    """Start at rest; then move the reference of all joints by `size` [rad] in one step."""
+    trace = one.run(0.5)
+    assert trace.speed.max() < AT_REST
+    if one.loop.controller.follows:
+        one.follow(one.q + size * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0))
+    return one.run(seconds)
+
+
+def run(
+    arm_name: str, rate: float, size: float, seconds: float, law: ControlLaw | None = None,
+    more_delay: int = 0, **options: object,
+) -> Trace:
+    """Return the motion with a delay of one period and more, in ms."""
+    one = LockStep(
+        arm_named(arm_name), law, rate=rate, delay=round(1e3 / rate) + more_delay,
+        conditions_references=False, **options)
+    trace = disturbed(one, size, seconds)
+    assert one.loop.supervisor.fault is None
+    return trace
+
+
+@arms
+@rates
+@pytest.mark.parametrize('name', REGISTERED)
+def test_a_registered_law_comes_to_rest(
+    arm_name: str, rate: float, name: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The default gains are the stiffness and the damping of the impedance."""
+    monkeypatch.setitem(controller.LAWS, name, REGISTERED[name])
+    size = DISTURBANCE if name in LAWS and name != 'impedance' else 1e-3
+    assert run(arm_name, rate, size, 4.0, command=name).last(0.5).speed.max() < AT_REST
+
+
+@arms
+@rates
+@pytest.mark.parametrize('stiffness', [20.0, 100.0, 400.0])
+@pytest.mark.parametrize('damping', ['critical', 'a tenth', 'none'])
+def test_an_impedance_does_not_oscillate(
+    arm_name: str, rate: float, stiffness: float, damping: str,
+) -> None:
+    """
+    A small disturbance shows any instability, which the loop would increase to a limit cycle.
+
+    Critical damping is that of each joint in the middle of its limits; `a tenth` of the stiffness
+    is far too much for the wrists. Without damping, the law cannot be stable with a delay: its
+    gains are scaled to zero.
+    """
+    M = ArmDynamics(arm_named(arm_name)).rigid_body.mass_matrix(middle(arm_named(arm_name)))
+    D = {'critical': 2.0 * np.sqrt(stiffness * np.diagonal(M)),
+         'a tenth': np.full(len(M), 0.1 * stiffness), 'none': np.zeros(len(M))}[damping]
+    trace = run(arm_name, rate, 2e-4, 4.0, PAGE['Impedance'](np.full(len(M), stiffness), D))
+    assert trace.last(0.5).speed.max() < AT_REST
+
+
+@arms
+@rates
+def test_an_impedance_with_the_damping_of_its_joints_comes_to_rest(
+    arm_name: str, rate: float,
+) -> None:
+    M = ArmDynamics(arm_named(arm_name)).rigid_body.mass_matrix(middle(arm_named(arm_name)))
+    law = PAGE['Impedance'](np.full(len(M), 100.0), 2.0 * np.sqrt(100.0 * np.diagonal(M)))
+    trace = run(arm_name, rate, DISTURBANCE, 9.0, law)
+    assert trace.last(0.5).speed.max() < AT_REST
+
+
+@arms
+@rates
+@pytest.mark.parametrize('damping_ratio', [0.05, 0.1, 0.15])
+def test_low_damping_ratios_are_stable_with_a_delay(
+    arm_name: str, rate: float, damping_ratio: float,
+) -> None:
+    gains = make_gains(arm_named(arm_name).joint_names, damping_ratio=[damping_ratio])
+    trace = run(arm_name, rate, DISTURBANCE, 5.0, more_delay=4, gains=gains)
+    first, last = trace.speed[:1000].max(), trace.last(1.0).speed.max()
+    print(f'peak speed {first:.3g} in the first second, {last:.3g} in the last one')
+    assert last < 0.9 * first
+
+
+@pytest.mark.parametrize('scales', [True, False])
+def test_the_scale_of_the_gains_makes_the_difference(scales: bool) -> None:
+    """Without it the impedance shakes a UR5 that starts at rest."""
+    trace = LockStep(
+        arm_named('ur5'), PAGE['impedance'](*_defaults()), rate=100.0, delay=10,
+        softens_gains=scales)
+    trace.v = np.full(6, 1e-4)
+    speed = trace.run(3.0).last(0.5).speed.max()
+    assert (speed < AT_REST) if scales else (speed > 1.0)
+
+
+def _defaults() -> tuple[None, object]:
+    from types import SimpleNamespace
+    return None, SimpleNamespace(gains=make_gains(arm_named('ur5').joint_names))

@@ -1,0 +1,426 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Measured velocities against measured positions: no false alarms, detection, frozen samples."""
+
+from collections.abc import Callable, Iterator
+import itertools
+import math
+from typing import NamedTuple
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from recordings import NO_ROSBAG2, ROSBAG2
+from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.monitoring.motion_consistency import (
+    AGREEMENT,
+    FLOOR,
+    MotionConsistency,
+    PAUSE,
+    PRISMATIC,
+    REFERENCE,
+)
+from robot_dynamics.recordings.joint_series import JointSeries
+from robot_dynamics.recordings.reader import Recording
+
+N = 3
+NAMES, KINDS = ('a', 'b', 'c'), ('revolute', 'continuous', 'revolute')
+SECOND = 1_000_000_000
+FINE = 1e-3
+"""[s] between the samples of a true motion."""
+RATES = (30, 100, 125, 250, 500, 1000)
+UR10 = ROSBAG2.parent / 'ur10'
+RECORDINGS = [UR10, ROSBAG2 / 'mcap', ROSBAG2 / 'sqlite3_lock_step']
+
+laws = settings(deadline=None, derandomize=True, max_examples=60)
+
+
+class States(NamedTuple):
+    """Stamps [ns] (m,), positions and velocities (m, n)."""
+
+    stamps: IntArray
+    q: FloatArray
+    v: FloatArray
+
+
+def consistency(kinds: tuple[str, ...] = KINDS) -> MotionConsistency:
+    return MotionConsistency([f'joint{i + 1}' for i in range(len(kinds))], kinds)
+
+
+def alarms(one: MotionConsistency, states: States, reference: FloatArray | None = None) -> (
+        Iterator[tuple[int, str]]):
+    """Yield the row of each state at which a joint is in doubt or frozen, with the reason."""
+    for k, (stamp, q, v) in enumerate(zip(states.stamps.tolist(), states.q, states.v)):
+        if not one.update(stamp, q, v, None if reference is None else reference[k]):
+            yield k, one.reason
+
+
+def no_alarm(states: States, reference: FloatArray | None = None, n: int = N) -> None:
+    found = list(itertools.islice(alarms(consistency(KINDS[:1] * n if n != N else KINDS), states,
+                                         reference), 1))
+    assert not found
+
+
+def smooth_motion(rng: np.random.Generator, seconds: float, speed: float) -> (
+        tuple[FloatArray, FloatArray, FloatArray]):
+    """Return times [s], positions and velocities of a rest followed by random sines."""
+    t = np.arange(0.0, seconds, FINE)
+    w = 2.0 * np.pi * rng.uniform(0.1, 1.5, (4, N))
+    share = rng.dirichlet(np.ones(4), N).T * speed * rng.choice([-1.0, 1.0], (4, N))
+    begin = 0.5
+    x = np.maximum(t - begin, 0.0)[:, None, None]
+    v = np.sum((1.0 - np.exp(-x / 0.2)) * share * np.sin(w * x), axis=1)
+    q = rng.uniform(-3.0, 3.0, N) + np.concatenate((
+        np.zeros((1, N)), np.cumsum(0.5 * FINE * (v[1:] + v[:-1]), axis=0)))
+    return t, q, v
+
+
+def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
+    """Return v through a low-pass filter with this delay [s]; order 0 is a pure delay."""
+    if order == 0:
+        late = round(delay / FINE)
+        return np.concatenate((np.repeat(v[:1], late, axis=0), v[:len(v) - late]))
+    for _ in range(order if delay > 0.0 else 0):
+        weight, result = 1.0 - math.exp(-FINE * order / delay), np.empty_like(v)
+        state = v[0]
+        for k, value in enumerate(v):
+            state = state + weight * (value - state)
+            result[k] = state
+        v = result
+    return v
+
+
+def sampled(
+    t: FloatArray, q: FloatArray, v: FloatArray, times: FloatArray,
+) -> States:
+    """Return the states at these times [s]."""
+    return States(
+        SECOND + np.round(1e9 * times).astype(np.int64),
+        *(np.stack([np.interp(times, t, x[:, j]) for j in range(x.shape[1])], axis=1)
+          for x in (q, v)))
+
+
+def regular(t: FloatArray, rate: int) -> FloatArray:
+    return np.arange(0.0, t[-1], 1.0 / rate)
+
+
+# --- no false alarms -----------------------------------------------------------------------------
+
+@laws
+@given(
+    st.integers(0, 10**6), st.sampled_from(RATES), st.sampled_from((0.1, 1.0, 3.0)),
+    st.sampled_from((0.0, 0.02, 0.2)), st.sampled_from((0.0, 0.005, 0.015)),
+    st.integers(0, 2), st.sampled_from((0.0, 1e-4, 1e-3)), st.sampled_from((0.85, 1.0, 1.2)))
+def test_consistent_motion_is_never_in_doubt(
+    seed: int, rate: int, speed: float, noise: float, delay: float, order: int,
+    resolution: float, scale: float,
+) -> None:
+    """Noise, filters, encoder resolution, wrong scale, jitter of the stamps, whole turns."""
+    rng = np.random.default_rng(seed)
+    t, q, v = smooth_motion(rng, 4.0, speed)
+    times = regular(t, rate)
+    times = np.sort(times + rng.uniform(0.0, 0.4 / rate, len(times)))
+    states = sampled(t, q, filtered(v, delay, order), times)
+    measured = states.q if resolution == 0.0 else resolution * np.round(states.q / resolution)
+    measured[:, 1] = np.mod(measured[:, 1] + np.pi, 2.0 * np.pi) - np.pi
+    no_alarm(States(
+        states.stamps, measured, scale * states.v + rng.normal(0.0, noise, states.v.shape)))
+
+
+@laws
+@given(st.integers(0, 10**6), st.floats(0.02, 0.2), st.sampled_from((0.0, 0.2)))
+def test_gaps_changes_of_the_rate_and_repeated_stamps(
+    seed: int, gap: float, noise: float,
+) -> None:
+    rng = np.random.default_rng(seed)
+    t, q, v = smooth_motion(rng, 4.0, 2.0)
+    steps = np.concatenate([np.full(round(0.8 * rate), 1.0 / rate) for rate in (
+        500, 100, 30, 1000, 250)])
+    steps[rng.choice(len(steps), 20, replace=False)] += rng.uniform(0.01, gap, 20)
+    steps[rng.choice(len(steps), 20, replace=False)] = 0.0
+    times = np.cumsum(steps)
+    states = sampled(t, q, v, times[times < t[-1]])
+    no_alarm(states._replace(v=states.v + rng.normal(0.0, noise, states.v.shape)))
+
+
+@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize(('before', 'after'), [(0.0, 1.0), (1.0, 0.0), (1.0, -0.7), (2.0, 0.0)])
+@pytest.mark.parametrize('delay', [0.0, 0.015])
+def test_impacts_are_no_contradiction(
+    rate: int, before: float, after: float, delay: float,
+) -> None:
+    """The velocity changes between two samples, at any phase of the sampling."""
+    t = np.arange(0.0, 4.0, FINE)
+    v = np.where(t < 2.0, before * np.minimum(t / 0.5, 1.0), after * np.exp(
+        -(t - 2.0) / 0.2))[:, None] * np.ones(N)
+    q = np.cumsum(FINE * v, axis=0)
+    v = filtered(v, delay, 1)
+    for phase in np.arange(5) / (5 * rate):
+        no_alarm(sampled(t, q, v, regular(t, rate) + phase))
+
+
+@pytest.mark.parametrize(('rate', 'repeats'), [(500, 2), (500, 4), (500, 5), (1000, 5), (100, 3)])
+def test_drivers_may_send_each_sample_several_times(rate: int, repeats: int) -> None:
+    t, q, v = smooth_motion(np.random.default_rng(0), 6.0, 2.0)
+    states = sampled(t, q, v, regular(t, rate))
+    rows = np.arange(len(states.q)) // repeats * repeats
+    no_alarm(States(states.stamps, states.q[rows], states.v[rows]), states.q)
+    # each joint in turn, as on a bus
+    rows = np.maximum((np.arange(len(rows))[:, None] + np.arange(N)) // repeats * repeats
+                      - np.arange(N), 0)
+    columns = np.arange(N)
+    no_alarm(States(states.stamps, states.q[rows, columns], states.v[rows, columns]), states.q)
+
+
+def recorded(path: object) -> JointSeries:
+    with Recording(path) as recording:  # type: ignore[arg-type]
+        return recording.joint_series(recording.joint_state_topic())
+
+
+@pytest.mark.skipif(not (ROSBAG2.is_dir() and UR10.is_dir()), reason=NO_ROSBAG2)
+@pytest.mark.parametrize('path', RECORDINGS, ids=lambda path: path.name)
+def test_recordings_are_consistent(path: object) -> None:
+    series, rng = recorded(path), np.random.default_rng(0)
+    assert series.position is not None
+    assert series.velocity is not None
+    n = len(series.joint_names)
+    for decimation in (1, 2, 4):
+        every = slice(None, None, decimation)
+        stamps, q, v = (x[every] for x in (series.stamps_ns, series.position, series.velocity))
+        no_alarm(States(stamps, q, v), n=n)
+        no_alarm(States(stamps, np.round(q, 4), v + rng.normal(0.0, 0.2, v.shape)), n=n)
+
+
+# --- detection -----------------------------------------------------------------------------------
+
+FAULTS: dict[str, tuple[Callable[[FloatArray], FloatArray], str]] = {
+    'wrong sign': (lambda v: -v, 'wrong sign'),
+    'zeros': (lambda v: 0.0 * v, 'zero or missing'),
+    'degrees': (np.degrees, 'degrees instead of radians'),
+    'double': (lambda v: 2.0 * v, 'times the displacement'),
+    'half': (lambda v: 0.5 * v, 'times the displacement'),
+}
+
+
+def faulty(
+    fault: str, speed: float, rate: int, noise: float, seed: int, begin: float = 1.5,
+) -> tuple[float, float, MotionConsistency]:
+    """Return duration and displacement of the first joint until its fault is found."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, 4.0, FINE)
+    v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.5, 0.3])
+    q = np.cumsum(FINE * v, axis=0)
+    states = sampled(t, q, v, regular(t, rate))
+    states = states._replace(v=states.v + rng.normal(0.0, noise, states.v.shape))
+    is_faulty = states.stamps >= (1.0 + begin) * SECOND
+    states.v[is_faulty, 0] = FAULTS[fault][0](states.v[is_faulty, 0])
+    one = consistency()
+    k, _ = next(alarms(one, states), (0, ''))
+    assert k > 0, 'not found'
+    first = int(np.argmax(is_faulty))
+    return 1e-9 * float(states.stamps[k] - states.stamps[first]), abs(
+        float(states.q[k, 0] - states.q[first, 0])), one
+
+
+@pytest.mark.parametrize(('noise', 'sign', 'zeros'), [(0.0, 0.005, 0.012), (0.2, 0.010, 0.025)])
+@pytest.mark.parametrize('speed', [0.5, 1.0, 2.0])
+@pytest.mark.parametrize('rate', [250, 500, 1000])
+def test_faults_are_found_within_a_small_displacement(
+    noise: float, sign: float, zeros: float, speed: float, rate: int,
+) -> None:
+    """The displacement [rad] at constant speed, plus that of one period."""
+    for seed, (fault, allowed) in itertools.product(
+            range(5), {'wrong sign': sign, 'degrees': sign, 'zeros': zeros}.items()):
+        allowed *= 1.0 if noise == 0.0 else max(1.0, 1.0 / speed) * math.sqrt(500.0 / rate) + 0.5
+        _, moved, one = faulty(fault, speed, rate, noise, seed)
+        assert moved <= allowed + 1.01 * speed / rate, fault
+        assert one.doubtful.tolist() == [True, False, False]
+        assert not one.frozen.any()
+
+
+@pytest.mark.parametrize('fault', FAULTS)
+@pytest.mark.parametrize('rate', [100, 500])
+def test_the_cause_is_named_in_motion_from_rest(fault: str, rate: int) -> None:
+    _, moved, one = faulty(fault, 1.0, rate, 0.0, 0, begin=0.0)
+    assert moved < 0.25
+    assert one.doubtful.tolist() == [True, False, False]
+    assert "velocity of 'joint1' is " in one.reason
+    assert FAULTS[fault][1] in one.reason
+
+
+@pytest.mark.parametrize('fault', ['double', 'half'])
+@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+def test_a_wrong_scale_is_found(fault: str, rate: int) -> None:
+    duration, moved, _ = faulty(fault, 1.0, rate, 0.0, 0)
+    assert duration < 0.1
+    assert moved < 0.1
+
+
+def test_the_floor_of_prismatic_joints_is_smaller() -> None:
+    found = {}
+    for kind in ('revolute', 'prismatic'):
+        one = consistency((kind,))
+        for k in range(200):
+            if k == 100:
+                assert one.is_consistent
+            if not one.update(k * SECOND // 500, np.array([max(k - 100, 0) * 1e-3]), -np.ones(1)
+                              * (0.5 if k > 100 else 0.0)):
+                found[kind] = k
+                break
+    assert found['prismatic'] < found['revolute']
+    assert PRISMATIC < 1.0
+
+
+@pytest.mark.filterwarnings('ignore:overflow', 'ignore:invalid value')
+@pytest.mark.parametrize('value', [1e200, 1e308, math.inf, math.nan])
+def test_velocities_beyond_all_numbers_are_in_doubt(value: float) -> None:
+    one = consistency()
+    for k in range(100):
+        one.update(k * SECOND // 500, np.full(N, 1e-5 * k), np.array(
+            [value if 50 <= k < 53 else 5e-3, 5e-3, 5e-3]))
+    assert one.doubtful.tolist() == [True, False, False]
+    found = one.velocity(np.full(N, 5e-3))
+    assert found == pytest.approx(np.full(N, 5e-3), abs=1e-6)
+
+
+# --- frozen samples ------------------------------------------------------------------------------
+
+def freeze(
+    joints: list[int], speed: float, rate: int, begin: float = 1.5, end: float = 9.0,
+    with_velocity: bool = True, with_reference: bool = True,
+) -> tuple[float | None, MotionConsistency]:
+    """Return the time [s] from the begin of repetition until the joints are frozen."""
+    t = np.arange(0.0, 4.0, FINE)
+    v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.8, 0.6])
+    q = np.cumsum(FINE * v, axis=0)
+    states = sampled(t, q, v, regular(t, rate))
+    rows = np.flatnonzero((states.stamps >= (1.0 + begin) * SECOND) & (
+        states.stamps < (1.0 + end) * SECOND))
+    reference = states.q.copy()
+    for x in (states.q, states.v):
+        x[np.ix_(rows, joints)] = x[rows[0], joints]
+    one, found = consistency(), None
+    for k, stamp in enumerate(states.stamps.tolist()):
+        is_good = one.update(
+            stamp, states.q[k], states.v[k] if with_velocity else None,
+            reference[k] if with_reference else None)
+        if not is_good and found is None:
+            found = 1e-9 * (stamp - float(states.stamps[rows[0]]))
+            assert one.frozen.any()
+        assert not one.doubtful.any()
+    return found, one
+
+
+@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+@pytest.mark.parametrize('joints', [[0], [1, 2], [0, 1, 2]])
+def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -> None:
+    found, one = freeze(joints, 1.0, rate)
+    assert found is not None
+    assert found < 0.03
+    assert np.flatnonzero(one.frozen).tolist() == joints
+    assert 'have not changed for ' in one.reason
+
+
+@pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
+@pytest.mark.parametrize('with_velocity', [True, False])
+def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
+    joints: list[int], with_velocity: bool,
+) -> None:
+    found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity)
+    assert found is not None
+    assert np.flatnonzero(one.frozen).tolist() == joints
+    assert f'reference moved by {REFERENCE:.2g}'[:22] in one.reason
+    found, _ = freeze(joints, 1.0, 500, begin=0.5, end=1.0, with_velocity=with_velocity)
+    assert found is None
+    if joints == [0, 1, 2]:
+        found, _ = freeze(joints, 1.0, 500, 0.5, 9.0, with_velocity, with_reference=False)
+        assert found is None
+
+
+@pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
+def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> None:
+    found, one = freeze(joints, 1.0, 500, end=1.8)
+    assert found is not None
+    assert one.is_consistent
+
+
+def test_a_joint_that_sticks_is_not_frozen() -> None:
+    one = consistency()
+    for k in range(1000):
+        reference = np.array([0.9 * REFERENCE, -0.9 * REFERENCE, 0.0]) * k / 1000
+        assert one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), reference)
+
+
+# --- marks and replacement -----------------------------------------------------------------------
+
+def moving(one: MotionConsistency, begin: float, end: float, speed: float, factor: float) -> float:
+    """Move the first joint; return the time [s] at which no joint was in doubt, or `end`."""
+    for k in range(round(500 * begin), round(500 * end)):
+        v = np.array([speed, 0.0, 0.0])
+        if one.update(SECOND + k * SECOND // 500, k / 500 * v, factor * v) and factor > 0.0:
+            return k / 500
+    return end
+
+
+def test_a_doubt_lasts_until_the_velocity_agrees_in_motion() -> None:
+    one = consistency()
+    moving(one, 0.0, 0.5, 1.0, -1.0)
+    assert one.doubtful.tolist() == [True, False, False]
+    one.restart()
+    assert one.doubtful.tolist() == [True, False, False]
+    assert moving(one, 1.0, 5.0, 0.0, 1.0) == 5.0
+    agreed = moving(one, 6.0, 9.0, 1.0, 1.0)
+    assert AGREEMENT < agreed - 6.0 < AGREEMENT + 0.3
+    assert one.is_consistent
+
+
+@pytest.mark.parametrize('rate', [30, 100, 500])
+def test_a_velocity_in_doubt_is_replaced(rate: int) -> None:
+    one = consistency()
+    assert one.velocity_from_positions() is None
+    for k in range(rate):
+        v = np.array([1.0, 0.5, 0.1])
+        one.update(SECOND + k * SECOND // rate, k / rate * v, v * [-1.0, 1.0, 1.0])
+        measured = np.array([-1.0, 0.4, 0.2])
+        found = one.velocity(measured)
+        if one.is_consistent:
+            assert found is measured
+            assert one.delay == 0.0
+        else:
+            assert found == pytest.approx(np.array([1.0, 0.4, 0.2]))
+            assert 0.0049 <= one.delay <= max(0.0081, 0.5 / rate + 1e-9)
+    assert one.doubtful.tolist() == [True, False, False]
+    assert one.velocity_from_positions() == pytest.approx(np.array([1.0, 0.5, 0.1]))
+    one.restart()
+    one.update(9 * SECOND, np.zeros(N), np.zeros(N))
+    assert one.velocity(np.zeros(N)) is None
+
+
+def test_after_a_gap_the_positions_may_be_anywhere() -> None:
+    for gap in (PAUSE + 0.01, -0.5):
+        one = consistency()
+        moving(one, 1.0, 2.0, 0.5, 1.0)
+        for k in range(500):
+            stamp = SECOND + round((2.0 + gap) * SECOND) + k * SECOND // 500
+            assert one.update(stamp, np.array([7.0 + 1e-3 * k, 0.0, 0.0]), np.array(
+                [0.5, 0.0, 0.0]))
+
+
+def test_states_without_velocities_are_never_in_doubt() -> None:
+    one = consistency()
+    for k in range(1000):
+        q = np.full(N, 2e-3 * k)
+        assert one.update(k * SECOND // 500, q, None if k % 400 < 200 else np.ones(N))
+    assert FLOOR > 0.0
