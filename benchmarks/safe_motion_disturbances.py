@@ -59,6 +59,8 @@ GRAVITY_SHARE = 0.8
 """Largest share of the effort limits that gravity may take."""
 ERROR_SHARE = 0.3
 """Largest share of the limit of the following error that an unknown load may take."""
+KICK_SHARE = 0.2
+"""Largest velocity, by its limit, that a load may cause until the loop reacts."""
 LOAD = (0.3, 1.0)
 """[kg]"""
 LOAD_OFFSET = 0.05
@@ -227,38 +229,53 @@ def payload(scene: Scene) -> None:
 
 
 def _load(scene: Scene, scale: float, is_known: bool) -> Payload:
-    """Return a load that the arm can bear, and with which an unaware loop holds the arm."""
+    """
+    Return a load that the arm can bear, and with which an unaware loop holds the arm.
+
+    In the time until the loop reacts, the load accelerates the arm to KICK_SHARE of its velocity
+    limits at most. Some descriptions of light wrists have hardly any inertia.
+    """
     arm, controller, q = scene.arm, scene.loop.controller, scene.plant.q
     joint = arm.pinocchio_model.getJointId(arm.joint_names[-1])
     link = [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]
     mass = scene.rng.uniform(*LOAD)
+    lag = 1e-3 * (scene.period + scene.case.delay)
     error = ERROR_SHARE * controller.options.largest_error(arm.limits.velocity)
     for _ in range(3 * TRIES):
         load = make_payload(link, mass, (0.0, 0.0, LOAD_OFFSET))
         loaded = arm.with_payloads([load])
-        sags = [_sag(arm, loaded, each, scale * controller.options.gains.kp * scale)
-                for each in (q, scene.motion.start, scene.motion.goal)]
-        if is_held(loaded, q, scene.motion.start, scene.motion.goal) and (
-                is_known or (np.max(sags, axis=0) <= error).all()):
+        poses = q, scene.motion.start, scene.motion.goal
+        sag = np.max([_acceleration(arm, arm, loaded, each) for each in poses], axis=0) / (
+            scale**2 * controller.options.gains.kp)
+        kick = lag * np.max([_acceleration(loaded, arm, loaded, each) for each in poses], axis=0)
+        if is_held(loaded, *poses) and (kick <= KICK_SHARE * arm.limits.velocity).all() and (
+                is_known or (sag <= error).all()):
             break
         mass *= 0.75
     return load
 
 
-def _sag(arm: ArmModel, loaded: ArmModel, q: FloatArray, kp: FloatArray) -> FloatArray:
-    """Return the static error of computed torque with the model `arm`: M K_p e = Δg, |e| (n,)."""
-    body, other = ArmDynamics(arm).rigid_body, ArmDynamics(loaded).rigid_body
+def _acceleration(
+    moved: ArmModel, arm: ArmModel, loaded: ArmModel, q: FloatArray,
+) -> FloatArray:
+    """Return M⁻¹ Δg, (n,): the change of gravity by a load, on the inertia of the arm `moved`."""
+    gravities = (ArmDynamics(each).rigid_body.gravity(q) for each in (arm, loaded))
     return np.asarray(np.abs(np.linalg.solve(
-        body.mass_matrix(q), body.gravity(q) - other.gravity(q))) / kp)
+        ArmDynamics(moved).rigid_body.mass_matrix(q), np.subtract(*gravities))))
 
 
 def static_sag(scene: Scene) -> FloatArray:
-    """Return the distance from the goal (n,) that an unknown load causes, with a tolerance."""
+    """
+    Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
+
+    It is the static error e of computed torque: M K_p e = Δg.
+    """
     if not scene.has_unknown_load or scene.goal is None:
         return np.zeros(scene.arm.joint_count)
     controller = scene.loop.controller
     kp = controller.bandwidth_scale**2 * controller.options.gains.kp
-    return SAG_TOLERANCE * _sag(scene.arm, scene.plant.arm, scene.goal, kp)
+    return SAG_TOLERANCE / kp * _acceleration(
+        scene.arm, scene.arm, scene.plant.arm, scene.goal)
 
 
 def stream_end(scene: Scene) -> None:

@@ -45,7 +45,7 @@ from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.jerk_profile import Bounds, end, extremes, stop
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 
 ACTION_PERIOD, SLACK = 0.002, 1e-4
 """[s] between ticks of a fault action, and after a deadline; see `ros/dynamics/command_output`."""
@@ -231,6 +231,7 @@ class Scene:
         self.ramp_speed, self.end_time = 0.0, 0.0
         """Largest velocity when the ramp to zero began, and its end [s] after the request."""
         self.hull, self._excess = Hull(motion.start), 0.0
+        self._limits: tuple[WorkspaceInertia, MotionLimits] | None = None
         self._faults, self._doubt = list[str](), ''
         self._is_pushed = False
         self._tick_due, self._mode = 0.0, self.loop.supervisor.mode
@@ -251,9 +252,12 @@ class Scene:
     def limits(self) -> MotionLimits:
         """The limits of the references."""
         controller = self.loop.controller
-        return controller.workspace.motion_limits(
-            controller.options.effort_scale * self.arm.limits.effort,
-            np.asarray(controller.options.effort_rate))
+        workspace = controller.workspace
+        if self._limits is None or workspace is not self._limits[0]:
+            self._limits = workspace, workspace.motion_limits(
+                controller.options.effort_scale * self.arm.limits.effort,
+                np.asarray(controller.options.effort_rate))
+        return self._limits[1]
 
     @property
     def state(self) -> Reference:
@@ -351,7 +355,8 @@ class Scene:
         else:
             q, v = self.measured(
                 q + (self._noise.normal(0.0, POSITION_NOISE, n) if case.noisy else 0.0), None)
-        had_reference = self.loop.reference is not None
+        before, interruption = self.loop.reference, self.loop.interruption
+        limits = self.limits
         try:
             answer = self.loop.answer(FIRST_STAMP + MS * k, q, v)
         except ImplausibleStateError:
@@ -359,10 +364,11 @@ class Scene:
         self._follow_loop()
         reference, used = self.loop.reference, answer.output.velocity
         if reference is not None:
-            if answer.verdict.restart or not had_reference:
-                self.hull.begin(
-                    Reference(q, reference.velocity if used is None else used, 0.0 * q),
-                    self.limits)
+            if answer.verdict.restart or before is None:
+                velocity = reference.velocity if used is None else used
+                self.hull.begin(Reference(q, velocity, 0.0 * q), limits)
+            elif self.loop.interruption not in ('', interruption):  # a stop has begun
+                self.hull.begin(before, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
         consistency = self.loop.consistency
         if not self._doubt and not consistency.is_consistent:

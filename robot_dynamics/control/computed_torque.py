@@ -18,6 +18,12 @@ Computed torque control: the law that follows references.
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction, as in `control_law`. If the effort
 acts late, the gains are scaled down, and M, C and g are computed at the position half a period
 ahead (`stable_gains`).
+
+PD feedback of a fast error computes a large effort, and soon after an effort of opposite sign. If
+the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
+The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K_d ė its effort changes by
+s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used.
+A steady error, such as that under a load which is not in the model, has s = 1.
 """
 
 from functools import partial
@@ -29,6 +35,8 @@ from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, La
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 
+CHANGE_FRACTION = 0.5
+"""Fraction of the rate limit of the effort that the feedback may take."""
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `control_law`."""
 
@@ -41,6 +49,15 @@ class ComputedTorque(ControlLaw):
         self._friction_mode = options.friction_compensation
         self._zero = np.zeros(len(feedback.gains.kp))
         self._zero.setflags(write=False)
+        self._effort_rate = np.full(len(self._zero), np.inf)
+        self._free_change = np.inf
+        """(K_p + K_d²) ė up to which s is 1 in any pose."""
+
+    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
+        """Limit the change of the feedback to a fraction of the rate limit of the effort."""
+        self._effort_rate = CHANGE_FRACTION * effort_rate
+        self._free_change = float(
+            (self._effort_rate / np.maximum(inertia, 1e-12)).min(initial=np.inf))
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the gains, which are accelerations per error in any pose."""
@@ -57,12 +74,26 @@ class ComputedTorque(ControlLaw):
         dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
         if trajectory is None or v is None:
             raise ValueError('computed torque needs a reference and a velocity')
-        a, v_r, is_far = self.feedback.track(trajectory, state.stamp_ns, state.q, v)
+        a, v_r, is_far, change = self.feedback.track(trajectory, state.stamp_ns, state.q, v)
+        scale = 1.0
+        if change > self._free_change:
+            a, scale = self._limited(state)
         friction, effort = self._zero, dynamics.rigid_body.inverse_dynamics(q_ahead, v, a)
         if not dynamics.is_frictionless:
             friction = self._friction(dynamics, v_r, v, effort)
             effort = effort + friction
-        return LawOutput(effort, partial(self._terms, state, a, friction), friction, is_far)
+        return LawOutput(
+            effort, partial(self._terms, state, a, friction), friction, is_far, scale=scale)
+
+    def _limited(self, state: LawInput) -> tuple[FloatArray, float]:
+        """Return the commanded acceleration with limited feedback, and the factor s."""
+        gains, e_dot = self.feedback.gains, state.velocity_error
+        M = state.dynamics.rigid_body.mass_matrix(state.q)
+        with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
+            most = np.min(self._effort_rate / np.abs(M @ (gains.change * e_dot)), initial=1.0)
+        s = float(np.sqrt(most))
+        feedback = s * s * gains.kp * state.position_error + s * gains.kd * e_dot
+        return state.reference.acceleration + feedback, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:
         q, v = state.q_ahead, state.v if state.v is not None else self._zero

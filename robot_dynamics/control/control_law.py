@@ -53,6 +53,12 @@ class Gains:
     kd: FloatArray
 
     @cached_property
+    def change(self) -> FloatArray:
+        """Return K_p + K_d² (n,) [1/s²]: the rate of the feedback per error of the velocity."""
+        with np.errstate(over='ignore'):
+            return np.asarray(self.kp + self.kd**2)
+
+    @cached_property
     def ratio(self) -> FloatArray:
         """Return K_p/K_d (n,) [1/s], 0 where K_d is 0."""
         with np.errstate(over='ignore'):
@@ -102,12 +108,14 @@ class Tracking(NamedTuple):
 
     `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref + K_p/K_d e
     [rad/s or m/s], q̇_ref if K_d is 0: the velocity at which friction is compensated. `is_far` is
-    true if the error e of a joint exceeds its limit.
+    true if the error e of a joint exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|,
+    the rate at which the feedback changes (`ComputedTorque`).
     """
 
     acceleration: FloatArray
     velocity: FloatArray
     is_far: bool
+    change: float
 
 
 class ErrorFeedback:
@@ -141,9 +149,9 @@ class ErrorFeedback:
                 segment.since_ns <= now_ns < segment.end_ns):
             segment = self._take_segment(reference, now_ns)
         s = 1e-9 * (now_ns - segment.begin_ns) / segment.duration
-        acceleration, velocity, is_far = [], [], False
+        acceleration, velocity, is_far, largest = [], [], False, 0.0
         for ((p0, p1, p2, p3, p4, p5), (d0, d1, d2, d3, d4, _), (dd0, dd1, dd2, dd3, _, _),
-             K_p, K_d, ratio, turns, e_max), q_j, v_j in zip(
+             K_p, K_d, K_c, ratio, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
             e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
             if turns and not -pi < e <= pi:
@@ -151,10 +159,14 @@ class ErrorFeedback:
             if not -e_max <= e <= e_max:
                 is_far = True
             v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
+            e_dot = v_ref - v_j
             acceleration.append(
-                dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * (v_ref - v_j) + K_p * e)
+                dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * e_dot + K_p * e)
             velocity.append(v_ref + ratio * e)
-        return Tracking(np.array(acceleration), np.array(velocity), is_far)
+            change = K_c * e_dot
+            if not -largest <= change <= largest:
+                largest = abs(change)
+        return Tracking(np.array(acceleration), np.array(velocity), is_far, largest)
 
     def _take_segment(self, reference: ActiveTrajectory, now_ns: int) -> Segment:
         """Prepare the segment that is active at `now_ns`."""
@@ -164,7 +176,8 @@ class ErrorFeedback:
             segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
         self._joints = list(zip(
             position, velocity, acceleration, self.gains.kp.tolist(), self.gains.kd.tolist(),
-            self.gains.ratio.tolist(), self._turns, self.largest_error.tolist()))
+            self.gains.change.tolist(), self.gains.ratio.tolist(), self._turns,
+            self.largest_error.tolist()))
         self._reference, self._segment = reference, segment
         return segment
 

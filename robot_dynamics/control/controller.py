@@ -44,6 +44,7 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.stable_gains import loop_gains, StableGains
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
@@ -59,6 +60,8 @@ LAWS: dict[str, LawFactory] = {
 }
 """The control laws of this package, by the values of the parameter `command`."""
 NO_COMMAND = 'none'
+LONGEST_DIFFERENCE = 0.1
+"""[s] between two states whose positions give the velocity at which a stop starts."""
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
@@ -98,6 +101,10 @@ class Controller:
         self._gains = StableGains(arm.joint_kinds)
         self._velocity = VelocityEstimate(arm.is_continuous)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._is_estimated = False
+        """Whether the velocity of the last state was estimated from positions."""
+        self._first_stop: ActiveTrajectory | None = None
+        """The stop at a first state, which the second state replaces."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self._options = options
@@ -147,6 +154,8 @@ class Controller:
             options.stream_timeout)
         self.loop_gains = loop_gains(self._law_with_reference.closed_loop, workspace.matrices)
         self._gains.use(self.loop_gains if options.softens_gains else None, rate)
+        if options.softens_gains:
+            self._law_with_reference.limit_rate(rate, workspace.row_sums())
         self._scale_motion()
 
     def _scale_motion(self) -> None:
@@ -343,19 +352,20 @@ class Controller:
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             return self.answer(stamp_ns, q, v)
 
-    def answer(
-        self, stamp_ns: int, q: FloatArray, v: FloatArray | None, velocity_delay: float = 0.0,
-    ) -> ControlOutput:
-        """
-        Do the same as `update` for a caller that holds `lock`; numpy may warn.
-
-        `velocity_delay` [s] is the delay of v if it is not the measured velocity.
-        """
+    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+        """Do the same as `update` for a caller that holds `lock`; numpy may warn."""
+        velocity_delay = 0.0
         load, gains = self._load, self._gains
         if load.changes:
             load.advance(stamp_ns)
         if v is None and self._options.estimates_velocity:
+            if self._state is not None and not self._is_estimated:
+                self._velocity.restart()
+                self._velocity.update(*self._state[:2])
             v, velocity_delay = self._velocity.update(stamp_ns, q), self._velocity.delay
+            self._is_estimated = True
+        else:
+            self._is_estimated = False
         law, q_ahead, trajectory = self._law_at_rest, q, None
         if v is None:
             self._lose_velocity()
@@ -367,9 +377,9 @@ class Controller:
                 self._scale_motion()
             self._state = stamp_ns, q, v
             trajectory = self._reference.active
-            if trajectory is None and self.may_hold and self._stops_now():
-                self._reference.stop(stamp_ns, q, v)
-                trajectory = self._reference.active
+            if (trajectory is None or trajectory is self._first_stop) and (
+                    self.may_hold and (trajectory is not None or self._stops_now())):
+                trajectory = self._stop_from(last, stamp_ns, q)
         if trajectory is not None:
             law = self._law_with_reference
             if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
@@ -388,7 +398,7 @@ class Controller:
                 options.semantics, own.rigid_body.gravity(state.q),
                 None if effort is answer.gravity else answer.friction, drive)
         output = ControlOutput(
-            state, answer, v, gains.least, robot, own, bounds, drive, self.lock)
+            state, answer, v, gains.least * answer.scale, robot, own, bounds, drive, self.lock)
         if options.command == NO_COMMAND:
             return output
         output.command = effort
@@ -401,6 +411,24 @@ class Controller:
             output.command = drive.command(output.command)
         return output
 
+    def _stop_from(
+        self, last: tuple[int, FloatArray, FloatArray] | None, stamp_ns: int, q: FloatArray,
+    ) -> ActiveTrajectory | None:
+        """
+        Start a stop at q (n,), with the velocity since the last state (stamp, q, v).
+
+        One sample of a noisy velocity would move the reference. A first state is a stop at rest
+        until the second one.
+        """
+        v, dt = np.zeros_like(q), 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
+        if last is not None and 0.0 < dt <= LONGEST_DIFFERENCE:
+            v = nearest_turn(q, last[1], self.arm.is_continuous) - last[1]
+            v = v / dt
+        self._reference.forget()
+        self._reference.stop(stamp_ns, q, v)
+        self._first_stop = self._reference.active if last is None else None
+        return self._reference.active
+
     def _stops_now(self) -> bool:
         """Return whether the arm stops and is held although there is no reference."""
         return self._reference.stops_next or self._follows and self._options.stops_and_holds
@@ -410,6 +438,12 @@ class Controller:
         if self._reference.active is not None:
             self._reference.stop_from_next(self._options.stops_and_holds)
         self._state = None
+
+    def inertia(self, q: FloatArray) -> FloatArray:
+        """Return the effort of the command per acceleration, (n, n), at q."""
+        with self.lock:
+            M, drive = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.drive
+            return M if drive is None else M / drive.scale[:, np.newaxis]
 
     def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
@@ -425,6 +459,15 @@ class Controller:
             if not np.isfinite(braked).all():
                 return hold
             return braked if drive is None else drive.command(braked)
+
+    @property
+    def holding_error(self) -> FloatArray:
+        """The error (n,) [rad] or [m] at which known dry friction can hold a joint."""
+        friction = self.arm.friction.at_rest
+        M = np.diagonal(self.workspace.matrices, axis1=1, axis2=2).min(axis=0, initial=np.inf)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            error = (friction.static + friction.offset) / (M * self._options.gains.kp)
+        return np.where(np.isnan(error), 0.0, error)
 
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:

@@ -16,8 +16,8 @@
 Limits of the effort of each joint, applied before the effort is sent to a real arm.
 
 `hold` is the command that holds the arm: g(q), as far as the robot does not add it on its own.
-Beyond `hold`, no effort accelerates a joint toward a position limit that it is about to pass, or
-beyond its velocity limit. The rate limit is applied last and has priority: if a joint reaches a
+Beyond `hold`, the efforts do not accelerate a joint toward a position limit that it is about to
+pass, or beyond its velocity limit; the acceleration of the other joints stays as it is. The rate limit is applied last and has priority: if a joint reaches a
 limit while an effort acts toward it, this effort is reduced at the rate limit (100 N·m in 0.1 s at
 the default), not in one step. A step would jerk gears and links, a drive that monitors the torque
 rate would report an error, and noise around the limit would cause a step at every state. Neither
@@ -56,6 +56,8 @@ class EffortLimits:
     velocity: FloatArray
     margin: float
     rate: FloatArray | float
+    effort: FloatArray | float = math.inf
+    """Largest effort (n,) or one for all joints, apart from `hold`."""
 
     @cached_property
     def soft_lower(self) -> FloatArray:
@@ -121,25 +123,31 @@ class EffortLimiter:
 
     def apply(
         self, effort: FloatArray, hold: Callable[[], FloatArray], q: FloatArray,
-        v: FloatArray | None, dt: float,
+        v: FloatArray | None, dt: float, inertia: Callable[[FloatArray], FloatArray] | None = None,
     ) -> FloatArray:
         """
         Return the effort that may be published dt [s] after the last effort.
 
         `hold` returns the command (n,) that holds the arm still; the first effort is that command.
         `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
+        `inertia` returns the effort per acceleration (n, n) at a position, by default the unit
+        matrix: joints that do not move each other.
         """
         limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
         is_clear = limits.is_clear(q, v)
         if not is_clear:
             still = hold()
-            push = effort - still
-            by_position = ((push > 0.0) & (q > limits.soft_upper)) | (
-                (push < 0.0) & (q < limits.soft_lower))
+            M = np.eye(len(q)) if inertia is None else inertia(q)
+            a = np.linalg.solve(M, effort - still)
+            by_position = ((a > 0.0) & (q > limits.soft_upper)) | (
+                (a < 0.0) & (q < limits.soft_lower))
             if v is not None:
-                by_velocity = (np.abs(v) > limits.velocity) & (push * v > 0.0)
-            allowed = np.where(by_position | by_velocity, still, effort)
+                by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)
+            is_held = by_position | by_velocity
+            if is_held.any():
+                most = np.maximum(np.maximum(np.abs(still), np.abs(effort)), limits.effort)
+                allowed = np.clip(still + M @ np.where(is_held, 0.0, a), -most, most)
         if self.last is None:
             self.last, dt = hold(), 0.0
         moved = self.rate_limited(allowed, dt, in_proportion=is_clear)

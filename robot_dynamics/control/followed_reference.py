@@ -103,6 +103,11 @@ class FollowedReference:
         self._follower.clear()
         self.active, self.stops_next = None, False
 
+    def forget(self) -> None:
+        """Follow nothing, but keep a wanted stop."""
+        self._follower.clear()
+        self.active = None
+
     def stop_from_next(self, holds: bool) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
         self._follower.clear()

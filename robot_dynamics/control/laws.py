@@ -93,7 +93,8 @@ class LawOutput(NamedTuple):
 
     `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
     that compensates friction. `is_far` is true if the following error of a joint exceeds its
-    limit. `gravity` (n,) is g(q) if the law has computed it.
+    limit. `gravity` (n,) is g(q) if the law has computed it. `scale` is the smallest factor by
+    which the law itself has scaled its gains down.
     """
 
     effort: FloatArray
@@ -101,6 +102,7 @@ class LawOutput(NamedTuple):
     friction: FloatArray
     is_far: bool = False
     gravity: FloatArray | None = None
+    scale: float = 1.0
 
 
 class ControlLaw:
@@ -133,6 +135,15 @@ class ControlLaw:
     def scale_gains(self, scale: FloatArray) -> None:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale
+
+    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
+        """
+        Take the rate limit of the effort, which a law may regard for large errors.
+
+        `effort_rate` (n,) [N·m/s] or [N/s] is infinite if there is no limit; `inertia` (n,) are
+        the largest sums of the rows of |M(q)|.
+        """
+        return
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort for a state with its parts."""

@@ -63,6 +63,8 @@ from robot_dynamics.monitoring.state_plausibility import (
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
+CHECK_PERIOD_NS = 5_000_000
+"""[ns] between two checks of the velocities, or one period of slower states."""
 AT_REST = 0.002
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
 REST_TIME_NS = 100_000_000
@@ -70,6 +72,8 @@ REST_TIME_NS = 100_000_000
 LONGEST_STEP = 0.05
 """[s] between two states for which the motion of a frozen joint is predicted."""
 _MOST_STEPS = 100
+FROZEN_TIME = 5.0
+"""[s] for which an arm is held that has a joint without a signal; then the fault action runs."""
 FROZEN_RECOVERY = 25
 """Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
@@ -105,6 +109,8 @@ class _FrozenJoints:
         `dt` [s] is the period of the states, in which the feedback is constant.
         """
         self.marks, self._controller, self._is_begun = marks, controller, False
+        self.since = 0.0
+        """Time [s] of the steady clock at which the fault was found."""
         n, still = len(q), np.zeros_like(q)
         self._e, self._e_dot = np.zeros(n), np.zeros(n)
         trajectory, v = controller.trajectory, v if v is not None else still
@@ -163,7 +169,9 @@ class ControlLoop:
         self.monitor = StateMonitor(
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
-        self.consistency = MotionConsistency(arm.joint_names, arm.joint_kinds)
+        self.consistency = MotionConsistency(
+            arm.joint_names, arm.joint_kinds, controller.holding_error)
+        self._is_consistent, self._checked_ns = True, 0
         self.stream = SetPointStream(controller.options.stream_timeout)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.is_active = False
@@ -202,7 +210,9 @@ class ControlLoop:
         limits = arm.limits
         loop = cls(
             Controller(arm, ControllerOptions(**{**defaults, **options}), law),
-            EffortLimits(limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rates),
+            EffortLimits(
+                limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, rates,
+                arm.given_drive.limit),
             SafetyOptions())
         loop.activate()
         return loop
@@ -364,13 +374,14 @@ class ControlLoop:
         fault: Fault | None,
     ) -> LoopAnswer:
         controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
-        delay, consistency = 0.0, self.consistency
-        is_consistent = consistency.update(
-            verdict.stamp, q, v, controller.reference_position)
-        if not is_consistent or self._frozen is not None:
-            q, v, delay, frozen = self._judged(verdict.stamp, q, v, dt or 0.0)
-            fault = fault or frozen
-        output = controller.answer(verdict.stamp, q, v, delay)
+        consistency, stamp = self.consistency, verdict.stamp
+        if not self._is_consistent or not 0 <= stamp - self._checked_ns < CHECK_PERIOD_NS:
+            self._checked_ns = stamp
+            self._is_consistent = consistency.update(stamp, q, v, controller.reference_position)
+            if not self._is_consistent or self._frozen is not None:
+                q, v, frozen = self._judged(stamp, q, v, dt or 0.0)
+                fault = fault or frozen
+        output = controller.answer(stamp, q, v)
         self.states += 1
         if output.command is None:
             supervisor.deactivate(now)
@@ -394,9 +405,12 @@ class ControlLoop:
                 no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
+        if self._frozen is not None and now - self._frozen.since > FROZEN_TIME:
+            supervisor.act(now)  # nothing can hold a joint without a signal for long
         effort = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
-            controller.braked if self._frozen is None else self._stopped(output), fault)
+            controller.braked if self._frozen is None else self._stopped(output), fault,
+            controller.inertia)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)
@@ -417,38 +431,37 @@ class ControlLoop:
 
     def _judged(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None, dt: float,
-    ) -> tuple[FloatArray, FloatArray | None, float, Fault | None]:
+    ) -> tuple[FloatArray, FloatArray | None, Fault | None]:
         """
-        Return position and velocity to use, the delay of the velocity [s], and a fault.
+        Return position and velocity to use, None to estimate the velocity, and a fault.
 
         The arm stops when a velocity comes into doubt. A joint without a signal is a fault, in
         which its motion is predicted.
         """
-        consistency, fault, delay = self.consistency, None, 0.0
-        if v is not None and consistency.doubtful.any():
-            v = consistency.velocity(v)
-            delay = consistency.delay
+        consistency, fault = self.consistency, None
+        if consistency.doubtful.any():
+            v = None
             if consistency.reason != self._doubt and not consistency.frozen.any():
                 self._doubt = consistency.reason
                 self.notice = (
-                    f'{consistency.reason}. The velocity is estimated from the position; a '
+                    f'{consistency.reason}. Velocities are estimated from the positions; a '
                     'motion ends with a stop.')
                 if self.controller.has_reference:
                     self.interruption = consistency.reason
                     self.stream.end()
                     self.controller.stop()
-        if consistency.frozen.any():
-            if self._frozen is None:
-                self._frozen = _FrozenJoints(
-                    consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
-                    dt, q, v)
-                self.controller.stop()
-            self._frozen.marks = consistency.frozen
-            fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
-            q, v = self._frozen.predict(dt, q, v)
-        else:
+        if not consistency.frozen.any():
             self._frozen = None
-        return q, v, delay, fault
+            return q, v, None
+        if self._frozen is None:
+            self._frozen = _FrozenJoints(
+                consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
+                dt, q, v)
+            self._frozen.since = self._steady
+            self.controller.stop()
+        self._frozen.marks = consistency.frozen
+        fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
+        return (*self._frozen.predict(dt, q, v), fault)
 
     def _end_when_stopped(self, stamp: int, q: FloatArray, now: float) -> None:
         """Begin the ramp to zero if the arm has stopped."""

@@ -45,6 +45,8 @@ Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
 """Returns the command (n,) that holds and brakes the arm at (q, v), from the `hold` command."""
 BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then the ramp begins in any case."""
+LONGEST_PAUSE = 0.25
+"""[s] without a state after which a stop before the end of the command has failed."""
 
 
 class Mode(Enum):
@@ -111,7 +113,7 @@ class CommandSupervisor:
         """Times [s] of the last valid state and of the last effort."""
         self._ramped = self._braked = np.zeros(len(joint_names))
         self._since = self._brake_until = 0.0
-        self._is_damped = False
+        self._is_damped = self._acts = False
         self._good = 0
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
@@ -131,7 +133,7 @@ class CommandSupervisor:
         """
         if self.mode is Mode.BRAKING:
             return True
-        is_supplied = now - self.last_state <= self.options.state_timeout
+        is_supplied = now - self.last_state <= min(self.options.state_timeout, LONGEST_PAUSE)
         if self.mode not in (Mode.RUNNING, Mode.FAULT) or self.limiter.last is None or (
                 not is_supplied):
             self.deactivate(now)
@@ -190,14 +192,14 @@ class CommandSupervisor:
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         hold: Hold, dt: float | None = None, brake: Brake | None = None,
-        fault: Fault | None = None,
+        fault: Fault | None = None, inertia: Callable[[FloatArray], FloatArray] | None = None,
     ) -> FloatArray | None:
         """
         Return the effort for a valid state; `hold` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
         fault that was found with this state. `brake` returns the hold with damping at (q, v); it
-        is used in a fault.
+        is used in a fault. `inertia` is that of `EffortLimiter.apply`.
         """
         cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
         if cause is None and self.mode is Mode.RUNNING and (
@@ -210,21 +212,20 @@ class CommandSupervisor:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
+        if self.mode is Mode.FAULT and self._acts and cause is not None:
+            return self._action(now)
         is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
         if is_damped:
             return self._hold_on(now, hold() if brake is None else brake(q, v, hold()))
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
-        return self.passed(now, q, v, command, dt)
+        passed, self.last_output = now - self.last_output, now
+        return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, inertia)
 
-    def passed(
-        self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        dt: float | None,
-    ) -> FloatArray:
-        """Return the command of a state within the limits of the effort."""
-        dt = dt if dt is not None else now - self.last_output
-        self.last_output = now
-        return self.limiter.apply(command, self.hold, q, v, dt)
+    def act(self, now: float) -> None:
+        """Let the fault action run although states are valid, as if they were missing."""
+        if self.mode is Mode.FAULT and not self._acts:
+            self._acts, self._since = True, now
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state again, or None if no efforts are published."""
@@ -235,7 +236,7 @@ class CommandSupervisor:
         is_overdue = now - self.last_state > self.options.state_timeout
         if is_overdue and self.mode is Mode.RUNNING:
             self.fail(now, self._timeout())
-        elif self.mode is Mode.BRAKING and (is_overdue or now > self._brake_until):
+        elif self.mode is Mode.BRAKING and now > self.deadline:
             self.deactivate(now)
         return self._action(now)
 
@@ -273,6 +274,9 @@ class CommandSupervisor:
     @property
     def deadline(self) -> float:
         """Time at which `tick` is due while states arrive."""
+        if self.mode is Mode.BRAKING:
+            wait = min(self.options.state_timeout, LONGEST_PAUSE)
+            return min(self.last_state + wait, self._brake_until)
         return self.last_state + self.options.state_timeout
 
     @property
@@ -290,7 +294,7 @@ class CommandSupervisor:
         return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
 
     def _begin(self, mode: Mode, now: float) -> None:
-        self.mode, self._since, self._is_damped = mode, now, False
+        self.mode, self._since, self._is_damped, self._acts = mode, now, False, False
         self._braked = self._ramped = self.hold()
 
     def _action(self, now: float) -> FloatArray | None:

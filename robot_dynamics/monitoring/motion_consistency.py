@@ -40,7 +40,6 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.monitoring.velocity_estimate import SPAN
 
 FLOOR = 0.003
 """[rad] of difference that encoder resolution and backlash may cause; see PRISMATIC."""
@@ -66,7 +65,7 @@ REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
 UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
 """[rad/s] of the velocity: assumed until it is known, and tolerated."""
-_REST = 0.0005
+_REST = 0.0002
 """[rad] that a joint moves at most between two checks at rest."""
 _FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
 """Samples of the noise: until then its assumed value applies, each state is checked, and the
@@ -90,8 +89,16 @@ class MotionConsistency:
     mark to true.
     """
 
-    def __init__(self, joint_names: Sequence[str], joint_kinds: Sequence[str]) -> None:
-        """Take the joints and their kinds, as `ArmModel` has them."""
+    def __init__(
+        self, joint_names: Sequence[str], joint_kinds: Sequence[str],
+        holding_error: FloatArray | None = None,
+    ) -> None:
+        """
+        Take the joints and their kinds, as `ArmModel` has them.
+
+        `holding_error` (n,) [rad] or [m] is the distance from the reference at which dry friction
+        can hold a joint, None for 0.
+        """
         n = len(joint_names)
         self._names = tuple(joint_names)
         self._wraps = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
@@ -101,9 +108,10 @@ class MotionConsistency:
         self.frozen: BoolArray = np.zeros(n, dtype=bool)
         self.is_consistent = True
         self.reason = ''
-        self.delay = 0.0
-        """[s] of the last returned velocity: half of its span if it is from positions, else 0."""
         self._zero = np.zeros(n)
+        self._largest_rest = REFERENCE * self._unit + (
+            0.0 if holding_error is None else holding_error)
+        """Displacement of the reference at which a joint at rest must have moved."""
         self._times, self._squared = np.zeros((2, _ROWS))
         self._positions, self._differences = np.zeros((2, _ROWS, n))
         """Stored states: time [s] since `_base_ns`, sum of the squared periods [s²], q and e."""
@@ -125,7 +133,7 @@ class MotionConsistency:
         self._hold = np.zeros(n)
         """[s] that the driver usually repeats a sample."""
         self.repeats_since_ns: IntArray = np.full(n, _NEVER)
-        """Stamp (n,) [ns] since which the sample of a joint repeats, a negative one if it does not."""
+        """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
         self._is_repeating = False
         self._store_v = self._zero
         self._reference: FloatArray | None = None
@@ -144,9 +152,9 @@ class MotionConsistency:
         """
         Take a state and return `is_consistent`; `v` is None if no velocity is measured.
 
-        `reference` returns the desired position (n,), None without a reference. A gap
-        above PAUSE or a stamp that went back restarts the windows; a state with the last stamp is
-        ignored. The arrays must not be changed afterwards.
+        `reference` returns the desired position (n,), None without a reference; it is called only
+        while a sample repeats. A gap above PAUSE or a stamp that went back restarts the windows;
+        a state with the last stamp is ignored. The arrays must not be changed afterwards.
         """
         bits = q.tobytes()
         if bits == self._bits and (v is None or v is self._v or v.tobytes() == self._v.tobytes()):
@@ -178,34 +186,6 @@ class MotionConsistency:
         self._v_before = self._v
         self._stamp_ns, self._bits, self._q, self._v = stamp_ns, bits, q, v
         return self.is_consistent
-
-    def velocity(self, v: FloatArray) -> FloatArray | None:
-        """
-        Return v (n,) of the last state with the velocities in doubt replaced; sets `delay`.
-
-        None if a velocity is in doubt and there is no earlier position yet.
-        """
-        if self.doubtful.any():
-            estimate = self.velocity_from_positions()
-            return None if estimate is None else np.where(self.doubtful, estimate, v)
-        self.delay = 0.0
-        return v
-
-    def velocity_from_positions(self) -> FloatArray | None:
-        """
-        Return the velocity (n,) at the last state without the measured one; sets `delay`.
-
-        It is the difference of the positions over SPAN, or over one period if that is longer, as
-        in `velocity_estimate`; None if there is no earlier position yet.
-        """
-        t, row = _NS * (self._stamp_ns - self._base_ns), self._row - 1
-        while row > 0 and t - self._times[row] < SPAN - 1e-6:
-            row -= 1
-        if row < 0 or t <= self._times[row]:
-            return None
-        span = t - float(self._times[row])
-        self.delay = 0.5 * span
-        return np.asarray((self._q - self._positions[row]) / span)
 
     def _begin(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
         self.restart()
@@ -363,7 +343,8 @@ class MotionConsistency:
         """
         Follow repeated samples; `same` (n,) marks the joints whose sample repeats now.
 
-        `start_ns` (n,) is the begin of a new repetition. Returns whether a frozen joint is updated again, after a displacement that is not known.
+        `start_ns` (n,) is the beginning of a new repetition. Returns whether a frozen joint is
+        updated again, after a displacement that is not known.
         """
         desired = reference()
         if self._reference is None or desired is None:
@@ -383,7 +364,8 @@ class MotionConsistency:
         self._is_repeating = bool(same.any())
         excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
         frozen = same & (self.frozen | (excess > 0.0) & (
-            (speed * excess > FLOOR * self._unit) | (moved > REFERENCE * self._unit)))
+            (speed * excess > FLOOR * self._unit) | (moved > self._largest_rest)
+            | (self._v != 0.0) & (moved > FLOOR * self._unit)))
         for j in np.flatnonzero(frozen & ~self.frozen):
             self.reason = (
                 f'position and velocity of {self._names[j]!r} have not changed for '
@@ -394,7 +376,7 @@ class MotionConsistency:
         return has_ended
 
     def _repeat_start(self, q: FloatArray, v: FloatArray) -> IntArray:
-        """Return when a repetition that is found now began (n,) [ns], from the last motion."""
+        """Return the beginning (n,) [ns] of a repetition that is found now, from the motion."""
         row = self._row
         if row < 2:
             return np.full(len(q), self._stamp_ns)

@@ -108,6 +108,32 @@ def to_rest(
     return _mean(farthest, [*stopping, (wait, 0.0)], rest / gain)
 
 
+def smooth_to_rest(
+    distance: float, v: float, a: float, bounds: Bounds, T: float,
+) -> Phases | None:
+    """
+    Return a motion of T [s] from (0, v, a) to rest at `distance`, or None beyond the bounds.
+
+    Its phases of T/4, T/2 and T/4 are those of the shortest motion from rest. The jerks are linear
+    in the start, so that motions from neighbouring starts differ little. The position may leave
+    the interval of start, stop and goal.
+    """
+    h = T / 4.0
+    change = -a / h
+    way = -(v / h + 4.0 * a) / h
+    moment = (distance / h**2 - 4.0 * (v / h + 2.0 * a)) / h
+    first = moment / 2.0 - 2.0 * way / 3.0 + change / 4.0
+    middle = (way - change / 2.0) / 3.0 - first
+    phases = [(h, first), (2.0 * h, middle), (h, change - first - 2.0 * middle)]
+    if any(abs(j) > bounds.jerk for _, j in phases):
+        return None
+    found = extremes(phases, 0.0, v, a)
+    is_within = (
+        min(v, bounds.v_min) <= found.v_min and found.v_max <= max(v, bounds.v_max)
+        and min(a, bounds.a_min) <= found.a_min and found.a_max <= max(a, bounds.a_max))
+    return phases if is_within else None
+
+
 def duration(phases: Phases) -> float:
     """Return the duration [s] of a motion."""
     return sum(T for T, _ in phases)

@@ -23,6 +23,7 @@ rest to rest. Joints at rest move together, on a straight line; a joint stops al
 """
 
 from bisect import bisect_right
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ from robot_dynamics.trajectories.jerk_profile import (
     Extremes,
     extremes,
     Phases,
+    smooth_to_rest,
     State,
     stop,
     to_rest,
@@ -47,8 +49,8 @@ AT_REST = 1e-6
 _HULL = 1e-9
 """Tolerance [rad] or [m] of the hull, for rounding."""
 import os
-EARLIEST = float(os.environ.get("E","1"))
-EMIN = float(os.environ.get("EM","0"))
+SMOOTHEST = float(os.environ.get("EM","0.05"))
+SM = float(os.environ.get("SM","2"))
 _STEPS = 6
 """Bisections of the time for which a joint follows a target towards a position limit."""
 
@@ -123,6 +125,7 @@ class Target(NamedTuple):
     velocity: FloatArray
     acceleration: FloatArray
     time: float
+    since: FloatArray
 
     def joint(self, j: int, t: float) -> State:
         """Return position, velocity and acceleration of joint j at t [s]."""
@@ -133,13 +136,14 @@ class Target(NamedTuple):
 class _Joint:
     """One joint: its state, its earliest stop, and the bounds of its limits."""
 
-    def __init__(self, state: Reference, limits: MotionLimits, j: int) -> None:
-        self.q, self.v, self.a = (float(x[j]) for x in state)
-        self.full, self.whole = _bounds(limits, j), _bounds(limits.whole, j)
-        self.low = self.full if limits.scale == 1.0 else _bounds(limits.lowered, j)
-        self.scale = limits.scale
-        self.lower = min(float(limits.lower[j]), self.q)
-        self.upper = max(float(limits.upper[j]), self.q)
+    def __init__(
+        self, state: State, lower: float, upper: float, bounds: tuple[Bounds, Bounds, Bounds],
+        scale: float,
+    ) -> None:
+        self.q, self.v, self.a = state
+        self.full, self.whole, self.low = bounds
+        self.scale = scale
+        self.lower, self.upper = min(lower, self.q), max(upper, self.q)
         """Limits of the position, and the present position if it is beyond them."""
         self.stop = stop(self.v, self.a, self.full)
         """The earliest stop; with the whole limits if it would end beyond a position limit."""
@@ -153,38 +157,28 @@ class _Joint:
 
     def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
         """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        phases = to_rest(goal - self.q, self.v, self.a, self.low, earliest)
+        way = goal - self.q
+        if earliest > 0.0:
+            earliest = max(earliest, SM * duration(stop(self.v, self.a, self.low)))
+            phases = smooth_to_rest(way, self.v, self.a, self.low, earliest)
+            if phases is not None and self._is_in_hull(self._extremes(phases), self.full, goal):
+                return phases
+        phases = to_rest(way, self.v, self.a, self.low, earliest)
         if self._is_in_hull(self._extremes(phases), self.full, goal):
             return phases
         q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
         return [*self.stop, *to_rest(goal - q_stop, 0.0, 0.0, self.low, max(earliest - T, 0.0))]
 
-    def to_target(self, target: State, until: float, earliest: float) -> Phases | None:
-        """
-        Return the motion that meets a target, or None; both have constant acceleration then.
-
-        The target is at position, velocity and acceleration now, and `until` [s] within limits.
-        """
-        (p, v, a), whole, s = target, self.whole, self.scale
-        slowest, fastest = sorted((v, v + a * until))
-        bounds = Bounds(
-            s * whole.v_min - slowest, s * whole.v_max - fastest,
-            s**2 * whole.a_min - a, s**2 * whole.a_max - a, s**3 * whole.jerk)
-        if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
-            return None
-        return to_rest(p - self.q, self.v - v, self.a - a, bounds, earliest)
-
     def followed(self, target: Target, j: int, until: float) -> Phases | None:
         """Return the motion with a target until `until` [s], and a stop inside the limits."""
-        meeting = self.to_target(target.joint(j, 0.0), until, max(EARLIEST * target.time, EMIN))
-        if meeting is None:
+        relative = self._relative(target.joint(j, 0.0), until)
+        if relative is None:
             return None
         # The goals are all positions of the target, up to its stop.
-        _, v, a = target.joint(j, until)
-        goals = extremes([(until - target.time, 0.0), *stop(v, a, self.full)],
-                         *target.joint(j, target.time))
+        since, (_, v, a) = float(target.since[j]), target.joint(j, until)
+        goals = extremes([(until - since, 0.0), *stop(v, a, self.full)], *target.joint(j, since))
 
-        def stopped_after(time: float) -> Phases | None:
+        def stopped_after(meeting: Phases, time: float) -> Phases | None:
             moving = before(meeting, time)
             _, v, a = end(moving, self.q, self.v, self.a)
             for bounds in (self.full, self.whole):
@@ -195,26 +189,63 @@ class _Joint:
                         found, self.whole, goals.q_min, goals.q_max) else None
             return None
 
-        found, low, high = stopped_after(until), target.time, until
+        for T in (max(SMOOTHEST, target.time), target.time):
+            meeting = smooth_to_rest(*relative, T)
+            found = None if meeting is None else stopped_after(meeting, until)
+            if found is not None:
+                return found
+        meeting = to_rest(*relative)
+        found, low, high = stopped_after(meeting, until), target.time, until
         if found is None:
-            found = stopped_after(low)
+            found = stopped_after(meeting, low)
             for _ in range(_STEPS if found is not None else 0):
                 middle = 0.5 * (low + high)
-                longer = stopped_after(middle)
+                longer = stopped_after(meeting, middle)
                 if longer is None:
                     high = middle
                 else:
                     found, low = longer, middle
         return found
 
+    def _relative(
+        self, target: State, until: float,
+    ) -> tuple[float, float, float, Bounds] | None:
+        """
+        Return the arguments of `to_rest` in the frame of a target of constant acceleration.
+
+        The state of the target is that now. Return None if it is beyond the limits by `until` [s].
+        """
+        (p, v, a), whole, s = target, self.whole, self.scale
+        slowest, fastest = sorted((v, v + a * until))
+        bounds = Bounds(
+            s * whole.v_min - slowest, s * whole.v_max - fastest,
+            s**2 * whole.a_min - a, s**2 * whole.a_max - a, s**3 * whole.jerk)
+        if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
+            return None
+        return p - self.q, self.v - v, self.a - a, bounds
+
     def to_state(self, state: State, time: float) -> Phases | None:
         """Return the motion that is in a state at `time` [s]; None if it is impossible."""
         q, v, a = state
         start = q - (v - 0.5 * a * time) * time, v - a * time, a
-        phases = self.to_target(start, time, time)
-        if phases is None or duration(phases) > time + 1e-9 or not self._is_in_hull(self._extremes(phases), self.whole, q):
-            return None
-        return phases
+        relative = self._relative(start, time)
+        if relative is not None:
+            for phases in (smooth_to_rest(*relative, time), to_rest(*relative, time)):
+                if phases is not None and duration(phases) <= time + 1e-9 and (
+                        self._is_in_hull(self._extremes(phases), self.whole, q)):
+                    return phases
+        if True:
+            back = stop(-v, a, self.full)
+            run = [(T, -j) for T, j in reversed(back)]
+            q_back = end(back, q, -v, a)[0]
+            rest = time - duration(run)
+            if rest <= 0.0: return None
+            first = self.to_rest(q_back, rest)
+            if duration(first) <= rest + 1e-9:
+                phases = [*first, *run]
+                if self._is_in_hull(self._extremes(phases), self.whole, q):
+                    return phases
+        return None
 
     def _extremes(self, phases: Phases) -> Extremes:
         return extremes(phases, self.q, self.v, self.a)
@@ -232,13 +263,16 @@ class _Joint:
                 and found.v_min >= min(hull.v_min, bounds.v_min) - _HULL)
 
 
-def _bounds(limits: MotionLimits, j: int) -> Bounds:
-    v, a = float(limits.velocity[j]), float(limits.acceleration[j])
-    return Bounds(-v, v, -a, a, float(limits.jerk[j]))
+def _bounds(limits: MotionLimits) -> list[Bounds]:
+    return [Bounds(-v, v, -a, a, jerk) for v, a, jerk in zip(
+        limits.velocity.tolist(), limits.acceleration.tolist(), limits.jerk.tolist())]
 
 
 def _joints(start: Reference, limits: MotionLimits) -> list[_Joint]:
-    return [_Joint(start, limits, j) for j in range(len(start.position))]
+    states = zip(*(x.tolist() for x in start))
+    bounds = zip(*(_bounds(x) for x in (limits, limits.whole, limits.lowered)))
+    return [_Joint(*each, limits.scale) for each in zip(
+        states, limits.lower.tolist(), limits.upper.tolist(), bounds)]
 
 
 def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
@@ -302,16 +336,24 @@ def plan_with_target(
     return Plan(start, phases)
 
 
-def plan_to_path(start: Reference, state: Reference, time: float, limits: MotionLimits) -> (
-        Plan | None):
-    """Return the motion that is in a moving `state` at `time` [s]; None if it is impossible."""
-    phases = []
-    for joint, values in zip(_joints(start, limits), zip(*(x.tolist() for x in state))):
-        moving = joint.to_state(values, time)
-        if moving is None:
-            return None
-        phases.append(moving)
-    return Plan(start, phases)
+def plan_to_path(
+    start: Reference, path: Iterable[tuple[float, Reference]], limits: MotionLimits,
+) -> Plan | None:
+    """Return the motion to the first possible state of a path, with times [s]; None if none."""
+    joints = list(enumerate(_joints(start, limits)))
+    for time, state in path:
+        phases: dict[int, Phases] = {}
+        for j, joint in joints:
+            moving = joint.to_state((float(state.position[j]), float(state.velocity[j]), float(state.acceleration[j])), time)
+            if moving is None:
+                # At the next time this joint is the first, because it will often fail again.
+                joints.remove((j, joint))
+                joints.insert(0, (j, joint))
+                break
+            phases[j] = moving
+        else:
+            return Plan(start, [phases[j] for j in range(len(phases))])
+    return None
 
 
 def without_creep(state: Reference) -> Reference:

@@ -173,25 +173,23 @@ class ReferenceGenerator(TrajectoryFollower):
         most_a = np.minimum(limits.scale**2 * limits.acceleration,
                             (limits.scale * limits.whole.velocity - np.abs(v)) / (time + self.stream_timeout))
         a = np.clip(a, -most_a, most_a)
-        return plan_with_target(state, Target(point.position, v, a, time), limits, self.stream_timeout)
+        since = np.full_like(v, time)
+        if before is not None:
+            step = (v - 0.5 * a * time) * time
+            came = np.abs(before[1].position + step - point.position) <= np.abs(step)
+            since[came] = 0.0
+        return plan_with_target(state, Target(point.position, v, a, time, since), limits, self.stream_timeout)
 
 
 def _to_path(
     path: ActiveTrajectory, wait: float, now_ns: int, state: Reference, limits: MotionLimits,
 ) -> Plan:
     """Return the plan that meets a path at its own times, after `wait` [s] or later."""
-    end_ns = path.end_ns
     times = _MEETINGS if wait <= 0.0 else wait * np.geomspace(1.0, 100.0, 48)
-    for t in times.tolist():
-        time_ns = now_ns + nanoseconds(t)
-        if time_ns > end_ns:
-            break
-        plan = plan_to_path(state, path.sample(time_ns), t, limits)
-        if plan is not None:
-            return plan
-    return plan_to_goal(
-        state, path.sample(end_ns).position, limits,
-        max((end_ns - now_ns) / NANOSECONDS_PER_SECOND, 0.0))
+    left = (path.end_ns - now_ns) / NANOSECONDS_PER_SECOND
+    states = ((t, path.sample(now_ns + nanoseconds(t))) for t in times[times <= left].tolist())
+    return plan_to_path(state, states, limits) or plan_to_goal(
+        state, path.sample(path.end_ns).position, limits, max(left, 0.0))
 
 
 def _is_same_goal(point: TrajectoryPoint, other: TrajectoryPoint) -> bool:

@@ -14,13 +14,17 @@
 
 """Computed torque along several segments, for many joints, and without friction of the robot."""
 
+import math
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control import computed_torque
-from robot_dynamics.control.computed_torque import ComputedTorque
-from robot_dynamics.control.control_law import ErrorFeedback, make_gains
+from robot_dynamics.control.computed_torque import CHANGE_FRACTION, ComputedTorque
+from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.laws import LawInput
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import EffortConvention
@@ -60,19 +64,110 @@ def test_each_segment_of_a_path_is_followed() -> None:
         assert output.computed_torque == pytest.approx(dynamics.inverse_dynamics(zero, zero, a))
 
 
-def test_the_computation_with_arrays_gives_the_same_commands(
-    monkeypatch: pytest.MonkeyPatch,
+def feedback_of(
+    error: float, speed: float, rate: float, softens: bool = True,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return K_p e and K_d ė of the feedback (2,) [1/s²], as in full, and s."""
+    one = Controller(ARM, ControllerOptions(GAINS, effort_rate=rate, softens_gains=softens))
+    q, body = np.zeros(2), ArmDynamics(ARM).rigid_body
+    for k in range(20):
+        one.update(START + 2 * k * MS, q, q)
+    one.follow(make_trajectory(NAMES, (0.0,), [[error, -error]], (), (), NAMES), 0)
+    v = np.full(2, speed)
+    output = one.update(START + 40 * MS, q, v)
+    effort, terms = output.computed_torque, output.terms
+    assert effort is not None
+    assert terms is not None
+    assert terms.effort == pytest.approx(effort)
+    K_p_e, K_d_e_dot, s = GAINS.kp * [error, -error], -GAINS.kd * v, output.scale
+    M, rest = body.mass_matrix(q), body.nonlinear_effects(q, v)
+    assert effort == pytest.approx(M @ (s * s * K_p_e + s * K_d_e_dot) + rest)
+    return K_p_e, K_d_e_dot, s
+
+
+@settings(deadline=None, derandomize=True, max_examples=60)
+@given(error=st.floats(-1.0, 1.0), speed=st.floats(-5.0, 5.0), rate=st.floats(1.0, 1e5))
+def test_the_feedback_changes_at_most_by_half_of_the_rate_limit(
+    error: float, speed: float, rate: float,
 ) -> None:
-    """Arms of many joints are computed with arrays; gains are softened at the same errors."""
-    options = {'softens_gains': True, 'effort_rate': 3000.0}
-    few = along_a_path(**options)
-    monkeypatch.setattr(computed_torque, 'FEW', 0)
-    many = along_a_path(**options)
-    for one, other in zip(few, many):
-        assert one.command == pytest.approx(other.command, rel=1e-9)
-        assert one.gain_scale == pytest.approx(other.gain_scale)
-    softened = [output.gain_scale < 1.0 for output in many]
-    assert 40 < sum(softened) < 180
+    """By s² M (K_p + K_d²) ė per second; s is the largest factor for which this is true."""
+    _, _, s = feedback_of(error, speed, rate)
+    M = ArmDynamics(ARM).rigid_body.mass_matrix(np.zeros(2))
+    change = float(np.abs(M @ ((GAINS.kp + GAINS.kd**2) * speed)).max())
+    assert s == pytest.approx(min(1.0, np.sqrt(CHANGE_FRACTION * rate / max(change, 1e-300))))
+
+
+@pytest.mark.parametrize('error', [1e-3, 0.5, 3.0])
+def test_a_steady_error_is_fed_back_in_full(error: float) -> None:
+    """That under a load, for example, of any size."""
+    assert feedback_of(error, 0.0, 10.0)[2] == 1.0
+
+
+def test_without_softening_or_a_rate_limit_nothing_is_limited() -> None:
+    assert feedback_of(0.5, 5.0, 10.0, softens=False)[2] == 1.0
+    assert feedback_of(0.5, 5.0, np.inf)[2] == 1.0
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('gains', [
+    Gains(np.zeros(2), np.zeros(2)), Gains(np.zeros(2), np.array([5e-324, 1e-310])),
+    Gains(np.full(2, 1e8), np.full(2, 1e8))])
+def test_gains_of_any_size_give_finite_efforts(gains: Gains) -> None:
+    one = Controller(ARM, ControllerOptions(gains, effort_rate=1e3, softens_gains=True))
+    zero = np.zeros(2)
+    one.update(START, zero, zero)
+    one.stop()
+    for k in range(1, 20):
+        output = one.update(START + 2 * k * MS, zero, np.full(2, 0.1))
+    assert output.command is not None
+    assert np.isfinite(output.command).all()
+    assert (output.scale < 1.0) == bool(gains.kp.any())
+
+
+def final_error(
+    goal: list[float], duration: float, rate: float = 1000.0, softens: bool = True,
+    frequency: float = 20.0, seconds: float = 4.0,
+) -> float:
+    """Return the final distance [rad] of the arm from its goal; infinite if the arm diverged."""
+    plant, period = ArmDynamics(ARM), 0.002
+    one = Controller(ARM, ControllerOptions(
+        make_gains(NAMES, [frequency]), effort_rate=rate, softens_gains=softens))
+    free = np.full(2, np.inf)
+    guard = EffortLimiter(EffortLimits(-free, free, free, 0.0, rate))
+    q, v, now = np.zeros(2), np.zeros(2), START
+    one.update(now, q, v)
+    one.follow(make_trajectory(NAMES, (duration,), [goal], (), (), NAMES), 0)
+    acts = one.update(now, q, v).hold()
+    for _ in range(round(seconds / period)):
+        now += round(1e9 * period)
+        output = one.update(now, q, v)
+        assert output.command is not None
+        effort = guard.apply(output.command, output.hold, q, v, period)
+        for _ in range(2):  # the effort for the previous state acts
+            v = v + 0.5 * period * plant.forward_dynamics(q, v, acts)
+            q = q + 0.5 * period * v
+        acts = effort
+        if np.abs(q).max() > 20.0:
+            return math.inf
+    return float(np.abs(q - goal).max())
+
+
+@pytest.mark.parametrize(('goal', 'duration', 'options'), [
+    ([1.0, 0.5], 2.0, {}),
+    ([1.0, 0.5], 0.01, {}),
+    ([3.0, -2.0], 0.01, {}),
+    ([1.0, 0.5], 2.0, {'rate': 300.0}),
+    ([2.0, 1.0], 0.5, {'frequency': 60.0}),
+])
+def test_an_arm_arrives_at_any_set_point(
+    goal: list[float], duration: float, options: dict[str, float],
+) -> None:
+    """One point without velocities: the reference is a line, and its velocity has a step."""
+    assert final_error(goal, duration, **options) < 1e-3  # type: ignore[arg-type]
+
+
+def test_feedback_that_is_not_limited_lets_it_diverge() -> None:
+    assert final_error([1.0, 0.5], 0.01, softens=False) > 1.0
 
 
 @pytest.mark.parametrize('compensates', [(), ('friction',)])
@@ -100,7 +195,7 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
     one.follow(make_trajectory(NAMES, (0.0,), [[1.0, 0.4]], (), (), NAMES), 0)
     output = one.update(START + round(1e9 * period) * 20, q, v)
     s = one.bandwidth_scale
-    assert output.gain_scale == s
+    assert output.scale == s
     assert (s < 0.5) if is_slow else (s == 1.0)
     a = s * GAINS.kd * -v + s**2 * GAINS.kp * ([1.0, 0.4] - q)
     q_ahead = q + 0.5 * period * v if is_slow else q
@@ -108,24 +203,34 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
         ArmDynamics(ARM).inverse_dynamics(q_ahead, v, a))
 
 
-@pytest.mark.filterwarnings('error::RuntimeWarning')
-def test_gains_near_zero_are_never_softened() -> None:
-    gains = make_gains(NAMES, kp=[0.0, 0.0], kd=[5e-324, 1e-310])
-    law = ComputedTorque(ErrorFeedback(gains, ARM.joint_kinds), ControllerOptions(gains))
-    law.limit_rate(np.array([1e3, 1e9]), np.array([1.0, 1e-13]))
-    assert np.isinf(law._prompt_feedback)
+@pytest.mark.parametrize('scale', [[0.5, 0.5], [0.2, 1.0], [1.0, 1.0]])
+def test_each_joint_has_its_own_scale(scale: list[float]) -> None:
+    feedback, zero = ErrorFeedback(GAINS, ARM.joint_kinds), np.zeros(2)
+    law, s = ComputedTorque(feedback, ControllerOptions(GAINS)), np.array(scale)
+    law.scale_gains(np.array([0.1, 0.1]))  # replaced, not accumulated
+    law.scale_gains(s)
+    for full, expected in zip(law.closed_loop(np.eye(2)), (GAINS.kp, GAINS.kd)):
+        assert full.tolist() == np.diag(expected).tolist()  # of the unscaled law
+    point = [[0.1, -0.2]]
+    active = ActiveTrajectory(
+        make_trajectory(NAMES, (0.0,), point, [[0.0, 0.0]], (), NAMES), START, START,
+        Reference(*np.zeros((3, 2))))
+    v = np.array([0.3, 0.4])
+    output = law(LawInput(UncheckedArmDynamics(ARM), START, zero, v, zero, active, feedback))
+    assert output.effort == pytest.approx(ArmDynamics(ARM).inverse_dynamics(
+        zero, v, s**2 * GAINS.kp * point[0] - s * GAINS.kd * v))
 
 
 def test_the_law_itself_needs_a_reference_and_a_velocity() -> None:
-    law = ComputedTorque(ErrorFeedback(GAINS, ARM.joint_kinds), ControllerOptions(GAINS))
-    zero = np.zeros(2)
+    feedback, zero = ErrorFeedback(GAINS, ARM.joint_kinds), np.zeros(2)
+    law = ComputedTorque(feedback, ControllerOptions(GAINS))
     active = ActiveTrajectory(
         make_trajectory(NAMES, (0.3,), POINTS[:1], (), (), NAMES), START, START,
         Reference(zero, zero, zero))
     dynamics = UncheckedArmDynamics(ARM)
     for v, reference in ((None, active), (zero, None)):
         with pytest.raises(ValueError, match='needs a reference and a velocity'):
-            law(LawInput(dynamics, START, zero, v, zero, zero, reference))
-    output = law(LawInput(dynamics, START, zero, zero, zero, zero, active))
+            law(LawInput(dynamics, START, zero, v, zero, reference, feedback))
+    output = law(LawInput(dynamics, START, zero, zero, zero, active, feedback))
     with pytest.raises(ValueError, match='read-only'):
         output.friction[0] = 1.0  # the next outputs share it

@@ -64,8 +64,12 @@ def alarms(one: MotionConsistency, states: States, reference: FloatArray | None 
         Iterator[tuple[int, str]]):
     """Yield the row of each state at which a joint is in doubt or frozen, with the reason."""
     for k, (stamp, q, v) in enumerate(zip(states.stamps.tolist(), states.q, states.v)):
-        if not one.update(stamp, q, v, None if reference is None else reference[k]):
+        if not one.update(stamp, q, v, row_of(reference, k)):
             yield k, one.reason
+
+
+def row_of(reference: FloatArray | None, k: int) -> Callable[[], FloatArray | None]:
+    return lambda: None if reference is None else reference[k]
 
 
 def no_alarm(states: States, reference: FloatArray | None = None, n: int = N) -> None:
@@ -301,7 +305,7 @@ def freeze(
     joints: list[int], speed: float, rate: int, begin: float = 1.5, end: float = 9.0,
     with_velocity: bool = True, with_reference: bool = True,
 ) -> tuple[float | None, MotionConsistency]:
-    """Return the time [s] from the begin of repetition until the joints are frozen."""
+    """Return the time [s] from the beginning of the repetition until the joints are frozen."""
     t = np.arange(0.0, 4.0, FINE)
     v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.8, 0.6])
     q = np.cumsum(FINE * v, axis=0)
@@ -315,7 +319,7 @@ def freeze(
     for k, stamp in enumerate(states.stamps.tolist()):
         is_good = one.update(
             stamp, states.q[k], states.v[k] if with_velocity else None,
-            reference[k] if with_reference else None)
+            row_of(reference if with_reference else None, k))
         if not is_good and found is None:
             found = 1e-9 * (stamp - float(states.stamps[rows[0]]))
             assert one.frozen.any()
@@ -331,6 +335,9 @@ def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -
     assert found < 0.03
     assert np.flatnonzero(one.frozen).tolist() == joints
     assert 'have not changed for ' in one.reason
+    since = 1e-9 * one.repeats_since_ns[joints]
+    assert since == pytest.approx(np.full(len(joints), 2.5), abs=max(0.003, 1.01 / rate))
+    assert (np.delete(one.repeats_since_ns, joints) < 0).all()
 
 
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
@@ -358,9 +365,9 @@ def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> No
 
 def test_a_joint_that_sticks_is_not_frozen() -> None:
     one = consistency()
+    reference = np.linspace(0.0, 0.9 * REFERENCE, 1000)[:, None] * np.array([1.0, -1.0, 0.0])
     for k in range(1000):
-        reference = np.array([0.9 * REFERENCE, -0.9 * REFERENCE, 0.0]) * k / 1000
-        assert one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), reference)
+        assert one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), row_of(reference, k))
 
 
 # --- marks and replacement -----------------------------------------------------------------------

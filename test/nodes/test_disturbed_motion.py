@@ -44,6 +44,8 @@ OVERSPEED = 1.2
 """Largest speed after a wrong velocity, by the velocity limit."""
 AT_REST = 0.01
 """[rad/s]"""
+SLOW = 0.2
+"""[rad/s]"""
 TICK = 1.0 / 500.0
 
 
@@ -174,10 +176,15 @@ def test_a_wrong_measurement_during_a_motion(
             'sign': reversed_sign(j), 'zero': zero, 'in degrees': in_degrees,
             'frozen': frozen(j, float(bench.plant.q[j]), float(bench.plant.v[j])),
         }[kind.rstrip(' 01')]
-        bench.run(3.0, lambda: bench.peak_speed() > 30.0)
-        seen(f'speed {bench.peak_speed():.2f}, at the end {bench.last_speed():.4f} rad/s')
+        bench.run(1.0, lambda: bench.peak_speed() > 30.0)
+        # What moves a joint without a sensor later on, such as gravity, is unknown.
+        others = np.arange(len(goal)) != (j if 'frozen' in kind else -1)
+        speed = np.abs(bench.v[-50:, others]).max()
+        seen(f'speed {bench.peak_speed():.2f}, at the end {speed:.4f} rad/s, '
+             f'all {bench.last_speed():.4f}')
         assert bench.peak_speed() < OVERSPEED
-        assert bench.last_speed() < AT_REST
+        assert speed < AT_REST
+        assert bench.last_speed() < SLOW
         assert bench.beyond_limits() <= 0.0
         if 'frozen' in kind:
             bench.status('command', lambda s: 'frozen_joint' in s.message)

@@ -106,6 +106,12 @@ class DisturbedArm:
                 self._answer = np.array(message.effort)
                 self._news.notify()
 
+    def end(self) -> None:
+        """Interrupt the node, and answer it until its command has ended."""
+        self.ends = True
+        self.node.interrupt()
+        self.run(10.0, lambda: not self.effort.any())
+
     def close(self) -> None:
         """Destroy the publishers and subscriptions."""
         self._references.close()
@@ -162,16 +168,19 @@ class DisturbedArm:
         message = JointState(name=self.names, position=q.tolist(), velocity=v.tolist())
         message.header.stamp = stamp_of(FIRST_STAMP + self.time)
         with self._news:
-            self._answer, self._waiting = None, FIRST_STAMP + self.time
+            self._waiting = FIRST_STAMP + self.time
+            if not self.ends:
+                self._answer = None
             deadline = time.monotonic() + TIMEOUT
             self._states.publish(message)
-            while not self._news.wait_for(lambda: self._answer is not None, RESEND_PERIOD):
-                if self.ends:
-                    return
+            while not self._news.wait_for(
+                    lambda: self._answer is not None, RESEND_PERIOD):
                 assert time.monotonic() < deadline, f'no effort at {self.time} ns'
                 self._states.publish(message)
             assert self._answer is not None
             self.effort = self._answer
+            if self.ends and self.effort.any():  # the next one may be the last
+                self._answer = None
 
     # ------------------------------------------------------------------ requests
 
@@ -254,6 +263,7 @@ def disturbed_arm(
             client, namespace, node, arm, begin, np.full(len(begin), velocity), rate, load, paced)
         try:
             yield bench
+            bench.end()
         finally:
             bench.close()
 

@@ -99,7 +99,7 @@ class LockStep:
         q: FloatArray | None = None, v: FloatArray | None = None, rate: float = 500.0,
         delay: int = 0, loop: ControlLoop | None = None, **options: Any,
     ) -> None:
-        """`delay` [ms] passes from a state until its effort acts; `rate` [Hz] is that of states."""
+        """`delay` [ms] passes from a state until its effort acts; `rate` is in Hz."""
         self.arm, self.period, self.delay = arm, round(1.0 / (rate * STEP)), delay
         self.loop = loop or ControlLoop.of_arm(arm, law, **options)
         self._body = UncheckedArmDynamics(true_arm or arm).rigid_body

@@ -250,7 +250,7 @@ def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
     limits = arm.limits
     return EffortLimits(
         limits.lower, limits.upper, limits.velocity, values['position_margin'],
-        effort_rates(values, arm))
+        effort_rates(values, arm), arm.given_drive.limit)
 
 
 def safety_options(values: Values) -> SafetyOptions:
