@@ -22,8 +22,9 @@ ahead (`stable_gains`).
 PD feedback of a fast error computes a large effort, and soon after an effort of opposite sign. If
 the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
 The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K_d ė its effort changes by
-s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used.
-A steady error, such as that under a load which is not in the model, has s = 1.
+s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used,
+or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 50 ms, an effort that the rate limit
+reverses in 100 ms. A steady error, such as that under an unknown load, has s = 1.
 """
 
 from functools import partial
@@ -37,6 +38,8 @@ from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 
 CHANGE_FRACTION = 0.5
 """Fraction of the rate limit of the effort that the feedback may take."""
+REVERSAL_TIME = 0.1
+"""[s] in which the rate limit reverses an effort of the feedback that is not limited."""
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `control_law`."""
 
@@ -55,9 +58,9 @@ class ComputedTorque(ControlLaw):
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """Limit the change of the feedback to a fraction of the rate limit of the effort."""
-        self._effort_rate = CHANGE_FRACTION * effort_rate
-        self._free_change = float(
-            (self._effort_rate / np.maximum(inertia, 1e-12)).min(initial=np.inf))
+        self._effort_rate = effort_rate
+        self._free_change = CHANGE_FRACTION * float(
+            (effort_rate / np.maximum(inertia, 1e-12)).min(initial=np.inf))
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the gains, which are accelerations per error in any pose."""
@@ -88,12 +91,15 @@ class ComputedTorque(ControlLaw):
     def _limited(self, state: LawInput) -> tuple[FloatArray, float]:
         """Return the commanded acceleration with limited feedback, and the factor s."""
         gains, e_dot = self.feedback.gains, state.velocity_error
-        M = state.dynamics.rigid_body.mass_matrix(state.q)
+        M, rate = state.dynamics.rigid_body.mass_matrix(state.q), self._effort_rate
+        proportional, damping = gains.kp * state.position_error, gains.kd * e_dot
         with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-            most = np.min(self._effort_rate / np.abs(M @ (gains.change * e_dot)), initial=1.0)
-        s = float(np.sqrt(most))
-        feedback = s * s * gains.kp * state.position_error + s * gains.kd * e_dot
-        return state.reference.acceleration + feedback, s
+            of_change = np.min(
+                CHANGE_FRACTION * rate / np.abs(M @ (gains.change * e_dot)), initial=1.0)
+            of_size = np.min(0.5 * REVERSAL_TIME * rate / np.abs(
+                M @ (proportional + damping)), initial=1.0)
+        s = max(float(np.sqrt(of_change)), float(of_size))
+        return state.reference.acceleration + s * s * proportional + s * damping, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:
         q, v = state.q_ahead, state.v if state.v is not None else self._zero

@@ -74,6 +74,8 @@ LONGEST_STEP = 0.05
 _MOST_STEPS = 100
 FROZEN_TIME = 5.0
 """[s] for which an arm is held that has a joint without a signal; then the fault action runs."""
+CALM = 0.1
+"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
 FROZEN_RECOVERY = 25
 """Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
@@ -405,8 +407,8 @@ class ControlLoop:
                 no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        if self._frozen is not None and now - self._frozen.since > FROZEN_TIME:
-            supervisor.act(now)  # nothing can hold a joint without a signal for long
+        if self._frozen is not None and self._is_lost(self._frozen, used, now):
+            supervisor.act(now)
         effort = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,
@@ -416,6 +418,18 @@ class ControlLoop:
             self._end_when_stopped(verdict.stamp, q, now)
         return LoopAnswer(effort, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
+
+    def _is_lost(self, frozen: _FrozenJoints, v: FloatArray | None, now: float) -> bool:
+        """
+        Return whether an arm with frozen joints is no longer held.
+
+        Nothing holds a joint without a signal for long. Other joints that move after the stop show
+        that it has left its predicted position.
+        """
+        limit = CALM * self.controller.arm.limits.velocity
+        is_disturbed = self.controller.has_stopped and v is not None and bool(
+            (np.abs(v) > limit)[~frozen.marks].any())
+        return is_disturbed or now - frozen.since > FROZEN_TIME
 
     def _stopped(self, output: ControlOutput) -> Brake:
         """Return the brake of an arm with frozen joints: the command of the planned stop."""

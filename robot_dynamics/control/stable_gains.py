@@ -32,7 +32,7 @@ The bandwidth of joint j is scaled by s_j, with K s² and D s, so that each phas
 stays below its bound, which is proportional to φ. If the noise of the measured velocity would
 lower the gains, the difference of the measured positions replaces it, provided that the difference
 has less noise; it is late by half a period. If s is below 1, M, C and g are those of the position
-half a period ahead, q + q̇ T/2.
+q + q̇ (T + LOOP_DELAY)/2 when the effort acts on average.
 """
 
 from collections.abc import Callable, Sequence
@@ -257,8 +257,8 @@ class StableGains:
 
     @property
     def lag(self) -> float:
-        """The time [s] from a state to the middle of the period in which its effort acts."""
-        return 0.5 * self.period
+        """The mean time [s] from a state to the middle of the period in which its effort acts."""
+        return 0.5 * (self.period + LOOP_DELAY)
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
@@ -271,16 +271,16 @@ class StableGains:
         full = self._scaled(gains, self.period, of_noise)
         scale = full if self.is_known else UNKNOWN * full
         least = float(scale.min(initial=1.0))
-        is_forced = is_forced or self.is_known != was_known
-        if not is_forced and (least == self.least or least < 1.0 and self.least < 1.0 and (
-                1.0 / _STEP < least / self.least < _STEP)):
-            return False
-        self.scale, self.least = scale, least
         usual = np.minimum(gains.frequency, USUAL_FREQUENCY)
         mean = self._scaled(gains, min(self.mean_period, self.period), of_noise)
         with np.errstate(divide='ignore', invalid='ignore'):
             share = np.where(usual > 0.0, mean * gains.frequency / usual, 1.0)
-        self.reference_scale = min(1.0, float(share.min(initial=1.0)))
+        reference_scale = min(1.0, float(share.min(initial=1.0)))
+        is_forced = is_forced or self.is_known != was_known
+        if not is_forced and _is_same(least, self.least) and _is_same(
+                reference_scale, self.reference_scale):
+            return False
+        self.scale, self.least, self.reference_scale = scale, least, reference_scale
         return True
 
     def _scaled(self, gains: LoopGains, period: float, of_noise: float) -> FloatArray:
@@ -319,6 +319,11 @@ class StableGains:
         lag = float(gains.crossover.max(initial=0.0)) * float(
             np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
         return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
+
+
+def _is_same(scale: float, other: float) -> bool:
+    """Return whether two scales are about equal; 1 equals itself only."""
+    return scale == other or max(scale, other) < 1.0 and 1.0 / _STEP < scale / other < _STEP
 
 
 def longest_period(gains: LoopGains) -> float:

@@ -134,7 +134,7 @@ class MotionConsistency:
         """[s] that the driver usually repeats a sample."""
         self.repeats_since_ns: IntArray = np.full(n, _NEVER)
         """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
-        self._is_repeating = False
+        self._is_repeating = self._all_repeat = False
         self._store_v = self._zero
         self._reference: FloatArray | None = None
 
@@ -159,7 +159,7 @@ class MotionConsistency:
         bits = q.tobytes()
         if bits == self._bits and (v is None or v is self._v or v.tobytes() == self._v.tobytes()):
             if stamp_ns >= self._store_ns and stamp_ns > self._stamp_ns:
-                self._store_ns = stamp_ns + _STEP_NS
+                self._store_ns, self._all_repeat = stamp_ns + _STEP_NS, True
                 self._follow_repeats(
                     stamp_ns, np.ones_like(self.frozen), reference,
                     np.full(len(q), self._stamp_ns))
@@ -181,7 +181,8 @@ class MotionConsistency:
             if (stamp_ns >= self._check_ns
                     or not math.dist(e.tolist(), self._mark) <= self._alert):
                 e = self._check(stamp_ns, dt, q, v, e)
-        if stamp_ns >= self._store_ns:
+        if stamp_ns >= self._store_ns or self._all_repeat:
+            self._all_repeat = False
             self._store(stamp_ns, q, v, e, reference)
         self._v_before = self._v
         self._stamp_ns, self._bits, self._q, self._v = stamp_ns, bits, q, v

@@ -24,35 +24,26 @@ rest to rest. Joints at rest move together, on a straight line; a joint stops al
 
 from bisect import bisect_right
 from collections.abc import Iterable
-from typing import NamedTuple
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.trajectories.interpolation import Reference, Segment
 from robot_dynamics.trajectories.jerk_profile import (
-    before,
     Bounds,
     duration,
     end,
-    Extremes,
-    extremes,
     Phases,
-    smooth_to_rest,
     State,
-    stop,
     to_rest,
 )
+from robot_dynamics.trajectories.joint_planner import (
+    AT_REST,
+    JointLimits,
+    JointPlanner,
+    Target,
+)
 from robot_dynamics.trajectories.motion_limits import MotionLimits
-
-AT_REST = 1e-6
-"""[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
-_HULL = 1e-9
-"""Tolerance [rad] or [m] of the hull, for rounding."""
-import os
-SMOOTHEST = float(os.environ.get("EM","0.05"))
-SM = float(os.environ.get("SM","2"))
-_STEPS = 6
-"""Bisections of the time for which a joint follows a target towards a position limit."""
 
 
 class Plan:
@@ -114,165 +105,21 @@ def _state_at(
     return q, v, a, 0.0
 
 
-class Target(NamedTuple):
-    """
-    A target that moves with constant acceleration, each (n,), and is at `position` at `time` [s].
-
-    `velocity` is that at `time` too.
-    """
-
-    position: FloatArray
-    velocity: FloatArray
-    acceleration: FloatArray
-    time: float
-    since: FloatArray
-
-    def joint(self, j: int, t: float) -> State:
-        """Return position, velocity and acceleration of joint j at t [s]."""
-        s, a, v = t - self.time, float(self.acceleration[j]), float(self.velocity[j])
-        return float(self.position[j]) + (v + 0.5 * a * s) * s, v + a * s, a
-
-
-class _Joint:
-    """One joint: its state, its earliest stop, and the bounds of its limits."""
-
-    def __init__(
-        self, state: State, lower: float, upper: float, bounds: tuple[Bounds, Bounds, Bounds],
-        scale: float,
-    ) -> None:
-        self.q, self.v, self.a = state
-        self.full, self.whole, self.low = bounds
-        self.scale = scale
-        self.lower, self.upper = min(lower, self.q), max(upper, self.q)
-        """Limits of the position, and the present position if it is beyond them."""
-        self.stop = stop(self.v, self.a, self.full)
-        """The earliest stop; with the whole limits if it would end beyond a position limit."""
-        self.hull = extremes(self.stop, self.q, self.v, self.a)
-        if not self._is_inside(self.hull):
-            self.stop = stop(self.v, self.a, self.whole)
-            self.hull = extremes(self.stop, self.q, self.v, self.a)
-
-    def is_at_rest(self) -> bool:
-        return abs(self.v) <= AT_REST and abs(self.a) <= AT_REST
-
-    def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
-        """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        way = goal - self.q
-        if earliest > 0.0:
-            earliest = max(earliest, SM * duration(stop(self.v, self.a, self.low)))
-            phases = smooth_to_rest(way, self.v, self.a, self.low, earliest)
-            if phases is not None and self._is_in_hull(self._extremes(phases), self.full, goal):
-                return phases
-        phases = to_rest(way, self.v, self.a, self.low, earliest)
-        if self._is_in_hull(self._extremes(phases), self.full, goal):
-            return phases
-        q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
-        return [*self.stop, *to_rest(goal - q_stop, 0.0, 0.0, self.low, max(earliest - T, 0.0))]
-
-    def followed(self, target: Target, j: int, until: float) -> Phases | None:
-        """Return the motion with a target until `until` [s], and a stop inside the limits."""
-        relative = self._relative(target.joint(j, 0.0), until)
-        if relative is None:
-            return None
-        # The goals are all positions of the target, up to its stop.
-        since, (_, v, a) = float(target.since[j]), target.joint(j, until)
-        goals = extremes([(until - since, 0.0), *stop(v, a, self.full)], *target.joint(j, since))
-
-        def stopped_after(meeting: Phases, time: float) -> Phases | None:
-            moving = before(meeting, time)
-            _, v, a = end(moving, self.q, self.v, self.a)
-            for bounds in (self.full, self.whole):
-                phases = [*moving, *stop(v, a, bounds)]
-                found = self._extremes(phases)
-                if self._is_inside(found):
-                    return phases if self._is_in_hull(
-                        found, self.whole, goals.q_min, goals.q_max) else None
-            return None
-
-        for T in (max(SMOOTHEST, target.time), target.time):
-            meeting = smooth_to_rest(*relative, T)
-            found = None if meeting is None else stopped_after(meeting, until)
-            if found is not None:
-                return found
-        meeting = to_rest(*relative)
-        found, low, high = stopped_after(meeting, until), target.time, until
-        if found is None:
-            found = stopped_after(meeting, low)
-            for _ in range(_STEPS if found is not None else 0):
-                middle = 0.5 * (low + high)
-                longer = stopped_after(meeting, middle)
-                if longer is None:
-                    high = middle
-                else:
-                    found, low = longer, middle
-        return found
-
-    def _relative(
-        self, target: State, until: float,
-    ) -> tuple[float, float, float, Bounds] | None:
-        """
-        Return the arguments of `to_rest` in the frame of a target of constant acceleration.
-
-        The state of the target is that now. Return None if it is beyond the limits by `until` [s].
-        """
-        (p, v, a), whole, s = target, self.whole, self.scale
-        slowest, fastest = sorted((v, v + a * until))
-        bounds = Bounds(
-            s * whole.v_min - slowest, s * whole.v_max - fastest,
-            s**2 * whole.a_min - a, s**2 * whole.a_max - a, s**3 * whole.jerk)
-        if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
-            return None
-        return p - self.q, self.v - v, self.a - a, bounds
-
-    def to_state(self, state: State, time: float) -> Phases | None:
-        """Return the motion that is in a state at `time` [s]; None if it is impossible."""
-        q, v, a = state
-        start = q - (v - 0.5 * a * time) * time, v - a * time, a
-        relative = self._relative(start, time)
-        if relative is not None:
-            for phases in (smooth_to_rest(*relative, time), to_rest(*relative, time)):
-                if phases is not None and duration(phases) <= time + 1e-9 and (
-                        self._is_in_hull(self._extremes(phases), self.whole, q)):
-                    return phases
-        if True:
-            back = stop(-v, a, self.full)
-            run = [(T, -j) for T, j in reversed(back)]
-            q_back = end(back, q, -v, a)[0]
-            rest = time - duration(run)
-            if rest <= 0.0: return None
-            first = self.to_rest(q_back, rest)
-            if duration(first) <= rest + 1e-9:
-                phases = [*first, *run]
-                if self._is_in_hull(self._extremes(phases), self.whole, q):
-                    return phases
-        return None
-
-    def _extremes(self, phases: Phases) -> Extremes:
-        return extremes(phases, self.q, self.v, self.a)
-
-    def _is_inside(self, found: Extremes) -> bool:
-        """Return whether a motion stays within the position limits."""
-        return self.lower - _HULL <= found.q_min and found.q_max <= self.upper + _HULL
-
-    def _is_in_hull(self, found: Extremes, bounds: Bounds, *goals: float) -> bool:
-        """Return whether a motion is in the hull of stop and goals, with permitted velocities."""
-        hull = self.hull
-        return (min(hull.q_min, *goals) - _HULL <= found.q_min
-                and found.q_max <= max(hull.q_max, *goals) + _HULL
-                and found.v_max <= max(hull.v_max, bounds.v_max) + _HULL
-                and found.v_min >= min(hull.v_min, bounds.v_min) - _HULL)
-
-
 def _bounds(limits: MotionLimits) -> list[Bounds]:
     return [Bounds(-v, v, -a, a, jerk) for v, a, jerk in zip(
         limits.velocity.tolist(), limits.acceleration.tolist(), limits.jerk.tolist())]
 
 
-def _joints(start: Reference, limits: MotionLimits) -> list[_Joint]:
-    states = zip(*(x.tolist() for x in start))
-    bounds = zip(*(_bounds(x) for x in (limits, limits.whole, limits.lowered)))
-    return [_Joint(*each, limits.scale) for each in zip(
-        states, limits.lower.tolist(), limits.upper.tolist(), bounds)]
+def _joints(start: Reference, limits: MotionLimits) -> list[JointPlanner]:
+    full, whole, lowered = (_bounds(each) for each in (limits, limits.whole, limits.lowered))
+    each = zip(limits.lower.tolist(), limits.upper.tolist(), full, whole, lowered)
+    return [JointPlanner(state, JointLimits(*values, limits.scale))
+            for state, values in zip(_states(start), each)]
+
+
+def _states(reference: Reference) -> list[State]:
+    """Return position, velocity and acceleration of each joint."""
+    return list(zip(*(values.tolist() for values in reference)))
 
 
 def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
@@ -282,38 +129,37 @@ def plan_stop(start: Reference, limits: MotionLimits) -> Plan:
 
 def plan_to_goal(
     start: Reference, goal: FloatArray, limits: MotionLimits, arrival: float = 0.0,
-    earliest: float = 0.0,
+    horizon: float = 0.0,
 ) -> Plan:
     """
     Return the motion to rest at `goal` (n,).
 
-    A moving joint arrives as soon as its limits permit, after `earliest` [s] or later. The joints
-    that start at rest arrive together on a straight line, after all moving joints and after
-    `arrival` [s].
+    A moving joint arrives as soon as its limits permit; in a stream, smoothly and after `horizon`
+    [s] or later. The joints that start at rest arrive together on a straight line, after all
+    moving joints and after `arrival` [s].
     """
-    joints, goals = _joints(start, limits), goal.tolist()
-    rests = [joint.is_at_rest() for joint in joints]
-    phases = [[] if is_at_rest else joint.to_rest(q, earliest)
-              for joint, q, is_at_rest in zip(joints, goals, rests)]
-    last = max(arrival, earliest, *(duration(joint) for joint in phases))
-    together = _straight(joints, goals, rests, last)
-    for j, is_at_rest in enumerate(rests):
-        if is_at_rest:
-            way = goals[j] - joints[j].q
-            phases[j] = [(T, way * jerk) for T, jerk in together]
+    joints, goals, phases = _joints(start, limits), goal.tolist(), []
+    waiting: list[tuple[float, Bounds]] = []
+    for joint, q in zip(joints, goals):
+        if joint.is_at_rest():
+            waiting.append((abs(q - joint.q), joint.limits.lowered))
+            phases.append(Phases())
+        else:
+            phases.append(joint.in_stream(q, horizon) if horizon > 0.0 else joint.to_rest(q))
+    together = _straight(waiting, max(arrival, horizon, *(map(duration, phases))))
+    for j, (joint, q) in enumerate(zip(joints, goals)):
+        if joint.is_at_rest():
+            phases[j] = [(T, (q - joint.q) * jerk) for T, jerk in together]
     return Plan(without_creep(start), phases)
 
 
-def _straight(
-    joints: list[_Joint], goals: list[float], rests: list[bool], earliest: float,
-) -> Phases:
-    """Return the motion from 0 to 1 of the joints at rest along a straight line to their goals."""
-    ways = [(abs(goal - joint.q), joint.low)
-            for joint, goal, is_at_rest in zip(joints, goals, rests) if is_at_rest]
-    ways = [(way, bounds) for way, bounds in ways if way > 0.0]
-    if not ways:
+def _straight(joints: list[tuple[float, Bounds]], earliest: float) -> Phases:
+    """Return the motion from 0 to 1 of joints at rest, with their distances and bounds."""
+    moving = [(distance, bounds) for distance, bounds in joints if distance > 0.0]
+    if not moving:
         return []
-    v, a, jerk = (min(bounds[k] / way for way, bounds in ways) for k in (1, 3, 4))
+    v, a, jerk = (min(getattr(bounds, name) / distance for distance, bounds in moving)
+                  for name in ('v_max', 'a_max', 'jerk'))
     return to_rest(1.0, 0.0, 0.0, Bounds(-v, v, -a, a, jerk), earliest)
 
 
@@ -324,35 +170,42 @@ def plan_with_target(
     Return the motion that meets a moving target, follows it, and stops.
 
     Joints follow until `follow_time` [s] after the time of the target, as far as they can stop
-    within the position limits. A joint that cannot meet the target by then moves to rest at the
-    position of the target.
+    within the position limits. A joint that cannot follow moves to rest at the position of the
+    target.
     """
-    until = target.time + follow_time
     phases = []
     for j, joint in enumerate(_joints(start, limits)):
-        moving = joint.followed(target, j, until)
-        goal = min(max(float(target.position[j]), joint.lower), joint.upper)
-        phases.append(joint.to_rest(goal) if moving is None else moving)
+        following = joint.followed(target, j, target.time + follow_time)
+        goal = min(max(float(target.position[j]), joint.limits.lower), joint.limits.upper)
+        phases.append(joint.to_rest(goal) if following is None else following)
     return Plan(start, phases)
 
 
 def plan_to_path(
     start: Reference, path: Iterable[tuple[float, Reference]], limits: MotionLimits,
 ) -> Plan | None:
-    """Return the motion to the first possible state of a path, with times [s]; None if none."""
+    """
+    Return the motion that meets a path, at the first state at which that is possible; or None.
+
+    `path` has states with increasing times [s]. Its positions up to the meeting are goals.
+    """
     joints = list(enumerate(_joints(start, limits)))
-    for time, state in path:
-        phases: dict[int, Phases] = {}
+    low, high = [math.inf] * len(joints), [-math.inf] * len(joints)
+    for time, reference in path:
+        states = _states(reference)
+        low = [min(x, q) for x, (q, _, _) in zip(low, states)]
+        high = [max(x, q) for x, (q, _, _) in zip(high, states)]
+        found: dict[int, Phases] = {}
         for j, joint in joints:
-            moving = joint.to_state((float(state.position[j]), float(state.velocity[j]), float(state.acceleration[j])), time)
-            if moving is None:
-                # At the next time this joint is the first, because it will often fail again.
+            phases = joint.to_state(states[j], time, low[j], high[j])
+            if phases is None:
+                # This joint is the first one at the next time, because it often fails again.
                 joints.remove((j, joint))
                 joints.insert(0, (j, joint))
                 break
-            phases[j] = moving
+            found[j] = phases
         else:
-            return Plan(start, [phases[j] for j in range(len(phases))])
+            return Plan(start, [found[j] for j in range(len(found))])
     return None
 
 

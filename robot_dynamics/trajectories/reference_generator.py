@@ -65,7 +65,10 @@ ON_PATH = 1e-6
 """Distance [rad] or [m], and [rad/s] or [m/s], up to which a reference is on a path."""
 _MEETINGS: FloatArray = np.geomspace(0.004, 20.0, 48)
 """[s] after which a motion may meet a path."""
-MOVING = 0.95
+_OF_LIMIT = 0.95
+"""Largest velocity of a moving target as a fraction of its limit; the rest is to catch up."""
+_NEW = 0.2
+"""Weight of the last interval of a stream in its mean period."""
 _SAME_TIME_NS = 1_000_000
 """[ns] by which a goal has to be earlier for a new plan."""
 _APART = 3e-6
@@ -89,6 +92,7 @@ class ReferenceGenerator(TrajectoryFollower):
         self.stream_timeout = stream_timeout
         self._set_point: tuple[int, TrajectoryPoint] | None = None
         self._period = 0.0
+        """Mean interval [s] between the set-points of the stream; 0 before the second one."""
         self._arrival_ns = 0
         """The time of the last goal at rest; it arrives then or later."""
 
@@ -153,32 +157,46 @@ class ReferenceGenerator(TrajectoryFollower):
         self, point: TrajectoryPoint, wait: float, now_ns: int, state: Reference,
         before: tuple[int, TrajectoryPoint] | None, limits: MotionLimits,
     ) -> Plan:
-        period = (now_ns - before[0]) / NANOSECONDS_PER_SECOND if before is not None else 0.0
-        if period > LONGEST_PERIOD:
-            before, period = None, 0.0
+        interval = 0.0 if before is None else (now_ns - before[0]) / NANOSECONDS_PER_SECOND
+        if before is None or not 0.0 <= interval <= LONGEST_PERIOD:
+            before, self._period = None, 0.0
+        elif not self._period:
+            self._period = interval
+        else:  # A gap is no change of the rate.
+            self._period += _NEW * (min(interval, 2.0 * self._period) - self._period)
         if point.velocity is None:
-            horizon = 0.0 if before is None else max(HORIZON, PERIODS * period)
+            horizon = 0.0 if before is None else max(HORIZON, PERIODS * self._period)
             return plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
-        if period:
-            self._period = period if not self._period else self._period + 0.2*(period-self._period)
-        else:
-            self._period = 0.0
         time = max(wait, self._period or FIRST_PERIOD)
-        most = MOVING * limits.scale * limits.whole.velocity
-        v, a = np.clip(point.velocity, -most, most), point.acceleration
-        if a is None:
-            a = np.zeros_like(v)
-            if before is not None and before[1].velocity is not None and period > 0.0:
-                a = (v - before[1].velocity) / period
-        most_a = np.minimum(limits.scale**2 * limits.acceleration,
-                            (limits.scale * limits.whole.velocity - np.abs(v)) / (time + self.stream_timeout))
-        a = np.clip(a, -most_a, most_a)
-        since = np.full_like(v, time)
-        if before is not None:
-            step = (v - 0.5 * a * time) * time
-            came = np.abs(before[1].position + step - point.position) <= np.abs(step)
-            since[came] = 0.0
-        return plan_with_target(state, Target(point.position, v, a, time, since), limits, self.stream_timeout)
+        since = None if before is None else before[1]
+        target = _target(point, since, max(interval, self._period), time, self.stream_timeout, limits)
+        return plan_with_target(state, target, limits, self.stream_timeout)
+
+
+def _target(
+    point: TrajectoryPoint, before: TrajectoryPoint | None, interval: float, time: float,
+    follow_time: float, limits: MotionLimits,
+) -> Target:
+    """
+    Return the target that is at a point at `time` [s], with velocities within the limits.
+
+    `before` is the point of the same stream that came `interval` [s] earlier.
+    """
+    assert point.velocity is not None
+    most = limits.scale * limits.whole.velocity
+    v = np.clip(point.velocity, -_OF_LIMIT * most, _OF_LIMIT * most)
+    a, since = point.acceleration, np.full_like(v, time)
+    if a is None:
+        a = np.zeros_like(v)
+        if before is not None and before.velocity is not None and interval > 0.0:
+            a = (v - before.velocity) / interval
+    most_a = np.minimum(
+        limits.scale**2 * limits.acceleration, (most - np.abs(v)) / (time + follow_time))
+    a = np.clip(a, -most_a, most_a)
+    if before is not None:
+        step = (v - 0.5 * a * time) * time
+        since[np.abs(before.position + step - point.position) <= np.abs(step)] = 0.0
+    return Target(point.position, v, a, time, since)
 
 
 def _to_path(

@@ -1,0 +1,224 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Plans of one joint: to rest at a goal, with a moving target, and to a state at a time.
+
+All plans stay in the hull of the start, the earliest stop and the goals. A plan is tried first
+with jerks that are linear in the start (`smooth_to_rest`), so that the plans of a stream differ
+little, then in the shortest time. If none stays in the hull, the joint stops first.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.trajectories.jerk_profile import (
+    before,
+    Bounds,
+    duration,
+    end,
+    Extremes,
+    extremes,
+    Phases,
+    smooth_to_rest,
+    State,
+    stop,
+    to_rest,
+)
+
+AT_REST = 1e-6
+"""[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
+_HULL = 1e-9
+"""Tolerance [rad] or [m] of the hull, and [s] of times, for rounding."""
+_CORRECTION = 0.05
+"""Shortest time [s] in which a deviation from a moving target is corrected."""
+_STOPS = 2.0
+"""The shortest duration of a smooth motion, in durations of the earliest stop."""
+_FOLLOWED = (1.0, 0.6, 0.3, 0.1, 0.0)
+"""Fractions of the time for which a joint may follow its target."""
+
+
+class Target(NamedTuple):
+    """
+    A target that moves with constant acceleration, each (n,).
+
+    `position` and `velocity` are those at `time` [s]. The positions of the target from `since` (n,)
+    [s] until its stop are goals.
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    time: float
+    since: FloatArray
+
+    def joint(self, j: int, t: float) -> State:
+        """Return position, velocity and acceleration of joint j at t [s]."""
+        s, a, v = t - self.time, float(self.acceleration[j]), float(self.velocity[j])
+        return float(self.position[j]) + (v + 0.5 * a * s) * s, v + a * s, a
+
+
+class JointLimits(NamedTuple):
+    """Limits of the position, bounds to brake, to brake at a limit, and to move, and the scale."""
+
+    lower: float
+    upper: float
+    full: Bounds
+    whole: Bounds
+    lowered: Bounds
+    scale: float
+
+
+class JointPlanner:
+    """The state of one joint, its earliest stop, and its limits."""
+
+    def __init__(self, state: State, limits: JointLimits) -> None:
+        self.q, self.v, self.a = state
+        self.limits = limits
+        self.stop = stop(self.v, self.a, limits.full)
+        """The earliest stop; with the whole limits if it would end beyond a position limit."""
+        self._hull = self._extremes(self.stop)
+        if not self._is_inside(self._hull):
+            self.stop = stop(self.v, self.a, limits.whole)
+            self._hull = self._extremes(self.stop)
+
+    def is_at_rest(self) -> bool:
+        """Return whether velocity and acceleration are imperceptible."""
+        return abs(self.v) <= AT_REST and abs(self.a) <= AT_REST
+
+    def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
+        """Return the motion to rest at a goal, after `earliest` [s] or later."""
+        problem = goal - self.q, self.v, self.a, self.limits.lowered
+        for phases in _motions(*problem, earliest):
+            if self._is_in_hull(self._extremes(phases), self.limits.full, goal, goal):
+                return phases
+        q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
+        return [*self.stop, *to_rest(
+            goal - q_stop, 0.0, 0.0, self.limits.lowered, max(earliest - T, 0.0))]
+
+    def in_stream(self, goal: float, horizon: float) -> Phases:
+        """Return the motion to rest at a goal, after `horizon` [s] or later, and smoothly."""
+        stopping = stop(self.v, self.a, self.limits.lowered)
+        return self.to_rest(goal, max(horizon, _STOPS * duration(stopping)))
+
+    def followed(self, target: Target, j: int, until: float) -> Phases | None:
+        """
+        Return the motion to a target and with it until `until` [s], and a stop.
+
+        It stops earlier if it would otherwise leave the position limits or the hull. Return None
+        if it would have to stop before the time of the target.
+        """
+        problem = self._relative(target.joint(j, 0.0), until)
+        if problem is None:
+            return None
+        since, (_, v, a) = float(target.since[j]), target.joint(j, until)
+        goals = extremes(
+            [(until - since, 0.0), *stop(v, a, self.limits.full)], *target.joint(j, since))
+        for fraction in _FOLLOWED:
+            time = target.time + fraction * (until - target.time)
+            for motion in _corrections(*problem, target.time):
+                phases = self._stopped(before(motion, time))
+                found = self._extremes(phases)
+                if self._is_inside(found) and self._is_in_hull(
+                        found, self.limits.whole, goals.q_min, goals.q_max):
+                    return phases
+        return None
+
+    def to_state(self, state: State, time: float, low: float, high: float) -> Phases | None:
+        """
+        Return the motion that is in a state at `time` [s]; None if it is impossible.
+
+        All positions from `low` to `high` are goals.
+        """
+        for phases in self._motions_to(state, time):
+            if duration(phases) <= time + _HULL and self._is_in_hull(
+                    self._extremes(phases), self.limits.whole, low, high):
+                return phases
+        return None
+
+    def _motions_to(self, state: State, time: float) -> Iterator[Phases]:
+        q, v, a = state
+        problem = self._relative((q - (v - 0.5 * a * time) * time, v - a * time, a), time)
+        if problem is not None:
+            yield from _motions(*problem, time)
+        # From rest to rest, and then the earliest stop from the state, backwards.
+        back = stop(-v, a, self.limits.full)
+        rest = time - duration(back)
+        if rest >= 0.0:
+            start = end(back, q, -v, a)[0]
+            yield [*self.to_rest(start, rest), *((T, -jerk) for T, jerk in reversed(back))]
+
+    def _relative(
+        self, target: State, until: float,
+    ) -> tuple[float, float, float, Bounds] | None:
+        """
+        Return distance, velocity, acceleration and bounds in the frame of a target.
+
+        `target` is its state now; its acceleration is constant. Return None if its motion until
+        `until` [s] is beyond the limits.
+        """
+        (p, v, a), whole, s = target, self.limits.whole, self.limits.scale
+        slowest, fastest = sorted((v, v + a * until))
+        bounds = Bounds(
+            s * whole.v_min - slowest, s * whole.v_max - fastest,
+            s**2 * whole.a_min - a, s**2 * whole.a_max - a, s**3 * whole.jerk)
+        if not (bounds.v_min < 0.0 < bounds.v_max and bounds.a_min < 0.0 < bounds.a_max):
+            return None
+        return p - self.q, self.v - v, self.a - a, bounds
+
+    def _stopped(self, moving: Phases) -> Phases:
+        """Return a motion and its earliest stop, with the whole limits at a position limit."""
+        _, v, a = end(moving, self.q, self.v, self.a)
+        phases = [*moving, *stop(v, a, self.limits.full)]
+        if self._is_inside(self._extremes(phases)):
+            return phases
+        return [*moving, *stop(v, a, self.limits.whole)]
+
+    def _extremes(self, phases: Phases) -> Extremes:
+        return extremes(phases, self.q, self.v, self.a)
+
+    def _is_inside(self, found: Extremes) -> bool:
+        """Return whether a motion does not leave the position limits, or not further."""
+        return (min(self.limits.lower, self.q) - _HULL <= found.q_min
+                and found.q_max <= max(self.limits.upper, self.q) + _HULL)
+
+    def _is_in_hull(self, found: Extremes, bounds: Bounds, low: float, high: float) -> bool:
+        """Return whether a motion is in the hull, with the velocities of the stop or of bounds."""
+        hull = self._hull
+        return (min(hull.q_min, low) - _HULL <= found.q_min
+                and found.q_max <= max(hull.q_max, high) + _HULL
+                and min(hull.v_min, bounds.v_min) - _HULL <= found.v_min
+                and found.v_max <= max(hull.v_max, bounds.v_max) + _HULL)
+
+
+def _motions(
+    distance: float, v: float, a: float, bounds: Bounds, earliest: float,
+) -> Iterator[Phases]:
+    """Yield the smooth motion of `earliest` [s], and the shortest one of this time or longer."""
+    smooth = smooth_to_rest(distance, v, a, bounds, earliest) if earliest > 0.0 else None
+    if smooth is not None:
+        yield smooth
+    yield to_rest(distance, v, a, bounds, earliest)
+
+
+def _corrections(
+    distance: float, v: float, a: float, bounds: Bounds, time: float,
+) -> Iterator[Phases]:
+    """Yield smooth motions to a target, the second until its time [s], and the shortest one."""
+    for T in (max(_CORRECTION, time), time):
+        smooth = smooth_to_rest(distance, v, a, bounds, T)
+        if smooth is not None:
+            yield smooth
+    yield to_rest(distance, v, a, bounds)
