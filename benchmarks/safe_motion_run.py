@@ -61,6 +61,8 @@ HULL_TOLERANCE = 1e-6
 """[rad]"""
 RAMP_SPEED, END_TIME = 0.05, 5.0
 """[rad/s] when a ramp begins, and [s] until it has ended."""
+PUSH_SETTLING = 0.3
+"""[s] after a push in which an arm with wrong velocities may be fast."""
 FOLLOWING_ERROR = 'following_error'
 
 
@@ -148,7 +150,8 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     allowed = margin.overshoot + free_way + np.maximum(OVERSHOOT_FRACTION * way, OVERSHOOT)
     after = judged.copy()
     if motion.push is not None:
-        after[:round(motion.push.end / STEP) + 1] = False
+        settling = 0.0 if scene.velocities_are_true else PUSH_SETTLING
+        after[:round((motion.push.end + settling) / STEP) + 1] = False
     speed = np.abs(trace.v[after]).max(axis=0, initial=0.0)
     fastest = SPEED if scene.velocities_are_true else WRONG_SPEED
     is_pushed = scene.push is not None or scene.has_unknown_load

@@ -62,6 +62,10 @@ SHORTEST, REST = 4.0, 2.0
 """[s] that a run lasts at least, and after the end of its reference."""
 SETTLING = 4.0
 """[s] that a run lasts at least after the begin of its disturbance."""
+FROZEN_SETTLING = 8.0
+"""[s] that a run lasts at least after a joint was found frozen: until brakes hold the arm."""
+RAMP_SLACK = 0.1
+"""[s] by which a ramp to zero may take longer than the ramp time."""
 LOOK = 100
 """[ms] between two checks whether the reference has ended."""
 ENTRY = 0.2
@@ -312,8 +316,11 @@ class Scene:
                 pending.append((k + delay, np.minimum(np.maximum(effort, -limit), limit)))
             while pending and pending[0][0] <= k:
                 self.effort = pending.popleft()[1]
-            if self._mode is Mode.INACTIVE and not pending:
+            if self._has_released() and not pending and self.effort is not None:
                 self.effort, plant.v = None, np.zeros_like(plant.v)
+                if self._mode is Mode.FAULT:  # the arm has fallen during the ramp
+                    ramp = self.loop.supervisor.options.ramp_time + RAMP_SLACK
+                    judged[-round(ramp / STEP):] = [False] * round(ramp / STEP)
             push = self.push if self.push is not None and (
                 self.push.begin <= self.time < self.push.end) else None
             if self.effort is not None:
@@ -325,7 +332,7 @@ class Scene:
                 diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
                 if last == LONGEST and self._disturb is None and self._has_ended():
                     last = max(SHORTEST, self.time + REST, self.begun + SETTLING)
-            if diverges or self.time >= last:
+            if diverges or self.time >= max(last, self.quiet_after):
                 break
         q, v = (np.array(values) for values in zip(*states))
         return Trace(
@@ -346,6 +353,11 @@ class Scene:
         return bool(covered.max(initial=1.0 - moves.any()) >= self._begin_share) and (
             self.time > BEGIN)
 
+    def _has_released(self) -> bool:
+        """Return whether the loop no longer publishes efforts, so that brakes hold the arm."""
+        supervisor = self.loop.supervisor
+        return supervisor.limiter.last is None and self._mode in (Mode.FAULT, Mode.INACTIVE)
+
     def _answer(self, k: int) -> FloatArray | None:
         """Return the effort for a state."""
         case, n = self.case, len(self.plant.q)
@@ -362,17 +374,18 @@ class Scene:
         except ImplausibleStateError:
             return None
         self._follow_loop()
-        reference, used = self.loop.reference, answer.output.velocity
+        reference = self.loop.reference
         if reference is not None:
             if answer.verdict.restart or before is None:
-                velocity = reference.velocity if used is None else used
-                self.hull.begin(Reference(q, velocity, 0.0 * q), limits)
+                self.hull.begin(reference._replace(position=q), limits)
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
                 self.hull.begin(before, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
         consistency = self.loop.consistency
         if not self._doubt and not consistency.is_consistent:
-            self._doubt = consistency.reason
+            settling = FROZEN_SETTLING if consistency.frozen.any() else SETTLING
+            self._doubt, self.quiet_after = consistency.reason, max(
+                self.quiet_after, self.time + settling)
         return answer.effort
 
     def _tick(self) -> FloatArray | None:

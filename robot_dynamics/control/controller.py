@@ -350,10 +350,12 @@ class Controller:
         model.
         """
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
-            return self.answer(stamp_ns, q, v)
+            output = self.answer(stamp_ns, q, v)
+            self.evaluate()
+            return output
 
     def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        """Do the same as `update` for a caller that holds `lock`; numpy may warn."""
+        """Do the same as `update`; the caller holds `lock`, and calls `evaluate` afterwards."""
         velocity_delay = 0.0
         load, gains = self._load, self._gains
         if load.changes:
@@ -373,8 +375,6 @@ class Controller:
             last = self._state
             v = gains.take(
                 1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, q, v, velocity_delay)
-            if gains.has_changed:
-                self._scale_motion()
             self._state = stamp_ns, q, v
             trajectory = self._reference.active
             if (trajectory is None or trajectory is self._first_stop) and (
@@ -410,6 +410,11 @@ class Controller:
         if drive is not None:
             output.command = drive.command(output.command)
         return output
+
+    def evaluate(self) -> None:
+        """Adapt gains and references to the last state; the caller holds `lock`."""
+        if self._gains.evaluate():
+            self._scale_motion()
 
     def _stop_from(
         self, last: tuple[int, FloatArray, FloatArray] | None, stamp_ns: int, q: FloatArray,

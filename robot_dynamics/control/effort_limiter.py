@@ -17,11 +17,12 @@ Limits of the effort of each joint, applied before the effort is sent to a real 
 
 `hold` is the command that holds the arm: g(q), as far as the robot does not add it on its own.
 Beyond `hold`, the efforts do not accelerate a joint toward a position limit that it is about to
-pass, or beyond its velocity limit; the acceleration of the other joints stays as it is. The rate limit is applied last and has priority: if a joint reaches a
-limit while an effort acts toward it, this effort is reduced at the rate limit (100 N·m in 0.1 s at
-the default), not in one step. A step would jerk gears and links, a drive that monitors the torque
-rate would report an error, and noise around the limit would cause a step at every state. Neither
-the position limit nor the velocity limit brakes the joint.
+pass, or beyond its velocity limit; the acceleration of the other joints stays as it is. The rate
+limit is applied last and has priority: if a joint reaches a limit while an effort acts toward it,
+this effort is reduced at the rate limit (100 N·m in 0.1 s at the default), not in one step. A step
+would jerk gears and links, a drive that monitors the torque rate would report an error, and noise
+around the limit would cause a step at every state. Neither the position limit nor the velocity
+limit brakes the joint.
 
 For comparison: libfranka bounds the torque rate at 1000 N·m/s; the joint limits of ros2_control
 report a fault 0.0087 rad past a limit.
@@ -31,7 +32,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 import math
-from operator import gt
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +39,8 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 
 LONGEST_STEP = 0.05
 """Longest time [s] for which one effort may change at the rate limit since the last effort."""
+_FAR = 1.0
+"""Largest distance [rad] or [m] for which a position counts as far from all limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,16 +78,26 @@ class EffortLimits:
         Every joint is then before the margin of its position limits, and not above its velocity
         limit; `v` may be unknown (None).
         """
-        lower, upper, fastest = self._as_lists
-        values = q.tolist()
-        return not (
-            True in map(gt, values, upper) or True in map(gt, lower, values)
-            or v is not None and True in map(gt, map(abs, v.tolist()), fastest))
+        if v is not None:
+            speeds, least = v.tolist(), self._least_velocity
+            if not -least <= min(speeds) <= max(speeds) <= least and (
+                    (np.abs(v) > self.velocity).any()):
+                return False
+        values, (center, clearance) = q.tolist(), self._clear
+        if math.dist(values, center) <= clearance:
+            return True
+        clearance = float(np.minimum(self.soft_upper - q, q - self.soft_lower).min())
+        object.__setattr__(self, '_clear', (values, min(clearance, _FAR)))
+        return clearance >= 0.0
 
     @cached_property
-    def _as_lists(self) -> tuple[list[float], list[float], list[float]]:
-        """Return soft limits and velocities as lists, which are faster than arrays if short."""
-        return self.soft_lower.tolist(), self.soft_upper.tolist(), self.velocity.tolist()
+    def _least_velocity(self) -> float:
+        return float(self.velocity.min(initial=math.inf))
+
+    @cached_property
+    def _clear(self) -> tuple[list[float], float]:
+        """A position, and the distance from it up to which no position limit acts."""
+        return [0.0] * len(self.lower), -1.0
 
     @cached_property
     def least_rate(self) -> float:

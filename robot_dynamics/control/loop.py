@@ -342,10 +342,13 @@ class ControlLoop:
     def answer(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None, clock_ns: int | None = None,
         steady_ns: int | None = None, has_several_publishers: Callable[[], bool] = lambda: False,
-        fault: Fault | None = None,
+        fault: Fault | None = None, publish: Callable[[FloatArray], object] | None = None,
     ) -> LoopAnswer:
         """
         Return the effort for a state (q, v), each (n,); v is None if it is not measured.
+
+        The loop calls `publish` as soon as it has the effort; then it evaluates the state for the
+        next ones.
 
         `clock_ns` is the time of this computer and `steady_ns` that of a steady clock, both by
         default the stamp. `has_several_publishers` is called for an implausible state; `fault` was
@@ -361,7 +364,11 @@ class ControlLoop:
                     stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift or now > self.stream.deadline:
                     self._follow_time(verdict, now)
-                return self._answer(verdict, q, v, now, fault)
+                answer = self._answer(verdict, q, v, now, fault)
+                if publish is not None and answer.effort is not None:
+                    publish(answer.effort)
+                self._evaluate(verdict.stamp, q, v)
+                return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:
                     self.fail(now, Fault(
@@ -376,14 +383,10 @@ class ControlLoop:
         fault: Fault | None,
     ) -> LoopAnswer:
         controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
-        consistency, stamp = self.consistency, verdict.stamp
-        if not self._is_consistent or not 0 <= stamp - self._checked_ns < CHECK_PERIOD_NS:
-            self._checked_ns = stamp
-            self._is_consistent = consistency.update(stamp, q, v, controller.reference_position)
-            if not self._is_consistent or self._frozen is not None:
-                q, v, frozen = self._judged(stamp, q, v, dt or 0.0)
-                fault = fault or frozen
-        output = controller.answer(stamp, q, v)
+        if not self._is_consistent or self._frozen is not None:
+            q, v, frozen = self._judged(verdict.stamp, q, v, dt or 0.0)
+            fault = fault or frozen
+        output = controller.answer(verdict.stamp, q, v)
         self.states += 1
         if output.command is None:
             supervisor.deactivate(now)
@@ -436,6 +439,14 @@ class ControlLoop:
         def brake(q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
             return hold if output.command is None else output.command
         return brake
+
+    def _evaluate(self, stamp: int, q: FloatArray, v: FloatArray | None) -> None:
+        """Check the velocities of a state, and estimate its noise, for the next states."""
+        self.controller.evaluate()
+        if not self._is_consistent or not 0 <= stamp - self._checked_ns < CHECK_PERIOD_NS:
+            self._checked_ns = stamp
+            self._is_consistent = self.consistency.update(
+                stamp, q, v, self.controller.reference_position)
 
     @property
     def _awaits_command(self) -> bool:

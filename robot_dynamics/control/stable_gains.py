@@ -165,8 +165,8 @@ class StableGains:
         """The smallest of these factors."""
         self.reference_scale = 1.0
         """Factor by which references are slowed down, in (0, 1]."""
-        self.has_changed = False
-        """Whether `take` has changed `scale` or `reference_scale`."""
+        self._taken: tuple[FloatArray, FloatArray] | None = None
+        """Velocity and difference of the positions of the last state, until `evaluate`."""
         self.period = 0.0
         """[s]; follows a longer period at once, and a shorter one in about 50 states."""
         self.mean_period = 0.0
@@ -203,8 +203,8 @@ class StableGains:
 
         Arrays are (n,). `velocity_delay` [s] is the delay of v, 0 if it is measured.
         """
-        self.has_changed = False
         last, self._q = self._q, q
+        self._taken = None
         if self._gains is None or dt <= 0.0 or last is None:
             return v
         if dt >= PAUSE and not self._is_paused:
@@ -214,13 +214,26 @@ class StableGains:
             return v
         self._is_paused = dt >= PAUSE
         rest = self.period - dt
-        self.period = period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
+        self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
         self.mean_period += min(1.0, dt / _AVERAGING_TIME) * (dt - self.mean_period)
         self._velocity_delay = velocity_delay
+        difference = self._difference_of(dt, q, last) if self._is_noisy else v
+        self._taken = v, difference
+        return difference if self.differs else v
+
+    def evaluate(self) -> bool:
+        """Take the noise of the last state; return whether a scale has changed."""
+        if self._taken is None:
+            return False
+        (v, difference), self._taken = self._taken, None
         self._count += 1
-        phase = self._count % _TURN
+        phase, period = self._count % _TURN, self.period
         if self._is_noisy:
-            v = self._compared(dt, q, v, last)
+            self._measured.take(v, _FORGETTING)
+            self._difference.take(difference, _FORGETTING)
+            if not self.is_known:
+                self.differs = bool(
+                    LESS * self._difference.deviation.sum() < self._measured.deviation.sum())
             is_due = phase == 2 or not self.is_known
         else:
             is_due = self._count % _QUIET_TURN == 2
@@ -228,25 +241,17 @@ class StableGains:
                 if phase == 0:
                     self._measured.restart()
                 self._measured.take(v, _SPARSE_FORGETTING)
-        if is_due or period > self._free_period and period > _STEP * self._rated_period:
-            self._rated_period = period
-            self.has_changed = self._set_scale()
-        return v
+        if not (is_due or period > self._free_period and period > _STEP * self._rated_period):
+            return False
+        self._rated_period = period
+        return self._set_scale()
 
-    def _compared(
-        self, dt: float, q: FloatArray, v: FloatArray, last: FloatArray,
-    ) -> FloatArray:
-        """Return the better one of the measured velocity and the difference of the positions."""
-        self._measured.take(v, _FORGETTING)
+    def _difference_of(self, dt: float, q: FloatArray, last: FloatArray) -> FloatArray:
+        """Return the difference of the positions as a velocity."""
         moved = q - last
         if self._turns.any():
             moved = np.where(self._turns, wrap_to_pi(moved), moved)
-        difference = moved / dt
-        self._difference.take(difference, _FORGETTING)
-        if not self.is_known:
-            self.differs = bool(
-                LESS * self._difference.deviation.sum() < self._measured.deviation.sum())
-        return difference if self.differs else v
+        return np.asarray(moved / dt)
 
     def __str__(self) -> str:
         noise = float(self._measured.deviation.max(initial=0.0))

@@ -110,8 +110,10 @@ class JointPlanner:
 
     def in_stream(self, goal: float, horizon: float) -> Phases:
         """Return the motion to rest at a goal, after `horizon` [s] or later, and smoothly."""
-        stopping = stop(self.v, self.a, self.limits.lowered)
-        return self.to_rest(goal, max(horizon, _STOPS * duration(stopping)))
+        bounds = self.limits.lowered
+        longest = bounds.v_max / bounds.a_max + bounds.a_max / bounds.jerk
+        T = min(duration(stop(self.v, self.a, bounds)), longest)
+        return self.to_rest(goal, max(horizon, _STOPS * T))
 
     def followed(self, target: Target, j: int, until: float) -> Phases | None:
         """

@@ -49,11 +49,14 @@ from robot_dynamics.trajectories.motion_limits import MotionLimits
 class Plan:
     """A motion of n joints from a start: one list of phases per joint."""
 
-    def __init__(self, start: Reference, phases: list[Phases]) -> None:
+    def __init__(
+        self, start: Reference, phases: list[Phases], exact_end: Reference | None = None,
+    ) -> None:
+        """`exact_end` is the end without rounding errors, if it is known."""
         self._start = [x.tolist() for x in start]
         self.phases = phases
         ends = [end(joint, *state) for joint, state in zip(phases, zip(*self._start))]
-        self.end = Reference(*(np.array(values) for values in zip(*ends)))
+        self.end = exact_end or Reference(*(np.array(values) for values in zip(*ends)))
         """The state at the end, of which joints with shorter motions have waited at rest."""
         times = sorted({0.0, *(t for joint in phases for t in _times(joint))})
         self._times = times
@@ -134,23 +137,25 @@ def plan_to_goal(
     """
     Return the motion to rest at `goal` (n,).
 
-    A moving joint arrives as soon as its limits permit; in a stream, smoothly and after `horizon`
-    [s] or later. The joints that start at rest arrive together on a straight line, after all
-    moving joints and after `arrival` [s].
+    A moving joint arrives as soon as its limits permit, after `arrival` [s] or later; in a stream,
+    smoothly and after `horizon` [s] or later. The joints that start at rest arrive together on a
+    straight line, after all moving joints.
     """
     joints, goals, phases = _joints(start, limits), goal.tolist(), []
+    earliest = max(arrival, horizon)
     waiting: list[tuple[float, Bounds]] = []
     for joint, q in zip(joints, goals):
         if joint.is_at_rest():
             waiting.append((abs(q - joint.q), joint.limits.lowered))
             phases.append(Phases())
         else:
-            phases.append(joint.in_stream(q, horizon) if horizon > 0.0 else joint.to_rest(q))
-    together = _straight(waiting, max(arrival, horizon, *(map(duration, phases))))
+            phases.append(
+                joint.in_stream(q, earliest) if horizon > 0.0 else joint.to_rest(q, earliest))
+    together = _straight(waiting, max(earliest, *map(duration, phases)))
     for j, (joint, q) in enumerate(zip(joints, goals)):
         if joint.is_at_rest():
             phases[j] = [(T, (q - joint.q) * jerk) for T, jerk in together]
-    return Plan(without_creep(start), phases)
+    return Plan(without_creep(start), phases, Reference(goal.copy(), 0.0 * goal, 0.0 * goal))
 
 
 def _straight(joints: list[tuple[float, Bounds]], earliest: float) -> Phases:

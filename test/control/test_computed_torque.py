@@ -80,7 +80,7 @@ def feedback_of(
     assert terms is not None
     assert terms.effort == pytest.approx(effort)
     K_p_e, K_d_e_dot, s = GAINS.kp * [error, -error], -GAINS.kd * v, output.scale
-    M, rest = body.mass_matrix(q), body.nonlinear_effects(q, v)
+    M, rest = body.mass_matrix(q), body.nonlinear(q, v)
     assert effort == pytest.approx(M @ (s * s * K_p_e + s * K_d_e_dot) + rest)
     return K_p_e, K_d_e_dot, s
 

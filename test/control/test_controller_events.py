@@ -115,13 +115,15 @@ def test_without_a_reference_the_arm_has_stopped() -> None:
 
 @pytest.mark.parametrize('holds', [True, False])
 def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds: bool) -> None:
+    """With the velocity since the last state: one sample may be noisy."""
     one = moving(stops_and_holds=holds)
     one.stop_from_state()
     assert not one.has_reference
-    reference = one.update(NOW + SECOND + MS, Q + 0.1, V).reference
+    later = Q + 1e-3 * V
+    reference = one.update(NOW + SECOND + MS, later, 3.0 * V).reference
     assert (reference is not None) == holds
     if reference is not None:
-        assert reference.position == pytest.approx(Q + 0.1)
+        assert reference.position == pytest.approx(later)
         assert reference.velocity == pytest.approx(V)
 
 
@@ -146,12 +148,17 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
 def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(
     holds: bool, command: str,
 ) -> None:
+    """The second one gives it its velocity."""
     one = make(stops_and_holds=holds, command=command)
     assert one.update(NOW, Q, None).reference is None
     reference = one.update(NOW + MS, Q, V).reference
     assert (reference is not None) == (holds and command == 'computed_torque')
     if reference is not None:
-        assert reference.position == pytest.approx(Q)
+        assert reference.position.tolist() == Q.tolist()
+        assert reference.velocity.tolist() == [0.0, 0.0]
+        reference = one.update(NOW + 3 * MS, Q + 2e-3 * V, 3.0 * V).reference
+        assert reference is not None
+        assert reference.position == pytest.approx(Q + 2e-3 * V)
         assert reference.velocity == pytest.approx(V)
         end = one.update(NOW + 9 * SECOND, Q, ZERO).reference
         assert end is not None

@@ -63,7 +63,7 @@ class Guarded(NamedTuple):
 def guarded_by(one: EffortLimiter, step: Step) -> Guarded:
     effort, hold, *rest = step
     result, active = one.apply(effort, lambda: hold, *rest), one.active
-    assert (active is None) == (result is effort)
+    assert (active is None) == bool((result == effort).all())
     return Guarded(result, *(active or (one.limits.no_joint,) * 3))
 
 

@@ -53,6 +53,9 @@ def arm_named(name: str) -> ArmModel:
 
 def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
     """Start at rest; then move the reference of all joints by `size` [rad] in one step."""
+    rng = np.random.default_rng(0)
+    one.sensor = lambda q, v: tuple(  # type: ignore[assignment, return-value]
+        x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
     trace = one.run(0.5)
     assert trace.speed.max() < AT_REST
     if one.loop.controller.follows:

@@ -25,7 +25,7 @@ from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
-from robot_dynamics.trajectories.reference_generator import ON_PATH, ReferenceGenerator, whole
+from robot_dynamics.trajectories.reference_generator import ON_PATH, ReferenceGenerator
 from sampled_references import (
     angles,
     at,
@@ -181,7 +181,7 @@ def test_a_trajectory_that_is_entered_late_is_met_on_its_path(
     assert on_path[-1]
     assert on_path[int(np.argmax(on_path)) + 1:].all()
     found = samples(one, 10.0 * late, (active.end_ns - NOW) / SECOND)
-    most, own = whole(limits_of()), samples_of(exact)
+    most, own = limits_of().whole, samples_of(exact)
     assert (np.abs(found.v) <= TOLERANCE * np.maximum(most.velocity, own.velocity)).all()
     assert (np.abs(found.a) <= TOLERANCE * np.maximum(
         most.acceleration, own.acceleration)).all()
@@ -198,5 +198,5 @@ def test_a_path_far_beyond_what_can_be_met_in_time_ends_at_its_goal() -> None:
     active = one.start(quintic_point_to_point(NAMES, goal, goal, 5.0), NOW, ZERO, ZERO)
     end = (active.end_ns - NOW) / SECOND
     found = samples(one, 0.0, end)
-    assert (np.abs(found.v) <= TOLERANCE * whole(slow).velocity).all()
+    assert (np.abs(found.v) <= TOLERANCE * slow.whole.velocity).all()
     assert at(one, end).position == pytest.approx(goal)

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.reference_generator import HORIZON, PERIODS, whole
+from robot_dynamics.trajectories.reference_generator import HORIZON, PERIODS
 from sampled_references import (
     AMPLITUDE,
     at,
@@ -70,7 +70,7 @@ def test_a_stream_with_accelerations_is_followed_more_closely(rate: int) -> None
 def test_a_jump_in_a_stream_with_velocities_is_followed_within_the_limits(
     rate: int, jump: float,
 ) -> None:
-    one, h, most = generator(), 1.0 / rate, whole(limits_of())
+    one, h, most = generator(), 1.0 / rate, limits_of().whole
     found = stream(one, lambda t: (np.full(2, jump if t > 0.3 else 0.0), ZERO), h, 0.8, True)
     assert (np.abs(found.v) <= TOLERANCE * most.velocity).all()
     assert (np.abs(found.a) <= TOLERANCE * most.acceleration).all()
@@ -78,7 +78,7 @@ def test_a_jump_in_a_stream_with_velocities_is_followed_within_the_limits(
 
 
 def test_a_velocity_beyond_the_limit_is_not_followed() -> None:
-    one, most = generator(), whole(limits_of())
+    one, most = generator(), limits_of().whole
     found = stream(one, lambda t: (50.0 * np.array((t, -t)), np.array((50.0, -50.0))),
                    0.01, 1.0, True)
     assert (np.abs(found.v) <= TOLERANCE * most.velocity).all()

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 import math
 import time
 from typing import Any
@@ -199,9 +200,8 @@ class ControlPath:
             with command.lock:
                 answer = served.loop.answer(
                     state.stamp_ns, q, v, time.time_ns(), steady_ns,
-                    self._has_several_publishers, command.order.fault)
-                if answer.effort is not None:
-                    command.publish(state.stamp, answer.effort)
+                    self._has_several_publishers, command.order.fault,
+                    partial(command.publish, state.stamp))
                 if (served.loop.supervisor.mode is not command.mode_seen
                         or answer.limits is not None or served.loop.supervisor.mode is not (
                             Mode.RUNNING)):

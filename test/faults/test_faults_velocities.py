@@ -1,0 +1,152 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Measured velocities that contradict the positions, and joints whose samples repeat.
+
+The driver reports a motion of both joints that does not depend on the commands.
+`test/nodes/test_disturbed_motion.py` has the same faults in closed loop.
+"""
+
+from collections.abc import Callable, Iterator
+import math
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from fault_bench import fault_bench, FaultBench, figure_of, nanoseconds_of, Q
+from fault_stimuli import wait_states
+from fault_table import fault
+import pytest
+from ros_harness import RosClient
+from sensor_msgs.msg import JointState
+
+GROUP = 'Measured velocities'
+AMPLITUDE, FREQUENCY = 0.15, 4.0
+"""Of the motion of both joints, [rad] and [rad/s]."""
+ESTIMATED = (
+    'a warning names the joint; its velocity is estimated from the positions; the motion ends '
+    'with a stop; the measured velocity is used again once it agrees')
+FROZEN = 'fault `frozen_joint`; commands resume after 25 states that change'
+
+
+def moving(message: JointState) -> JointState:
+    """Return the state of a moving arm, by its stamp."""
+    phase = FREQUENCY * 1e-9 * nanoseconds_of(message.header.stamp) % (2.0 * math.pi)
+    message.position = [q + AMPLITUDE * math.sin(phase) for q in Q]
+    message.velocity = [AMPLITUDE * FREQUENCY * math.cos(phase)] * len(Q)
+    return message
+
+
+def with_velocity(*changes: Callable[[float], float]) -> Callable[[JointState], JointState]:
+    """Return a driver of the moving arm that changes the velocity of each joint."""
+    def change(message: JointState) -> JointState:
+        moving(message)
+        message.velocity = [f(v) for f, v in zip(changes, message.velocity)]
+        return message
+    return change
+
+
+def same(v: float) -> float:
+    """Return the true velocity."""
+    return v
+
+
+@pytest.fixture(scope='module')
+def node(client: RosClient) -> Iterator[FaultBench]:
+    """Return a node with the checks of the following error off: the arm does not obey."""
+    with fault_bench(
+            client, '/faults_velocities', {'following_error_limit': [0.0]}) as one:
+        yield one
+
+
+@pytest.fixture
+def bench(node: FaultBench) -> Iterator[FaultBench]:
+    """Return the node while the arm moves with true velocities."""
+    node.driver.stream_changed(moving)
+    wait_consistent(node)
+    yield node
+    node.driver.stream_changed(moving)
+    wait_consistent(node)
+    node.check_efforts()
+    assert 'Traceback' not in node.node.log, node.node.log
+
+
+def wait_consistent(bench: FaultBench) -> None:
+    """Wait until velocities and positions agree and commands answer the states."""
+    wait_states(bench, 200)
+    bench.wait_status('joint states', lambda status: status.message == 'arriving')
+    bench.wait_running()
+
+
+@pytest.mark.parametrize(('change', 'cause', 'joint'), [
+    pytest.param(change, cause, joint, marks=fault(GROUP, words, ESTIMATED))
+    for words, change, cause, joint in (
+        ('wrong sign of the velocity of a joint',
+         with_velocity(lambda v: -v, same), 'wrong sign', 'joint1'),
+        ('velocity of a joint always 0',
+         with_velocity(same, lambda v: 0.0), 'zero or missing', 'joint2'),
+        ('all velocities always 0',
+         with_velocity(lambda v: 0.0, lambda v: 0.0), 'zero or missing', 'joint'),
+        ('all velocities in degrees per second',
+         with_velocity(math.degrees, math.degrees), 'degrees instead of radians', 'joint'),
+        ('twice the velocity of a joint',
+         with_velocity(lambda v: 2.0 * v, same), 'times the displacement', 'joint1'))])
+def test_a_velocity_that_contradicts_the_positions(
+    bench: FaultBench, change: Callable[[JointState], JointState], cause: str, joint: str,
+) -> None:
+    bench.set_point(Q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.driver.stream_changed(change)
+    status = bench.wait_status('joint states', lambda status: cause in status.message)
+    assert status.level == DiagnosticStatus.WARN
+    assert f"velocity of '{joint}" in status.message
+    bench.wait_status('reference', lambda status: (
+        status.message.startswith('ended early: velocity of')))
+    bench.node.wait_for_log(f'{cause}.*elocit.* estimated from the position')
+    assert bench.known('command', 'faults: frozen_joint') == 0
+    bench.wait_running()
+
+
+@pytest.mark.parametrize('j', [
+    pytest.param(j, marks=fault(GROUP, words, FROZEN)) for j, words in (
+        ([0], 'repeated position and velocity of a moving joint'),
+        ([0, 1], 'repeated positions and velocities of all moving joints, with new stamps'))])
+def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
+    samples: list[tuple[float, float]] = []
+
+    def frozen(message: JointState) -> JointState:
+        moving(message)
+        if not samples and abs(message.velocity[0]) > 0.4:
+            samples.append((message.position[0], message.velocity[0]))
+        for k in j if samples else ():
+            message.position[k], message.velocity[k] = samples[0]
+        return message
+
+    before = bench.known('command', 'faults: frozen_joint')
+    bench.driver.stream_changed(frozen)
+    status = bench.wait_fault('frozen_joint')
+    assert f"position and velocity of 'joint{j[-1] + 1}' have not changed" in status.message
+    assert figure_of(status, 'faults: frozen_joint') == before + 1
+    bench.driver.stream_changed(moving)
+    bench.wait_status('reference', lambda status: (
+        status.message.startswith('ended early: fault frozen_joint')))
+    bench.wait_running()
+
+
+@fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
+def test_an_arm_at_rest_may_repeat_its_sample(node: FaultBench) -> None:
+    faults = node.known('command', 'faults: frozen_joint')
+    node.driver.go_on()
+    wait_states(node, 300)
+    assert node.figure('command', 'faults: frozen_joint') == faults
+    node.wait_status('joint states', lambda status: status.message == 'arriving')

@@ -1,0 +1,306 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plans of all joints stay in their hull and within limits, also if goals and scale change."""
+
+from collections.abc import Iterator
+import math
+import random
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.trajectories.interpolation import evaluate as evaluate_segment
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.jerk_profile import (
+    Bounds,
+    evaluate,
+    Extremes,
+    extremes,
+    stop,
+)
+from robot_dynamics.trajectories.joint_planner import Target
+from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.trajectories.planner import (
+    Plan,
+    plan_stop,
+    plan_to_goal,
+    plan_to_path,
+    plan_with_target,
+    without_creep,
+)
+
+SECOND = 1_000_000_000
+FOLLOW_TIME = 0.1
+BOX = 2.0
+"""Largest size of starts and goals [rad]."""
+HULL = 1e-8
+"""Tolerance of positions [rad]."""
+RATIO = 1.001
+
+counts = pytest.mark.parametrize(
+    'count', [1_000, pytest.param(100_000, marks=pytest.mark.soak)])
+
+
+class Case(NamedTuple):
+    """One plan, and what it was planned for; `goals` (m, n) are all permitted goals."""
+
+    kind: str
+    start: Reference
+    limits: MotionLimits
+    plan: Plan
+    goals: FloatArray
+
+    @property
+    def has_whole_limits(self) -> bool:
+        return self.kind in ('target', 'path')
+
+    def joints(self) -> Iterator['JointCase']:
+        for j in range(len(self.start.position)):
+            state = tuple(float(x[j]) for x in self.start)
+            yield JointCase(
+                self, j, state, extremes(self.plan.phases[j], *state),
+                *(bounds_of(x, j) for x in (self.limits, self.limits.whole)))
+
+
+class JointCase(NamedTuple):
+    case: Case
+    j: int
+    state: tuple[float, float, float]
+    found: Extremes
+    full: Bounds
+    whole: Bounds
+
+    def stop(self, bounds: Bounds) -> Extremes:
+        return extremes(stop(*self.state[1:], bounds), *self.state)
+
+    def is_inside(self, q_min: float, q_max: float, tolerance: float = HULL) -> bool:
+        """Return whether positions are within the limits, or not further beyond than the start."""
+        limits, q = self.case.limits, self.state[0]
+        return bool(min(limits.lower[self.j], q) - tolerance <= q_min
+                    and q_max <= max(limits.upper[self.j], q) + tolerance)
+
+    def earliest_stop(self) -> tuple[Extremes, Bounds]:
+        """Return the earliest stop, with the whole limits if it would leave the limits."""
+        stopping = self.stop(self.full)
+        if self.is_inside(stopping.q_min, stopping.q_max, 1e-9):
+            return stopping, self.full
+        return self.stop(self.whole), self.whole
+
+
+def bounds_of(limits: MotionLimits, j: int) -> Bounds:
+    v, a, jerk = (float(x[j]) for x in (limits.velocity, limits.acceleration, limits.jerk))
+    return Bounds(-v, v, -a, a, jerk)
+
+
+def random_limits(r: random.Random, n: int) -> MotionLimits:
+    v = np.array([10.0 ** r.uniform(-0.5, 0.5) for _ in range(n)])
+    a = v * np.array([10.0 ** r.uniform(-0.3, 1.2) for _ in range(n)])
+    jerk = a * np.array([10.0 ** r.uniform(0.3, 1.7) for _ in range(n)])
+    size = [r.uniform(0.3, 3.0) if r.random() < 0.6 else math.inf for _ in range(2 * n)]
+    return MotionLimits(-np.array(size[:n]), np.array(size[n:]), v, a, jerk)
+
+
+def cases(count: int, scaled: bool = True) -> Iterator[Case]:
+    """Yield plans: sequences of 3 to 6, each from a random time of the one before."""
+    r, done = random.Random(count), 0
+    while done < count:
+        n = r.randint(2, 7)
+        limits = random_limits(r, n)
+        moves = [r.random() < 0.8 for _ in range(n)]
+        state = Reference(position_in(r, limits), *(
+            np.array([r.uniform(-0.95, 0.95) * most * is_moving
+                      for most, is_moving in zip(values, moves)])
+            for values in (limits.velocity, limits.acceleration)))
+        for _ in range(r.randint(3, 6)):
+            done += 1
+            scale = r.choice([1.0, r.uniform(0.05, 1.0)]) if scaled else 1.0
+            case = random_case(r, state, limits.slower(scale))
+            if case is None:
+                continue
+            yield case
+            t = case.plan.duration * r.choice([r.random(), r.random(), 1.2])
+            state = Reference(*np.array([
+                evaluate(case.plan.phases[j.j], t, *j.state)[:3] for j in case.joints()]).T)
+
+
+def position_in(r: random.Random, limits: MotionLimits) -> FloatArray:
+    """Return random positions within the limits, of which a third are at a limit."""
+    return np.array([
+        r.choice([r.uniform(*box), r.uniform(*box), r.choice(box)])
+        for box in zip(np.maximum(limits.lower, -BOX), np.minimum(limits.upper, BOX))])
+
+
+def random_case(r: random.Random, start: Reference, limits: MotionLimits) -> Case | None:
+    """Return a random plan; None if a path cannot be met."""
+    kind = r.choice(['goal', 'goal', 'later', 'stream', 'stop', 'target', 'path'])
+    goal = position_in(r, limits)
+    if kind == 'stop':
+        return Case(kind, start, limits, plan_stop(start, limits), start.position[np.newaxis])
+    if kind in ('goal', 'later', 'stream'):
+        arrival = 0.0 if kind == 'goal' else r.uniform(0.0, 3.0)
+        plan = plan_to_goal(start, goal, limits, arrival, arrival if kind == 'stream' else 0.0)
+        return Case(kind, without_creep(start), limits, plan, goal[np.newaxis])
+    if kind == 'target':
+        return target_case(r, start, limits, goal)
+    v = limits.whole.velocity * [r.uniform(-0.5, 0.5) for _ in goal]
+    path = [(t, Reference(goal + (t - 1.0) * v, v, 0.0 * v)) for t in np.geomspace(0.01, 20.0, 24)]
+    plan = plan_to_path(start, path, limits)
+    if plan is None:
+        return None
+    goals = [state.position for t, state in path if t <= plan.duration + 1e-6]
+    return Case(kind, start, limits, plan, np.array(goals))
+
+
+def target_case(
+    r: random.Random, start: Reference, limits: MotionLimits, goal: FloatArray,
+) -> Case:
+    whole, time = limits.whole, r.choice([0.002, 0.02, 0.1])
+    if r.random() < 0.6:
+        goal = start.position + [r.uniform(-0.1, 0.1) for _ in goal]
+    speed, change = r.choice([0.2, 0.5, 1.0]), r.choice([0.0, 1.0])
+    target = Target(
+        goal, whole.velocity * [speed * r.uniform(-1.0, 1.0) for _ in goal],
+        limits.acceleration * [change * r.uniform(-1.0, 1.0) for _ in goal], time,
+        np.array([r.choice([0.0, time]) for _ in goal]))
+    goals, held = [], np.clip(goal, limits.lower, limits.upper)
+    for j in range(len(goal)):
+        since = float(target.since[j])
+        v, a = target.joint(j, time + FOLLOW_TIME)[1:]
+        path = extremes([(time + FOLLOW_TIME - since, 0.0), *stop(v, a, bounds_of(limits, j))],
+                        *target.joint(j, since))
+        goals.append((path.q_min, path.q_max, held[j]))
+    return Case('target', start, limits, plan_with_target(start, target, limits, FOLLOW_TIME),
+                np.array(goals).T)
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+@counts
+def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(
+    count: int,
+) -> None:
+    for case in cases(count):
+        check_end(case)
+        for joint in case.joints():
+            assert all(map(math.isfinite, joint.found))
+            check_hull(joint)
+            check_limits(joint)
+
+
+def check_hull(joint: JointCase) -> None:
+    """Check that the joint stays in the hull of its start, its earliest stop and its goals."""
+    hull, goals = joint.earliest_stop()[0], joint.case.goals[:, joint.j]
+    assert joint.found.q_min >= min(hull.q_min, *goals) - HULL, joint.case.kind
+    assert joint.found.q_max <= max(hull.q_max, *goals) + HULL, joint.case.kind
+
+
+def check_limits(joint: JointCase) -> None:
+    """Check velocity, acceleration and jerk; only the start, or its stop, may exceed a limit."""
+    bounds, found, a = joint.earliest_stop()[1], joint.found, joint.state[2]
+    stopping = joint.stop(joint.full)
+    if joint.case.has_whole_limits:
+        bounds = joint.whole
+    assert found.v_max <= RATIO * max(bounds.v_max, stopping.v_max)
+    assert found.v_min >= RATIO * min(bounds.v_min, stopping.v_min)
+    assert found.a_max <= RATIO * max(bounds.a_max, a)
+    assert found.a_min >= RATIO * min(bounds.a_min, a)
+    assert all(abs(j) <= RATIO * bounds.jerk for _, j in joint.case.plan.phases[joint.j])
+
+
+def check_end(case: Case) -> None:
+    end = case.plan.end
+    if case.kind in ('goal', 'later', 'stream', 'path'):
+        assert end.position == pytest.approx(case.goals[-1], abs=HULL), case.kind
+    if case.kind != 'path':
+        assert end.velocity == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
+        assert end.acceleration == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
+
+
+@pytest.mark.parametrize('count', [300, pytest.param(10_000, marks=pytest.mark.soak)])
+def test_segments_follow_the_phases_without_steps(count: int) -> None:
+    since_ns = 1_790_000_000 * SECOND
+    for case in cases(count):
+        plan, now_ns, limits = case.plan, since_ns, case.limits.whole
+        sizes = np.concatenate((np.ones_like(limits.velocity), limits.velocity,
+                                limits.acceleration))
+        while (now_ns - since_ns) / SECOND < plan.duration - 1e-9:
+            segment = plan.segment(since_ns, now_ns)
+            assert segment.since_ns <= now_ns < segment.end_ns
+            for end_ns in (segment.since_ns, segment.end_ns):
+                found = np.concatenate(evaluate_segment(
+                    segment.coefficients, segment.phase(end_ns)))
+                t = (end_ns - since_ns) / SECOND
+                expected = np.array([
+                    evaluate(plan.phases[joint.j], t, *joint.state)[:3]
+                    for joint in case.joints()]).T.ravel()
+                assert (np.abs(found - expected) <= 1e-7 * sizes).all()
+            now_ns = segment.end_ns
+
+
+# --- ruckig as oracle ----------------------------------------------------------------------------
+
+@pytest.fixture(scope='module')
+def ruckig() -> Any:
+    return pytest.importorskip('ruckig', reason='the oracle has wheels for x86-64 only')
+
+
+def oracle_plan(ruckig: Any, case: Case, limits: MotionLimits, goal: FloatArray | None) -> Any:
+    """Return the plan of `ruckig` to rest at a goal, each joint alone, or the earliest stop."""
+    n = len(case.start.position)
+    one, plan = ruckig.InputParameter(n), ruckig.Trajectory(n)
+    one.synchronization = ruckig.Synchronization.No
+    one.current_position, one.current_velocity, one.current_acceleration = (
+        x.tolist() for x in case.start)
+    one.max_velocity, one.max_acceleration, one.max_jerk = (
+        x.tolist() for x in (limits.velocity, limits.acceleration, limits.jerk))
+    if goal is None:
+        one.control_interface = ruckig.ControlInterface.Velocity
+    else:
+        one.target_position = goal.tolist()
+    ruckig.Ruckig(n).calculate(one, plan)
+    return plan
+
+
+@counts
+def test_no_joint_leaves_its_position_limits_if_the_oracle_can_stop_within_them(
+    ruckig: Any, count: int,
+) -> None:
+    """Targets and paths may be beyond the limits, but joints follow them up to the limits only."""
+    for case in cases(count):
+        if case.kind == 'path':
+            continue
+        stops = [oracle_plan(ruckig, case, limits, None).position_extrema
+                 for limits in (case.limits, case.limits.whole)]
+        for joint in case.joints():
+            if any(joint.is_inside(x[joint.j].min, x[joint.j].max, 0.0) for x in stops):
+                assert joint.is_inside(joint.found.q_min, joint.found.q_max), case.kind
+
+
+@counts
+def test_durations_are_close_to_those_of_the_oracle(ruckig: Any, count: int) -> None:
+    ratios = []
+    for case in cases(count, scaled=False):
+        if case.kind == 'goal' and can_brake(case):
+            T = oracle_plan(ruckig, case, case.limits, case.goals[0]).duration
+            ratios.append(case.plan.duration / T if T > 0.0 else 1.0)
+    assert len(ratios) > count / 8
+    assert np.median(ratios) <= 1.3
+    assert max(ratios) <= 2.0
+
+
+def can_brake(case: Case) -> bool:
+    """Return whether all joints can stop with the limits with which the oracle plans."""
+    return all(joint.earliest_stop()[1] is joint.full for joint in case.joints())
