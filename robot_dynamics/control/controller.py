@@ -350,6 +350,8 @@ class Controller:
         model.
         """
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
+            if not np.isfinite(q).all():
+                raise non_finite_effort(q, np.full_like(q, np.nan), np.full_like(q, np.nan))
             output = self.answer(stamp_ns, q, v)
             self.evaluate()
             return output
@@ -388,9 +390,8 @@ class Controller:
         answer, options, drive = law(state), self._options, self.arm.drive
         effort, bounds = answer.effort, self._bounds
         efforts = effort.tolist()
-        if not math.isfinite(sum(efforts) + sum(state.q.tolist())) and not (
-                np.isfinite(effort).all() and np.isfinite(state.q).all()):
-            raise non_finite_effort(state.q, state.gravity, effort)
+        if not math.isfinite(sum(efforts)) and not np.isfinite(effort).all():
+            raise non_finite_effort(q, state.gravity, effort)
         own = self._robot if self._robot is not None else load.unloaded
         robot = NOTHING
         if options.semantics.robot_compensates:

@@ -130,6 +130,9 @@ class EffortLimiter:
         self.limits = limits
         self.last: FloatArray | None = None
         """The effort (n,) that was published last, or None."""
+        self._last: FloatArray | None = None
+        self._last_values: list[float] = []
+        """The values of `_last`, which are `last` after an effort that was not limited."""
         self.active: ActiveLimits | None = None
         """The limits that have changed the last effort of `apply`, None for none."""
 
@@ -184,9 +187,13 @@ class EffortLimiter:
         if last is None:
             self.last = effort
             return effort
-        distance = math.dist(effort.tolist(), last.tolist())
+        if last is not self._last:
+            self._last, self._last_values = last, last.tolist()
+        values = effort.tolist()
+        distance = math.dist(values, self._last_values)
         if distance <= self.limits.least_rate * dt:  # no joint exceeds its rate limit
-            self.last = effort
+            self.last = self._last = effort
+            self._last_values = values
             return effort
         change, rate = effort - last, self.limits.joint_rates
         if not in_proportion:

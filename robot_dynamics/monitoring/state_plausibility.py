@@ -102,6 +102,8 @@ class StateMonitor:
         self.has_age: Callable[[], bool] = lambda: True
         """Called before a state is rejected for its age: returns whether stamps have an age."""
         self._q = np.zeros(len(joint_names))
+        self._values: list[float] = []
+        """The last position as a list, whose distance is faster to compute."""
         self._stamp: int | None = None
         self._received = 0
         self._is_same_clock = self._is_unstamped = False
@@ -138,8 +140,8 @@ class StateMonitor:
             passed_ns, largest = steady - self._received, 1e9 * self.max_age or _JUMP_NS
             if (last < stamp <= last + passed_ns + largest and 0 <= passed_ns <= _LONGEST_GAP_NS
                     and (self.max_age <= 0.0 or abs(clock - stamp) <= largest)
-                    and math.dist(q.tolist(), self._q.tolist()) <= PLAY):
-                self._stamp, self._q, self._received = stamp, q, steady
+                    and math.dist(values := q.tolist(), self._values) <= PLAY):
+                self._stamp, self._q, self._received, self._values = stamp, q, steady, values
                 return StateVerdict(True, 1e-9 * (stamp - last), '', stamp)
         self._is_simple = False
         passed = 1e-9 * (steady - self._received)
@@ -158,7 +160,7 @@ class StateMonitor:
         judgement = self._follows(stamp, passed, q, v, has_several_publishers)
         if judgement.is_new:
             self._follow_offset(age, passed, bool(judgement.restart))
-            self._stamp, self._q, self._received = stamp, q, steady
+            self._stamp, self._q, self._received, self._values = stamp, q, steady, q.tolist()
             self._is_same_clock, self._is_unstamped = is_same_clock, is_unstamped
             self.is_other_clock = not is_same_clock
         self._is_simple = self._is_same_clock and not self._is_unstamped and (

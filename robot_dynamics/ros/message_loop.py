@@ -49,7 +49,7 @@ class MessageLoop:
     """
     A subscription whose callback runs in a separate thread.
 
-    If several messages wait, only the newest one per source is delivered.
+    If several messages wait after a delivery, only the newest one per source is delivered.
     """
 
     def __init__(
@@ -118,17 +118,16 @@ class MessageLoop:
             self._deliver(data)
 
     def _deliver(self, data: bytes) -> None:
-        """Deliver this message and the waiting ones, without the outdated ones."""
-        following = self._take()
-        if following is not None:
-            self._deliver_newest([data, following])
-            return
+        """Deliver this message at once, and the newest ones of those that wait after it."""
         try:
             message = self._read(data)
         except UnreadableMessageError as error:
             self._refuse(error)
         else:
             self._callback(message)
+        following = self._take()
+        if following is not None:
+            self._deliver_newest([following])
 
     def _deliver_newest(self, waiting: list[bytes]) -> None:
         """Deliver the newest of the waiting messages per source; pass errors to `refuse`."""

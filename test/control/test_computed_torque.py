@@ -20,13 +20,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.computed_torque import CHANGE_FRACTION, ComputedTorque
+from robot_dynamics.control.computed_torque import (
+    CHANGE_FRACTION,
+    ComputedTorque,
+    REVERSAL_TIME,
+)
 from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.control.laws import LawInput
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.stable_gains import LOOP_DELAY
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -87,14 +92,17 @@ def feedback_of(
 
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(error=st.floats(-1.0, 1.0), speed=st.floats(-5.0, 5.0), rate=st.floats(1.0, 1e5))
-def test_the_feedback_changes_at_most_by_half_of_the_rate_limit(
+def test_the_change_or_the_size_of_the_feedback_is_within_the_rate_limit(
     error: float, speed: float, rate: float,
 ) -> None:
-    """By s² M (K_p + K_d²) ė per second; s is the largest factor for which this is true."""
-    _, _, s = feedback_of(error, speed, rate)
+    """The change is s² M (K_p + K_d²) ė per second, the size s M (K_p e + K_d ė)."""
+    proportional, damping, s = feedback_of(error, speed, rate)
     M = ArmDynamics(ARM).rigid_body.mass_matrix(np.zeros(2))
     change = float(np.abs(M @ ((GAINS.kp + GAINS.kd**2) * speed)).max())
-    assert s == pytest.approx(min(1.0, np.sqrt(CHANGE_FRACTION * rate / max(change, 1e-300))))
+    size = float(np.abs(M @ (proportional + damping)).max())
+    of_change = CHANGE_FRACTION * rate / max(change, 1e-300)
+    of_size = 0.5 * REVERSAL_TIME * rate / max(size, 1e-300)
+    assert s == pytest.approx(min(1.0, max(math.sqrt(of_change), of_size)), rel=1e-6)
 
 
 @pytest.mark.parametrize('error', [1e-3, 0.5, 3.0])
@@ -149,7 +157,8 @@ def final_error(
         acts = effort
         if np.abs(q).max() > 20.0:
             return math.inf
-    return float(np.abs(q - goal).max())
+    return float(np.abs(ErrorFeedback(GAINS, ARM.joint_kinds).position_error(
+        np.array(goal), q)).max())
 
 
 @pytest.mark.parametrize(('goal', 'duration', 'options'), [
@@ -187,7 +196,7 @@ def test_friction_that_the_robot_compensates_is_not_commanded(
 def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
     period: float, is_slow: bool,
 ) -> None:
-    """M, C and g are those of the position half a period ahead, but not at fast rates."""
+    """M, C and g are those of the position half of the delay ahead, but not at fast rates."""
     one = Controller(ARM, ControllerOptions(GAINS, softens_gains=True))
     q, v = np.array([0.8, 0.5]), np.array([0.4, -0.3])
     for k in range(20):
@@ -198,7 +207,7 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
     assert output.scale == s
     assert (s < 0.5) if is_slow else (s == 1.0)
     a = s * GAINS.kd * -v + s**2 * GAINS.kp * ([1.0, 0.4] - q)
-    q_ahead = q + 0.5 * period * v if is_slow else q
+    q_ahead = q + 0.5 * (period + LOOP_DELAY) * v if is_slow else q
     assert output.computed_torque == pytest.approx(
         ArmDynamics(ARM).inverse_dynamics(q_ahead, v, a))
 

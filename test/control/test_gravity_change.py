@@ -83,7 +83,7 @@ def test_gravity_changes_at_most_with_its_rate(loads: list[object]) -> None:
         torques.append(one.update(stamp, Q, zero).gravity_compensation)
     start, end = gravity_torque(STANDARD_GRAVITY, loads), gravity_torque(CEILING, loads)
     for k in (0, 100, 400):
-        share = min((k + 1) * 2e-3 * rate / 19.62, 1.0)
+        share = min(k * 2e-3 * rate / 19.62, 1.0)  # the first state begins it
         assert torques[k] == pytest.approx(start + share * (end - start), abs=1e-9)
     assert torques[-1] == pytest.approx(end, abs=1e-12)
     assert torques[489] != pytest.approx(end, abs=1e-3)
@@ -103,6 +103,7 @@ def test_a_pause_of_the_states_causes_no_step() -> None:
     one = controller()
     before = one.update(0, Q, np.zeros(6)).gravity_compensation
     one.set_gravity(np.array(CEILING), 20.0)
+    assert one.update(STEP_NS, Q, np.zeros(6)).gravity_compensation.tolist() == before.tolist()
     after = one.update(60 * 10**9, Q, np.zeros(6)).gravity_compensation
     share = 20.0 * 0.1 / 19.62
     assert after == pytest.approx(before + share * (gravity_torque(CEILING) - before), abs=1e-9)

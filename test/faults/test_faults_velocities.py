@@ -98,7 +98,7 @@ def wait_consistent(bench: FaultBench) -> None:
         ('all velocities always 0',
          with_velocity(lambda v: 0.0, lambda v: 0.0), 'zero or missing', 'joint'),
         ('all velocities in degrees per second',
-         with_velocity(math.degrees, math.degrees), 'degrees instead of radians', 'joint'),
+         with_velocity(math.degrees, math.degrees), 'times the displacement', 'joint'),
         ('twice the velocity of a joint',
          with_velocity(lambda v: 2.0 * v, same), 'times the displacement', 'joint1'))])
 def test_a_velocity_that_contradicts_the_positions(

@@ -37,9 +37,10 @@ from topic_bench import Bench, G, make_bench, NAMES, NAN, Q, V
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[Bench]:
-    """Return the node on the default arm; no test sends it a reference."""
+    """Return the node on the default arm with gravity compensation."""
     with NodeProcess(
-            DYNAMICS, {'robot_description': default_arm_urdf()}, namespace='/gravity') as node:
+            DYNAMICS, {'robot_description': default_arm_urdf(), 'command': 'gravity_compensation'},
+            namespace='/gravity') as node:
         yield make_bench(client, node, '/gravity')
 
 
@@ -186,7 +187,7 @@ def test_it_works_in_the_executor_of_the_node_too(client: RosClient) -> None:
 
 def test_drops_may_be_counted_while_they_are_reported() -> None:
     counters = ControlCounters()
-    report = StateReport(counters)
+    report = StateReport(counters, lambda: None)
 
     def drop() -> None:
         for i in range(30_000):

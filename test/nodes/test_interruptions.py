@@ -19,6 +19,7 @@ After each interruption the effort stays near the gravity torque of the measured
 independent of the reference before the interruption and of messages sent during it.
 """
 
+import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
@@ -42,6 +43,7 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.monitoring.motion_consistency import PAUSE
 from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -68,8 +70,7 @@ def test_an_outage(arm: FaultBench) -> None:
 @fault(GROUP, 'a trajectory and a set-point during the fault `position_limit`',
        f'rejected with the fault as the reason; during the fault and after it {HELD}')
 def test_a_position_limit(arm: FaultBench) -> None:
-    arm.set_parameters(command='gravity_compensation')
-    arm.set_parameters(command='computed_torque')  # allows the test to move the arm by hand
+    arm.set_parameters(command='gravity_compensation')  # allows to move the arm by hand
     beyond = [LIMIT + 0.02, Q[1]]
     move_by_hand(arm, beyond)
     assert "position of 'joint1' is 2.5" in arm.wait_fault('position_limit').message
@@ -81,14 +82,25 @@ def test_a_position_limit(arm: FaultBench) -> None:
     arm.wait_running()
     arm.efforts.clear()
     check_held(arm, inside)
+    arm.set_parameters(command='computed_torque')
+    arm.efforts.clear()
+    check_held(arm, inside)
+
+
+def overflow(bench: FaultBench) -> None:
+    """Cause the fault `non_finite`: velocities after a pause are not compared with positions."""
+    bench.driver.be_quiet()
+    time.sleep(2.0 * PAUSE)
+    bench.driver.v = [1e200, 1e200]
+    bench.driver.go_on()
+    bench.wait_fault('non_finite')
 
 
 @fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
        f'rejected with the fault as the reason; before the reset and after it {HELD}')
 def test_a_latched_fault(arm: FaultBench) -> None:
     arm.set_parameters(soften_gains=False)  # so that the measured velocity is used unchanged
-    arm.driver.v = [1e200, 1e200]
-    arm.wait_fault('non_finite')
+    overflow(arm)
     arm.driver.v = [0.0, 0.0]
     wait_states(arm, 5)
     wait_rejected(arm, 'no reference can be followed now: fault non_finite')
@@ -200,8 +212,7 @@ def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
 
     arm.set_parameters(command='computed_torque', soften_gains=False)
     follow(arm, Q)
-    arm.driver.v = [1e200, 1e200]
-    arm.wait_fault('non_finite')
+    overflow(arm)
     assert refusal().startswith('non_finite persists: the efforts at position [0.785')
     arm.driver.v = [0.0, 0.0]
     wait_states(arm, 20)

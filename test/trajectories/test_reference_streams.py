@@ -36,6 +36,9 @@ from sampled_references import (
     ZERO,
 )
 
+CORRECTION = 0.05
+"""Shortest time [s] in which a deviation from a moving set-point is corrected."""
+
 # --- streams with velocities ---------------------------------------------------------------------
 
 @pytest.mark.parametrize('rate', [50, 100, 500, 1000])
@@ -46,9 +49,11 @@ def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate: int
     q, v = (np.array(x) for x in zip(*exact))
     a = -OMEGA**2 * q
     largest_jerk = AMPLITUDE * OMEGA**3
-    # The acceleration is a difference of velocities, delayed by half a period.
-    assert np.abs(found.q - q).max() < 1e-6 + 0.1 * largest_jerk * h**3
-    assert np.abs(found.v - v).max() < largest_jerk * h**2
+    # The acceleration is a difference of velocities, delayed by half a period. Deviations are
+    # corrected in 0.05 s, with a jerk of 32 times the deviation per cube of that time.
+    T = max(h, CORRECTION)
+    assert np.abs(found.q - q).max() < largest_jerk * T**3 / 32.0
+    assert np.abs(found.v - v).max() < largest_jerk * T**2 / 10.0
     assert np.abs(found.a - a).max() < 0.6 * largest_jerk * h
     assert found.jerk < 4.0 * largest_jerk
 
@@ -61,8 +66,9 @@ def test_a_stream_with_accelerations_is_followed_more_closely(rate: int) -> None
         one.start(set_point(q, v, -OMEGA**2 * q), ns(i * h), q, v)
     found = samples(one, 0.6 - h, 0.6 - 1e-6, 20)
     exact = np.array([sine(t - h)[0] for t in found.t.tolist()])
-    assert np.abs(found.q - exact).max() < 1e-7
-    assert np.abs(found.a + OMEGA**2 * exact).max() < 0.01
+    largest_jerk = AMPLITUDE * OMEGA**3
+    assert np.abs(found.q - exact).max() < largest_jerk * CORRECTION**3 / 32.0
+    assert np.abs(found.a + OMEGA**2 * exact).max() < 0.1 * largest_jerk * CORRECTION
 
 
 @pytest.mark.parametrize('rate', [50, 1000])
@@ -98,7 +104,9 @@ def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate: int, end: f
     assert (np.abs(found.a) <= 2.0 * limits.acceleration).all()
     assert found.jerk <= 2.0 * limits.jerk[0]
     assert not at(one, stopped).velocity.any()
-    later = found.after(end + one.stream_timeout)
+    # The speed decreases as soon as the acceleration is removed, with the limit of the jerk.
+    later = found.after(
+        end + one.stream_timeout + limits.acceleration[0] / limits.jerk[0])
     speed = np.abs(later.v)
     assert (np.diff(speed, axis=0) <= 1e-6).all()
 
@@ -109,12 +117,15 @@ def stated_lag(h: float, speed: float, limits: MotionLimits) -> float:
     """
     Return the largest lag [s] behind a ramp of this speed.
 
-    The plan of each period ends at rest. Its duration T is the horizon, or the duration of the
-    stop within the limits of jerk, 12 v / T², and acceleration; plus 15 %, the step of durations.
+    The plan of each period ends at rest. Its duration T is the horizon, or twice that of the
+    earliest stop. The lag is 2/3 of T, and one period.
     """
-    T = max(HORIZON, PERIODS * h, np.sqrt(12.0 * speed / limits.jerk[0]),
-            1.5 * speed / limits.acceleration[0])
-    return float(0.6 * 1.15 * T + h)
+    return float(2.0 / 3.0 * max(HORIZON, PERIODS * h, 2.0 * stop_time(speed, limits)) + h)
+
+
+def stop_time(speed: float, limits: MotionLimits) -> float:
+    a, jerk = limits.acceleration[0], limits.jerk[0]
+    return float(speed / a + a / jerk if speed > a**2 / jerk else 2.0 * np.sqrt(speed / jerk))
 
 
 @pytest.mark.parametrize('rate', [10, 30, 50, 100, 500, 1000])
@@ -136,7 +147,7 @@ def test_the_lag_is_that_of_the_horizon_where_the_limits_do_not_matter(rate: int
     h, limits = 1.0 / rate, limits_of(a=100.0, j=10_000.0)
     found = stream(generator(limits), ramp, h, 1.0, False).after(0.8)
     lag = (ramp(1.0)[1] * found.t[:, np.newaxis] - found.q) / ramp(1.0)[1]
-    assert lag.max() <= 0.6 * max(HORIZON, PERIODS * h) + h
+    assert lag.max() <= 2.0 / 3.0 * max(HORIZON, PERIODS * h) + h
 
 
 @pytest.mark.parametrize('rate', [10, 30, 100, 1000])
@@ -150,7 +161,7 @@ def test_a_sine_of_positions_is_followed_smoothly(rate: int) -> None:
     most = stated_lag(h, AMPLITUDE * OMEGA, limits)
     errors = [np.abs(found.q - np.array([sine(t - lag)[0] for t in found.t.tolist()])).max()
               for lag in np.linspace(0.0, most, 20).tolist()]
-    assert min(errors) < 0.15 * AMPLITUDE
+    assert min(errors) < 0.2 * AMPLITUDE
 
 
 @pytest.mark.parametrize('rate', [2, 10, 50, 500])
