@@ -74,6 +74,8 @@ AT_GOAL = 1e-3
 """[rad] and [rad/s] within which a reference is at its end."""
 HOPELESS = 100.0
 """Share of a velocity limit at which a run is stopped."""
+LONGEST_PERIOD = 0.04
+"""[s]: longest period of a stream, of which the states show the times."""
 LATEST_IN_PUSH = PUSH_END + 0.3
 """[s]: latest begin of a disturbance of a run with a push."""
 
@@ -285,6 +287,7 @@ class Scene:
             bounds = self.arm.limits
             T = self.loop.controller.options.stream_timeout
             # The acceleration of the target is at most that of the limits.
+            hull.include(q - LONGEST_PERIOD * v)  # the target, before its first set-point
             for a in (-limits.acceleration, 0.0 * v, limits.acceleration):
                 target = Reference(q + (v + 0.5 * a * T) * T, v + a * T, a)
                 for path in stop_path(target, limits):

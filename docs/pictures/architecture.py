@@ -29,10 +29,10 @@ from robot_dynamics.reporting.figures import (
 )
 
 BOXES = (
-    (0, 1, BLUE, 'message_loop\ncdr_templates'), (1, 1, BLUE, 'control_path\nstate_plausibility'),
+    (0, 1, BLUE, 'message_loop\ncdr_templates'), (1, 1, BLUE, 'control_path\nloop'),
     (2, 1, BLUE, 'controller\ncomputed_torque'), (3, 1, BLUE, 'supervisor\neffort_limiter'),
     (4, 1, BLUE, 'command_output'), (0, 0, GREEN, 'services\ndiagnostics'),
-    (1, 0, GREEN, 'parameters'), (2, 0, GREEN, 'references\npath_conditioning'),
+    (1, 0, GREEN, 'parameters'), (2, 0, GREEN, 'path_conditioning\nplanner'),
     (3, 0, VERMILION, 'urgent_service'), (4, 0, VERMILION, 'command_output'),
     (5, 0, PURPLE, 'shutdown'),
 )
@@ -49,7 +49,7 @@ ARROWS = (
     ((2.0, 0), (2.0, 1), (2.05, 0.5), 'reference'),
     ((3.0, 0), (2.2, 1), (2.75, 0.5), 'stop'),
     ((4.0, 0), (4.0, 1), (3.97, 0.5), 'fault action'),
-    ((5.0, 0), (4.2, 1), (4.75, 0.5), 'ramp to zero'),
+    ((5.0, 0), (4.2, 1), (4.75, 0.5), 'stop, then ramp'),
 )
 """Ends, place of the label, label."""
 WIDTH, HEIGHT = 0.86, 0.46

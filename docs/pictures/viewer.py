@@ -81,10 +81,8 @@ def main(directory: Path) -> int:
 
 def photograph(page: browser.Page, path: Path) -> None:
     """Attach a load, push, move two joints, and take the picture in the middle of it."""
-    page.wait_for_words('gravity compensation')
-    page.tab.locator('.mantine-Notification-closeButton').first.click()  # it draws without a GPU
-    page.press('Hold here')  # without a reference the arm would drift when it gets its load
     page.wait_for_words('follows a reference')
+    page.tab.locator('.mantine-Notification-closeButton').first.click()  # it draws without a GPU
     page.tab.get_by_label('mass [kg]').fill('5')
     page.press('Attach')
     page.wait_for_words('payload of the controller: 5 kg')

@@ -23,8 +23,8 @@ PD feedback of a fast error computes a large effort, and soon after an effort of
 the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
 The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K_d ė its effort changes by
 s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used,
-or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 50 ms, an effort that the rate limit
-reverses in 100 ms. A steady error, such as that under an unknown load, has s = 1.
+or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 60 ms, an effort that the rate limit
+reverses in 120 ms. A steady error, such as that under an unknown load, has s = 1.
 """
 
 from functools import partial
@@ -38,7 +38,7 @@ from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 
 CHANGE_FRACTION = 0.5
 """Fraction of the rate limit of the effort that the feedback may take."""
-REVERSAL_TIME = 0.1
+REVERSAL_TIME = 0.12
 """[s] in which the rate limit reverses an effort of the feedback that is not limited."""
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `control_law`."""

@@ -105,6 +105,8 @@ class Controller:
         """Whether the velocity of the last state was estimated from positions."""
         self._first_stop: ActiveTrajectory | None = None
         """The stop at a first state, which the second state replaces."""
+        self.has_lost_velocity = False
+        """Whether a reference has ended because states have no velocity; the reader resets it."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self._options = options
@@ -443,6 +445,7 @@ class Controller:
         """End the reference: without velocities, no motion can be followed or started."""
         if self._reference.active is not None:
             self._reference.stop_from_next(self._options.stops_and_holds)
+            self.has_lost_velocity = True
         self._state = None
 
     def inertia(self, q: FloatArray) -> FloatArray:

@@ -63,8 +63,9 @@ from robot_dynamics.monitoring.state_plausibility import (
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
-CHECK_PERIOD_NS = 5_000_000
-"""[ns] between two checks of the velocities, or one period of slower states."""
+CHECK_PERIOD = 0.005
+"""[s] between two checks of the velocities; the velocities of slower states are all checked."""
+CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
 AT_REST = 0.002
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
 REST_TIME_NS = 100_000_000
@@ -72,7 +73,7 @@ REST_TIME_NS = 100_000_000
 LONGEST_STEP = 0.05
 """[s] between two states for which the motion of a frozen joint is predicted."""
 _MOST_STEPS = 100
-FROZEN_TIME = 5.0
+FROZEN_TIME = 3.0
 """[s] for which an arm is held that has a joint without a signal; then the fault action runs."""
 CALM = 0.1
 """Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
@@ -236,6 +237,7 @@ class ControlLoop:
         with self.lock:
             self.is_active = True
             self.supervisor.activate()
+            self._follow_faults()
 
     def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
         """Stop the arm, hold it, ramp the effort to zero, and be inactive."""
@@ -364,10 +366,15 @@ class ControlLoop:
                     stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift or now > self.stream.deadline:
                     self._follow_time(verdict, now)
+                is_slow = verdict.dt is None or verdict.dt >= CHECK_PERIOD
+                if is_slow or not self._is_consistent:
+                    self._check(verdict.stamp, q, v)
                 answer = self._answer(verdict, q, v, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
-                self._evaluate(verdict.stamp, q, v)
+                self.controller.evaluate()
+                if not is_slow and not 0 <= verdict.stamp - self._checked_ns < CHECK_PERIOD_NS:
+                    self._check(verdict.stamp, q, v)
                 return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:
@@ -388,6 +395,9 @@ class ControlLoop:
             fault = fault or frozen
         output = controller.answer(verdict.stamp, q, v)
         self.states += 1
+        if controller.has_lost_velocity:
+            controller.has_lost_velocity = False
+            self.interruption = 'the joint states have no velocity'
         if output.command is None:
             supervisor.deactivate(now)
             return LoopAnswer(None, output, verdict)
@@ -440,13 +450,11 @@ class ControlLoop:
             return hold if output.command is None else output.command
         return brake
 
-    def _evaluate(self, stamp: int, q: FloatArray, v: FloatArray | None) -> None:
-        """Check the velocities of a state, and estimate its noise, for the next states."""
-        self.controller.evaluate()
-        if not self._is_consistent or not 0 <= stamp - self._checked_ns < CHECK_PERIOD_NS:
-            self._checked_ns = stamp
-            self._is_consistent = self.consistency.update(
-                stamp, q, v, self.controller.reference_position)
+    def _check(self, stamp: int, q: FloatArray, v: FloatArray | None) -> None:
+        """Check the velocities of a state."""
+        self._checked_ns = stamp
+        self._is_consistent = self.consistency.update(
+            stamp, q, v, self.controller.reference_position)
 
     @property
     def _awaits_command(self) -> bool:
@@ -476,7 +484,9 @@ class ControlLoop:
                     self.stream.end()
                     self.controller.stop()
         if not consistency.frozen.any():
-            self._frozen = None
+            if self._frozen is not None:
+                self._frozen = None
+                self.controller.stop_from_state()
             return q, v, None
         if self._frozen is None:
             self._frozen = _FrozenJoints(
@@ -497,6 +507,7 @@ class ControlLoop:
             self._rest = stamp, q
             if has_rested and self.controller.has_stopped:
                 self.supervisor.deactivate(now)
+                self._follow_faults()
 
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
@@ -544,7 +555,9 @@ class ControlLoop:
             else:
                 self.stream.end()
                 self.interruption = reason
-        controller.may_hold = supervisor.mode is not Mode.FAULT
+        controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
+        if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.has_reference:
+            controller.forget_reference()  # the arm may move until the next command
         if self._next_options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
             options, self._next_options = self._next_options, None
             controller.set_options(options)

@@ -181,7 +181,7 @@ class StableGains:
         self._measured, self._difference = Noise(n), Noise(n)
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
-        self._count = 0
+        self._count = self._intervals = 0
         self._is_noisy, self._is_paused = True, False
         self._free_period, self._rated_period = math.inf, 0.0
 
@@ -215,7 +215,9 @@ class StableGains:
         self._is_paused = dt >= PAUSE
         rest = self.period - dt
         self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
-        self.mean_period += min(1.0, dt / _AVERAGING_TIME) * (dt - self.mean_period)
+        self._intervals += 1
+        weight = min(1.0, max(dt / _AVERAGING_TIME, 1.0 / self._intervals))
+        self.mean_period += weight * (dt - self.mean_period)
         self._velocity_delay = velocity_delay
         difference = self._difference_of(dt, q, last) if self._is_noisy else v
         self._taken = v, difference

@@ -223,9 +223,11 @@ class CommandSupervisor:
         return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, inertia)
 
     def act(self, now: float) -> None:
-        """Let the fault action run although states are valid, as if they were missing."""
+        """Let the fault action run although states are valid, without its `hold_time`."""
         if self.mode is Mode.FAULT and not self._acts:
             self._acts, self._since = True, now
+            if self.options.fault_action == 'hold_gravity_then_ramp':
+                self._since -= self.options.hold_time
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state again, or None if no efforts are published."""

@@ -61,6 +61,8 @@ REPEATS = 0.01
 """[s] that a sample may repeat, at least."""
 LONGEST_REPEATS = 0.06
 """[s] that a driver may usually repeat its samples; longer repetitions are not learnt."""
+CONFIRMATIONS = 3
+"""Checks in a row in which the reference has left a joint without a new sample."""
 REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
 UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
@@ -135,6 +137,8 @@ class MotionConsistency:
         self.repeats_since_ns: IntArray = np.full(n, _NEVER)
         """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
         self._is_repeating = self._all_repeat = False
+        self._left: IntArray = np.zeros(n, dtype=np.int64)
+        """Checks in a row in which the reference has left a joint without a new sample, (n,)."""
         self._store_v = self._zero
         self._reference: FloatArray | None = None
 
@@ -168,7 +172,9 @@ class MotionConsistency:
         if dt_ns == 0:
             return self.is_consistent
         if not 0 < dt_ns <= _PAUSE_NS or (v is None) is self._is_measured:
+            remains = self.frozen & (q == self._q) if dt_ns > 0 else np.zeros_like(self.frozen)
             self._begin(stamp_ns, q, v)
+            self._set_frozen(remains)
             self._bits = bits
             return self.is_consistent
         if v is None:
@@ -364,14 +370,18 @@ class MotionConsistency:
         self.repeats_since_ns = np.where(same, start, _NEVER)
         self._is_repeating = bool(same.any())
         excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
-        frozen = same & (self.frozen | (excess > 0.0) & (
-            (speed * excess > FLOOR * self._unit) | (moved > self._largest_rest)
-            | (self._v != 0.0) & (moved > FLOOR * self._unit)))
+        is_left = same & ((moved > self._largest_rest) | (
+            (self._v != 0.0) & (moved > FLOOR * self._unit)))
+        self._left = np.where(is_left, self._left + 1, 0)
+        # A joint that stands still may obey the next reference.
+        frozen = same & (self.frozen & (self._v != 0.0) | (excess > 0.0) & (
+            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS)))
         for j in np.flatnonzero(frozen & ~self.frozen):
             self.reason = (
                 f'position and velocity of {self._names[j]!r} have not changed for '
                 f'{1e3 * duration[j]:.0f} ms: velocity {self._v[j]:.2g}, reference moved by '
                 f'{moved[j]:.2g}')
+        self._left = np.where(frozen, 0, self._left)
         has_ended = bool((self.frozen & ~frozen).any())
         self._set_frozen(frozen)
         return has_ended
@@ -404,7 +414,7 @@ def _text(name: str, length: float, integral: float, moved: float) -> str:
         cause = 'velocity is zero or missing'
     elif -4.0 < ratio < 0.0:
         cause = 'wrong sign'
-    elif 40.0 < abs(ratio) < 75.0:
+    elif 20.0 < abs(ratio) < 75.0:
         cause = f'about {ratio:.0f} times the displacement: degrees instead of radians?'
     elif abs(ratio) < 1e3:
         cause = f'{ratio:.2g} times the displacement'

@@ -143,7 +143,7 @@ def before(phases: Phases, time: float) -> Phases:
     """Return the first part of a motion, until `time` [s], with zero jerk after the end."""
     first = Phases()
     for T, j in phases:
-        if T >= time:
+        if time <= T:
             return [*first, (time, j)]
         first.append((T, j))
         time -= T

@@ -38,7 +38,7 @@ from robot_dynamics.trajectories.jerk_profile import (
     to_rest,
 )
 
-AT_REST = 1e-6
+AT_REST = 1e-8
 """[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
 _HULL = 1e-9
 """Tolerance [rad] or [m] of the hull, and [s] of times, for rounding."""
@@ -46,6 +46,8 @@ _CORRECTION = 0.05
 """Shortest time [s] in which a deviation from a moving target is corrected."""
 _STOPS = 2.0
 """The shortest duration of a smooth motion, in durations of the earliest stop."""
+_REVERSED = (0.75, 0.5, 0.0)
+"""Ends of stops that reverse, as fractions of the displacement of the earliest stop."""
 _FOLLOWED = (1.0, 0.6, 0.3, 0.1, 0.0)
 """Fractions of the time for which a joint may follow its target."""
 
@@ -54,8 +56,8 @@ class Target(NamedTuple):
     """
     A target that moves with constant acceleration, each (n,).
 
-    `position` and `velocity` are those at `time` [s]. The positions of the target from `since` (n,)
-    [s] until its stop are goals.
+    `position` and `velocity` are those at `time` [s]. The positions of the target from the times
+    `since` (n,) [s] until its stop are goals.
     """
 
     position: FloatArray
@@ -87,12 +89,27 @@ class JointPlanner:
     def __init__(self, state: State, limits: JointLimits) -> None:
         self.q, self.v, self.a = state
         self.limits = limits
-        self.stop = stop(self.v, self.a, limits.full)
-        """The earliest stop; with the whole limits if it would end beyond a position limit."""
-        self._hull = self._extremes(self.stop)
-        if not self._is_inside(self._hull):
-            self.stop = stop(self.v, self.a, limits.whole)
+        for self.stop in self._stops():
             self._hull = self._extremes(self.stop)
+            self._can_stop = self._is_inside(self._hull)
+            if self._can_stop:
+                break
+
+    def _stops(self) -> Iterator[Phases]:
+        """
+        Yield the earliest stop with the full limits, and stops to try if it passes a limit.
+
+        A joint that brakes hard must reduce its acceleration before it stops; it needs the least
+        space if it brakes until it reverses. The last stop is the earliest with the whole limits.
+        """
+        v, a, whole = self.v, self.a, self.limits.whole
+        yield stop(v, a, self.limits.full)
+        earliest = stop(v, a, whole)
+        yield earliest
+        way = end(earliest, 0.0, v, a)[0]
+        for share in _REVERSED:
+            yield to_rest(share * way, v, a, whole)
+        yield earliest
 
     def is_at_rest(self) -> bool:
         """Return whether velocity and acceleration are imperceptible."""
@@ -100,13 +117,15 @@ class JointPlanner:
 
     def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
         """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        problem = goal - self.q, self.v, self.a, self.limits.lowered
-        for phases in _motions(*problem, earliest):
-            if self._is_in_hull(self._extremes(phases), self.limits.full, goal, goal):
+        limits = self.limits
+        for phases in _motions(goal - self.q, self.v, self.a, limits.lowered, earliest):
+            found = self._extremes(phases)
+            if (self._can_stop or self._is_inside(found)) and self._is_in_hull(
+                    found, limits.full, goal, goal):
                 return phases
         q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
         return [*self.stop, *to_rest(
-            goal - q_stop, 0.0, 0.0, self.limits.lowered, max(earliest - T, 0.0))]
+            goal - q_stop, 0.0, 0.0, limits.lowered, max(earliest - T, 0.0))]
 
     def in_stream(self, goal: float, horizon: float) -> Phases:
         """Return the motion to rest at a goal, after `horizon` [s] or later, and smoothly."""
@@ -181,7 +200,7 @@ class JointPlanner:
         return p - self.q, self.v - v, self.a - a, bounds
 
     def _stopped(self, moving: Phases) -> Phases:
-        """Return a motion and its earliest stop, with the whole limits at a position limit."""
+        """Return a motion and its earliest stop, with the whole limits at a limit of the joint."""
         _, v, a = end(moving, self.q, self.v, self.a)
         phases = [*moving, *stop(v, a, self.limits.full)]
         if self._is_inside(self._extremes(phases)):
@@ -192,9 +211,12 @@ class JointPlanner:
         return extremes(phases, self.q, self.v, self.a)
 
     def _is_inside(self, found: Extremes) -> bool:
-        """Return whether a motion does not leave the position limits, or not further."""
-        return (min(self.limits.lower, self.q) - _HULL <= found.q_min
-                and found.q_max <= max(self.limits.upper, self.q) + _HULL)
+        """Return whether a motion is within the limits of position and velocity, or its start."""
+        limits, whole = self.limits, self.limits.whole
+        return (min(limits.lower, self.q) - _HULL <= found.q_min
+                and found.q_max <= max(limits.upper, self.q) + _HULL
+                and min(whole.v_min, self.v) - _HULL <= found.v_min
+                and found.v_max <= max(whole.v_max, self.v) + _HULL)
 
     def _is_in_hull(self, found: Extremes, bounds: Bounds, low: float, high: float) -> bool:
         """Return whether a motion is in the hull, with the velocities of the stop or of bounds."""
@@ -219,7 +241,7 @@ def _corrections(
     distance: float, v: float, a: float, bounds: Bounds, time: float,
 ) -> Iterator[Phases]:
     """Yield smooth motions to a target, the second until its time [s], and the shortest one."""
-    for T in (max(_CORRECTION, time), time):
+    for T in (max(_CORRECTION, time), max(0.4 * _CORRECTION, time), time):
         smooth = smooth_to_rest(distance, v, a, bounds, T)
         if smooth is not None:
             yield smooth

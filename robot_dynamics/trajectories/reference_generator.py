@@ -21,8 +21,11 @@ plan within `MotionLimits` (`planner`):
 - a set-point without a velocity is a goal at rest, reached as early as the limits permit, but not
   before its time; if the same set-point is repeated, the plan remains unchanged, unless its time
   is earlier;
-- a set-point with a velocity is a moving target; it is met as early as the limits permit, and
-  followed up to the timeout of the stream; then the joints stop;
+- a stream of such set-points is followed smoothly: each plan takes at least `HORIZON`, `PERIODS`
+  of the stream and twice the duration of the earliest stop;
+- a set-point with a velocity is a moving target, one period of the stream after its arrival; it is
+  met as early as the limits permit, and followed up to the timeout of the stream; then the joints
+  stop;
 - a trajectory of several points that starts at rest is delayed until the arm is at its start;
 - any other trajectory, and one that has already begun, is met on its path, at its own times. If
   that is impossible, the motion leads to rest at its end.
@@ -37,6 +40,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
 from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_planner import Target
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     nanoseconds,
@@ -49,7 +53,6 @@ from robot_dynamics.trajectories.planner import (
     plan_to_goal,
     plan_to_path,
     plan_with_target,
-    Target,
     without_creep,
 )
 
@@ -58,7 +61,7 @@ LONGEST_PERIOD = 0.5
 HORIZON = 0.1
 """Shortest time [s] in which the last position of a stream without velocities is reached."""
 PERIODS = 4.0
-"""The same time in periods of the stream."""
+"""The same time in periods of the stream; the reference lags by 2/3 of the longest time."""
 FIRST_PERIOD = 0.02
 """Shortest time [s] in which the first set-point of a stream with velocities is met."""
 ON_PATH = 1e-6
@@ -168,34 +171,36 @@ class ReferenceGenerator(TrajectoryFollower):
             horizon = 0.0 if before is None else max(HORIZON, PERIODS * self._period)
             return plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
         time = max(wait, self._period or FIRST_PERIOD)
-        since = None if before is None else before[1]
-        target = _target(point, since, max(interval, self._period), time, self.stream_timeout, limits)
-        return plan_with_target(state, target, limits, self.stream_timeout)
+        last = None if before is None else before[1]
+        target = _target(point, last, max(interval, self._period), time)
+        return plan_with_target(
+            state, self._within_limits(target, limits), limits, self.stream_timeout)
+
+    def _within_limits(self, target: Target, limits: MotionLimits) -> Target:
+        """Return the target with a velocity that stays within its limit while it is followed."""
+        most = limits.scale * limits.whole.velocity
+        v = np.clip(target.velocity, -_OF_LIMIT * most, _OF_LIMIT * most)
+        most_a = np.minimum(limits.scale**2 * limits.acceleration,
+                            (most - np.abs(v)) / (target.time + self.stream_timeout))
+        return target._replace(
+            velocity=v, acceleration=np.clip(target.acceleration, -most_a, most_a))
 
 
 def _target(
     point: TrajectoryPoint, before: TrajectoryPoint | None, interval: float, time: float,
-    follow_time: float, limits: MotionLimits,
 ) -> Target:
-    """
-    Return the target that is at a point at `time` [s], with velocities within the limits.
-
-    `before` is the point of the same stream that came `interval` [s] earlier.
-    """
-    assert point.velocity is not None
-    most = limits.scale * limits.whole.velocity
-    v = np.clip(point.velocity, -_OF_LIMIT * most, _OF_LIMIT * most)
-    a, since = point.acceleration, np.full_like(v, time)
+    """Return the target of a point, at `time` [s], that came `interval` [s] after `before`."""
+    v, a = point.velocity, point.acceleration
+    assert v is not None
     if a is None:
         a = np.zeros_like(v)
         if before is not None and before.velocity is not None and interval > 0.0:
             a = (v - before.velocity) / interval
-    most_a = np.minimum(
-        limits.scale**2 * limits.acceleration, (most - np.abs(v)) / (time + follow_time))
-    a = np.clip(a, -most_a, most_a)
+    since = np.full_like(v, time)
     if before is not None:
-        step = (v - 0.5 * a * time) * time
-        since[np.abs(before.position + step - point.position) <= np.abs(step)] = 0.0
+        # The target was at the point before, up to the distance that it covers in the time.
+        error = before.position + (v - 0.5 * a * time) * time - point.position
+        since[np.abs(error) <= (np.abs(v) + np.abs(a) * time) * time] = 0.0
     return Target(point.position, v, a, time, since)
 
 

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from page_law import page_law, PAGE_MODULE
 import pytest
 from robot_dynamics.control import controller
 from robot_dynamics.control.control_law import ErrorFeedback, make_gains
@@ -39,7 +40,6 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from page_law import page_law, PAGE_MODULE
 from robots import robot_urdf
 
 MS = 1_000_000
@@ -256,7 +256,7 @@ def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
 @pytest.mark.parametrize(('name', 'words'), [
     ('broken', "command is 'broken', but the control law of that entry point cannot be loaded: "
      "RuntimeError.*no gripper"),
-    ('absent', "cannot be loaded: ModuleNotFoundError.*user_package.absent"),
+    ('absent', 'cannot be loaded: ModuleNotFoundError.*user_package.absent'),
     ('impedanze', "command is 'impedanze', expected one of .*joint_impedance"),
 ])
 def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(

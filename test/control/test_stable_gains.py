@@ -30,8 +30,8 @@ from robot_dynamics.control.stable_gains import (
     CROSSOVER,
     DELAY_LAG,
     longest_period,
-    loop_gains,
     LOOP_DELAY,
+    loop_gains,
     LoopGains,
     slowest_rate,
     StableGains,
@@ -497,7 +497,8 @@ def test_at_slow_rates_the_terms_sum_to_the_command_for_the_position_ahead() -> 
     assert output.terms is not None
     assert output.command == pytest.approx(output.terms.effort)
     body = ArmDynamics(ARM).rigid_body
-    assert output.terms.gravity == pytest.approx(body.gravity(at + 0.5 * (period + LOOP_DELAY) * v))
+    ahead = at + 0.5 * (period + LOOP_DELAY) * v
+    assert output.terms.gravity == pytest.approx(body.gravity(ahead))
     assert output.gravity_compensation == pytest.approx(body.gravity(at))
 
 

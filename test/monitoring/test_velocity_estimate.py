@@ -118,7 +118,7 @@ def states(one: Controller, rate: int, velocities: bool, noise: float = 0.0) -> 
     rng, outputs = np.random.default_rng(0), []
     for k in range(400):
         q = np.full(2, 0.2) + rng.normal(0.0, noise, 2)
-        outputs.append(one.answer(
+        outputs.append(one.update(
             SECOND + SECOND * k // rate, q, np.zeros(2) if velocities else None))
     return outputs
 

@@ -16,19 +16,20 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-import math
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
+from fault_bench import fault_bench, FaultBench, figure_of, NAMES, nanoseconds_of, Q
 from fault_stimuli import wait_states
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient
+from ros_harness import RosClient, wait_until
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Reference interruptions'
@@ -78,13 +79,22 @@ def follow(bench: FaultBench, q: Sequence[float]) -> None:
     bench.wait_status('reference', lambda status: status.message == 'following')
 
 
-def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
-    """Make the driver report a motion to q, in steps that an arm can make, and then rest at q."""
-    begin = np.array(bench.driver.q)
-    steps = math.ceil(float(np.abs(np.subtract(q, begin)).max()) / 0.01)
-    for k in range(1, steps + 1):
-        bench.driver.q = (begin + k / steps * np.subtract(q, begin)).tolist()
-        wait_states(bench, 1)
+def move_by_hand(bench: FaultBench, q: Sequence[float], speed: float = 1.5) -> None:
+    """Make the driver report a smooth motion to q with its velocities, and then rest at q."""
+    begin, way = np.array(bench.driver.q), np.subtract(q, bench.driver.q)
+    start, duration = time.time_ns(), max(float(np.abs(way).max()) / speed, 0.02)
+
+    def moved(message: JointState) -> JointState:
+        t = min(max(1e-9 * (nanoseconds_of(message.header.stamp) - start) / duration, 0.0), 1.0)
+        message.position = (begin + (10.0 - 15.0 * t + 6.0 * t**2) * t**3 * way).tolist()
+        message.velocity = (30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist()
+        return message
+
+    bench.driver.change = moved
+    wait_until(lambda: time.time_ns() - start > 1e9 * duration, 'the motion')
+    wait_states(bench, 2)
+    bench.driver.q = list(q)
+    bench.driver.change = lambda message: message
     wait_states(bench, 2)
 
 

@@ -45,8 +45,14 @@ class Bench:
     next_second: int = 0
 
     def state(self, q: Any = Q, v: Any = V, names: Any = None) -> JointState:
-        """Return a joint state with a unique stamp."""
+        """
+        Return a joint state with a unique stamp.
+
+        Its default position changes from state to state: an arm in motion repeats no sample.
+        """
         self.next_second += 1
+        if q is Q:
+            q = [Q[0] + 1e-13 * (self.next_second % 1000), Q[1]]
         message = JointState(name=names or NAMES, position=q, velocity=v)
         message.header.stamp = Time(sec=self.next_second, nanosec=123_456_789)
         return message

@@ -93,9 +93,11 @@ class JointCase(NamedTuple):
                     and q_max <= max(limits.upper[self.j], q) + tolerance)
 
     def earliest_stop(self) -> tuple[Extremes, Bounds]:
-        """Return the earliest stop, with the whole limits if it would leave the limits."""
-        stopping = self.stop(self.full)
-        if self.is_inside(stopping.q_min, stopping.q_max, 1e-9):
+        """Return the earliest stop, with the whole limits if it would pass a limit."""
+        stopping, v = self.stop(self.full), self.state[1]
+        if self.is_inside(stopping.q_min, stopping.q_max, 1e-9) and (
+                min(self.whole.v_min, v) - 1e-9 <= stopping.v_min
+                and stopping.v_max <= max(self.whole.v_max, v) + 1e-9):
             return stopping, self.full
         return self.stop(self.whole), self.whole
 

@@ -21,7 +21,7 @@ USAGE = NodeUsage(
     'dynamics_node', 'dynamics',
     'Gravity compensation, computed torque and dynamics services for the arm of a URDF. The node '
     'computes one command for each joint state that it receives, and publishes it unless '
-    '`command` has the value none. Without a trajectory, the command compensates gravity.',
+    '`command` has the value none. By default it holds the arm from the first joint state on.',
     (('', 'Use the planar two-link arm, as simulated_arm does without arguments.'),
      ('--ros-args -p robot_description_file:=arm.urdf -p command:=none',
       'Use the arm in arm.urdf and publish no command: the first start with a robot.'),

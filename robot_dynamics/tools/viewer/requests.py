@@ -65,8 +65,8 @@ def reference_to(arm: ArmModel, goal: FloatArray, seconds: float, sender: str) -
     """
     Return the reference that reaches a goal (n,) after a time, and holds it.
 
-    With velocity and acceleration it is a quintic from the active reference. Of two points, the
-    last one is held; a single point would be a sample of a stream. `sender` is in `frame_id`.
+    Of two points, the last one is held; a single point would be a sample of a stream. `sender`
+    is in `frame_id`.
     """
     rest = floats_to_ros(np.zeros(arm.joint_count))
     message = JointTrajectory(joint_names=list(arm.joint_names), points=[
