@@ -61,6 +61,8 @@ ERROR_SHARE = 0.3
 """Largest share of the limit of the following error that an unknown load may take."""
 KICK_SHARE = 0.2
 """Largest velocity, by its limit, that a load may cause until the loop reacts."""
+NEAR = 0.3
+"""[rad] from the poses of a motion in which the sag by a load is computed."""
 LOAD = (0.3, 1.0)
 """[kg]"""
 LOAD_OFFSET = 0.05
@@ -239,13 +241,15 @@ def _load(scene: Scene, scale: float, is_known: bool) -> Payload:
     joint = arm.pinocchio_model.getJointId(arm.joint_names[-1])
     link = [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]
     mass = scene.rng.uniform(*LOAD)
+    shifts = np.random.default_rng(0).uniform(-NEAR, NEAR, (TRIES, len(q)))
     lag = 1e-3 * (scene.period + scene.case.delay)
     error = ERROR_SHARE * controller.options.largest_error(arm.limits.velocity)
     for _ in range(3 * TRIES):
         load = make_payload(link, mass, (0.0, 0.0, LOAD_OFFSET))
         loaded = arm.with_payloads([load])
         poses = q, scene.motion.start, scene.motion.goal
-        sag = np.max([_acceleration(arm, arm, loaded, each) for each in poses], axis=0) / (
+        near = [*poses, *(each + shift for each in poses for shift in shifts)]
+        sag = np.max([_acceleration(arm, arm, loaded, each) for each in near], axis=0) / (
             scale**2 * controller.options.gains.kp)
         kick = lag * np.max([_acceleration(loaded, arm, loaded, each) for each in poses], axis=0)
         if is_held(loaded, *poses) and (kick <= KICK_SHARE * arm.limits.velocity).all() and (

@@ -66,6 +66,8 @@ FROZEN_SETTLING = 8.0
 """[s] that a run lasts at least after a joint was found frozen: until brakes hold the arm."""
 RAMP_SLACK = 0.1
 """[s] by which a ramp to zero may take longer than the ramp time."""
+FIRST_STATES = 2
+"""States from which the loop takes the velocity, with which a reference starts."""
 LOOK = 100
 """[ms] between two checks whether the reference has ended."""
 ENTRY = 0.2
@@ -238,6 +240,8 @@ class Scene:
         """Largest velocity when the ramp to zero began, and its end [s] after the request."""
         self.hull, self._excess = Hull(motion.start), 0.0
         self._limits: tuple[WorkspaceInertia, MotionLimits] | None = None
+        self._unknown = 0
+        """Number of states until the velocity is known from which a reference starts."""
         self._faults, self._doubt = list[str](), ''
         self._is_pushed = False
         self._tick_due, self._mode = 0.0, self.loop.supervisor.mode
@@ -380,6 +384,9 @@ class Scene:
         reference = self.loop.reference
         if reference is not None:
             if answer.verdict.restart or before is None:
+                self._unknown = FIRST_STATES
+            if self._unknown > 0:
+                self._unknown -= 1
                 self.hull.begin(reference._replace(position=q), limits)
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
                 self.hull.begin(before, limits)

@@ -448,11 +448,16 @@ class Controller:
             self.has_lost_velocity = True
         self._state = None
 
-    def inertia(self, q: FloatArray) -> FloatArray:
-        """Return the effort of the command per acceleration, (n, n), at q."""
+    def motion_equation(
+        self, q: FloatArray, v: FloatArray | None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return M(q) (n, n) and C(q, v) v (n,) in units of the command."""
         with self.lock:
-            M, drive = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.drive
-            return M if drive is None else M / drive.scale[:, np.newaxis]
+            body, drive = self._load.dynamics.rigid_body, self.arm.drive
+            M = body.mass_matrix(q)
+            coriolis = np.zeros_like(q) if v is None else body.nonlinear(q, v) - body.gravity(q)
+            return (M, coriolis) if drive is None else (
+                M / drive.scale[:, np.newaxis], coriolis / drive.scale)
 
     def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
@@ -463,8 +468,11 @@ class Controller:
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
             damping = M @ (FAULT_DAMPING * self.feedback_gains[1] * v)
-            braked = np.clip(
-                torque - damping, np.minimum(-limit, torque), np.maximum(limit, torque))
+            # In proportion: the damping of one joint alone would accelerate the others.
+            free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
+            with np.errstate(divide='ignore', invalid='ignore'):
+                share = np.where(damping != 0.0, free / np.abs(damping), 1.0)
+            braked = torque - min(1.0, float(share.min(initial=1.0))) * damping
             if not np.isfinite(braked).all():
                 return hold
             return braked if drive is None else drive.command(braked)

@@ -115,6 +115,11 @@ class EffortLimits:
         return np.zeros(len(self.lower), dtype=bool)
 
 
+MotionEquation = Callable[
+    [FloatArray, FloatArray | None], tuple[FloatArray, FloatArray]]
+"""Returns M(q) (n, n) and C(q, v) v (n,) at (q, v); v may be unknown (None)."""
+
+
 class ActiveLimits(NamedTuple):
     """The joints (n,) whose effort each limit has changed."""
 
@@ -138,23 +143,24 @@ class EffortLimiter:
 
     def apply(
         self, effort: FloatArray, hold: Callable[[], FloatArray], q: FloatArray,
-        v: FloatArray | None, dt: float, inertia: Callable[[FloatArray], FloatArray] | None = None,
+        v: FloatArray | None, dt: float, equation: MotionEquation | None = None,
     ) -> FloatArray:
         """
         Return the effort that may be published dt [s] after the last effort.
 
         `hold` returns the command (n,) that holds the arm still; the first effort is that command.
         `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
-        `inertia` returns the effort per acceleration (n, n) at a position, by default the unit
-        matrix: joints that do not move each other.
+        `equation` returns M(q) (n, n) and C(q, v) v (n,) in units of the effort, by default the
+        unit matrix and 0: joints that do not move each other.
         """
         limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
         is_clear = limits.is_clear(q, v)
         if not is_clear:
             still = hold()
-            M = np.eye(len(q)) if inertia is None else inertia(q)
-            a = np.linalg.solve(M, effort - still)
+            M, coriolis = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
+                equation(q, v))
+            a = np.linalg.solve(M, effort - still - coriolis)
             by_position = ((a > 0.0) & (q > limits.soft_upper)) | (
                 (a < 0.0) & (q < limits.soft_lower))
             if v is not None:
@@ -162,10 +168,11 @@ class EffortLimiter:
             is_held = by_position | by_velocity
             if is_held.any():
                 most = np.maximum(np.maximum(np.abs(still), np.abs(effort)), limits.effort)
-                allowed = np.clip(still + M @ np.where(is_held, 0.0, a), -most, most)
+                allowed = np.clip(
+                    still + coriolis + M @ np.where(is_held, 0.0, a), -most, most)
         if self.last is None:
             self.last, dt = hold(), 0.0
-        moved = self.rate_limited(allowed, dt, in_proportion=is_clear)
+        moved = self.rate_limited(allowed, dt, in_proportion=allowed is effort)
         if moved is not allowed:
             by_rate = moved != allowed
         has_changed = moved is not effort and bool((moved != effort).any())

@@ -425,7 +425,7 @@ class ControlLoop:
         effort = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,
-            controller.inertia)
+            controller.motion_equation)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)

@@ -34,7 +34,7 @@ from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, MotionEquation
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
@@ -192,14 +192,14 @@ class CommandSupervisor:
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         hold: Hold, dt: float | None = None, brake: Brake | None = None,
-        fault: Fault | None = None, inertia: Callable[[FloatArray], FloatArray] | None = None,
+        fault: Fault | None = None, equation: MotionEquation | None = None,
     ) -> FloatArray | None:
         """
         Return the effort for a valid state; `hold` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
         fault that was found with this state. `brake` returns the hold with damping at (q, v); it
-        is used in a fault. `inertia` is that of `EffortLimiter.apply`.
+        is used in a fault. `equation` is that of `EffortLimiter.apply`.
         """
         cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
         if cause is None and self.mode is Mode.RUNNING and (
@@ -220,7 +220,7 @@ class CommandSupervisor:
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
         passed, self.last_output = now - self.last_output, now
-        return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, inertia)
+        return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, equation)
 
     def act(self, now: float) -> None:
         """Let the fault action run although states are valid, without its `hold_time`."""

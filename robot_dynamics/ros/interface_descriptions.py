@@ -111,9 +111,8 @@ SERVICES: Descriptions = {
         '~/estimate_payload': 'Estimates what is attached to a link from measured efforts: starts '
                               'an estimation, returns the estimate so far, and applies it on '
                               'request ([payload estimation](../payload_estimation.md)).',
-        '~/stop': 'Stops the arm within its limits, along the reference if there is one, and '
-                  'then holds the position. Available in every state of the node, also during '
-                  'long requests.',
+        '~/stop': 'Stops each joint as early as its limits permit, and then holds the position. '
+                  'Available in every state of the node, also during long requests.',
         '~/reset_fault': 'Resets a latched fault and re-enables commands. Returns `success` '
                          'false and the reason while the cause persists.',
         '~/change_state': 'Lifecycle: configures, activates, deactivates, cleans up or shuts '
@@ -135,9 +134,10 @@ SERVICES: Descriptions = {
 STATUSES: dict[str, dict[str, StatusDescription]] = {
     'dynamics': {
         'joint states': StatusDescription(
-            'Whether joint states arrive and are complete. The message for a dropped state '
-            'contains the reason and the remedy.',
-            'no states; a replayed recording; a state dropped in the last second (error)',
+            'Whether joint states arrive, are complete and agree with each other. The message '
+            'for a dropped state contains the reason and the remedy.',
+            'no states; a replayed recording; velocities that contradict the positions, or a '
+            'frozen joint; a state dropped in the last second (error)',
             '`answered`, `not new (stamp repeated)`, `parts of a state`, `velocities`, '
             '`dropped: REASON` and `restarted: REASON`'),
         'timing': StatusDescription(
@@ -147,14 +147,15 @@ STATUSES: dict[str, dict[str, StatusDescription]] = {
             '`rate [Hz]`, `jitter, standard deviation [ms]`, `longest interval [ms]`, '
             '`late states`'),
         'reference': StatusDescription(
-            'Whether a reference is followed; why the latest one ended early or was rejected, '
-            'until the next one. `slowed down by` is the factor of the last trajectory.',
+            'Whether a reference is followed, which may be a stop or a held position; why the '
+            'latest one ended early or was rejected, until the next one. `slowed down by` is the '
+            'factor of the last trajectory.',
             'the latest rejected; the last one ended early',
             '`refused`, `refusal of the latest`, `streams that paused`, `slowed down by`, '
             '`share of the gains that the state rate allows`'),
         'command': StatusDescription(
             'Mode of the command; name and description of an active fault; counters of published '
-            'and limited commands.',
+            'and limited commands, such as `held back by scaled gains`.',
             'a fault (error); not running; an active limit in the last second; incompatible '
             'quality of service of a subscriber',
             '`published`, `held back by …`, `faults: …`, `incompatible subscribers of …`'),

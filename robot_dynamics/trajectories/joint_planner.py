@@ -117,11 +117,15 @@ class JointPlanner:
 
     def to_rest(self, goal: float, earliest: float = 0.0) -> Phases:
         """Return the motion to rest at a goal, after `earliest` [s] or later."""
-        limits = self.limits
-        for phases in _motions(goal - self.q, self.v, self.a, limits.lowered, earliest):
+        problem, limits = (goal - self.q, self.v, self.a), self.limits
+        for phases in _motions(*problem, limits.lowered, earliest):
             found = self._extremes(phases)
             if (self._can_stop or self._is_inside(found)) and self._is_in_hull(
                     found, limits.full, goal, goal):
+                return phases
+        if not self._can_stop:
+            phases = to_rest(*problem, limits.whole)
+            if self._is_inside(self._extremes(phases)):
                 return phases
         q_stop, T = end(self.stop, self.q, self.v, self.a)[0], duration(self.stop)
         return [*self.stop, *to_rest(

@@ -166,7 +166,7 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
                 controller.set_payloads(loads_of(arm, event), 0.5, payloads_done.append)
             else:
                 output = controller.update(
-                    stamp_from_ros(event.header.stamp), *reader.read(event), with_terms=True)
+                    stamp_from_ros(event.header.stamp), *reader.read(event))
                 check_finite(floats_to_ros(output.gravity_compensation), 'gravity')
                 if output.computed_torque is not None:
                     check_finite(floats_to_ros(output.computed_torque), 'computed_torque')

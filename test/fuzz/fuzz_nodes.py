@@ -52,7 +52,9 @@ PLANAR_JOINTS = ('joint1', 'joint2')
 ARGUMENTS = (
     '-p', f'joints:=[{", ".join(PLANAR_JOINTS)}]', '-p', 'lock_step:=true',
     '-r', 'simulated_arm:__ns:=/apart', '-r', '__ns:=/fuzz')
-AT_REST = JointState(name=PLANAR_JOINTS, position=[0.1, 0.2], velocity=[0.0, 0.0])
+AT_REST = tuple(  # the samples of a joint that is alive differ
+    JointState(name=PLANAR_JOINTS, position=[0.1 + step, 0.2 + step], velocity=[0.0, 0.0])
+    for step in (0.0, 1e-7))
 DEFAULTS: Values = {
     spec.name: tuple(spec.default) if isinstance(spec.default, list) else spec.default
     for spec in SPECS}
@@ -114,16 +116,17 @@ class RunningNodes:
         """Pass a message to `dynamics`; raise RefusalError with the reported reason of a drop."""
         node = self.dynamics
         if topic == 'joint_trajectory':  # starts at the position of the arm, which has to be valid
-            callback_of(node, 'joint_states')(serialize_message(AT_REST))
+            for state in AT_REST:
+                callback_of(node, 'joint_states')(serialize_message(state))
         counters = node._path.counters
-        answered, node._refusal, counters.last_drop = counters.states, '', ''
+        answered, node._refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
         callback_of(node, topic)(serialize_message(message))
         assert counters.dropped['internal error'] == failures, counters.last_drop
         words = node._refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
             raise RefusalError(words)
-        if topic == 'joint_states' and counters.states == answered:
+        if topic == 'joint_states' and node._path.loop.states == answered:
             raise RefusalError('the state was ignored: it has other joints')
 
     # ------------------------------------------------------------------ parameters and URDFs

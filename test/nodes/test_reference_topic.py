@@ -14,7 +14,7 @@
 
 """`~/reference` of a real node: the reference at each state, and no message without one."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 import time
 from typing import Any
 
@@ -40,72 +40,64 @@ START = 12_000_000_789
 # --- a trajectory --------------------------------------------------------------------------------
 
 def state(nanoseconds: int, **fields: Any) -> JointState:
-    """Return a joint state; the arm stays at its position, independent of commands."""
-    message = JointState(**{'name': NAMES, 'position': Q, 'velocity': [0.0, 0.0], **fields})
+    """Return a joint state; the arm stays at its position, but its sample does not repeat."""
+    q = [Q[0] + 1e-12 * (nanoseconds // 1000 % 997), Q[1] - 1e-12 * (nanoseconds // 1000 % 991)]
+    message = JointState(**{'name': NAMES, 'position': q, 'velocity': [0.0, 0.0], **fields})
     message.header.stamp = stamp_of(nanoseconds)
     return message
 
 
-@pytest.mark.parametrize('reaction', ['hold', 'gravity_compensation'])
-def test_it_is_the_trajectory_at_the_stamp_of_the_state(
-    client: RosClient, reaction: str,
-) -> None:
+def test_it_is_the_trajectory_at_the_stamp_of_the_state(client: RosClient) -> None:
     """In the joint order of the node, independent of the order of the trajectory."""
     trajectory = quintic_via_points(
         NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])
     rest = Reference(np.array(Q), np.zeros(2), np.zeros(2))
     expected = ActiveTrajectory(trajectory, START, START, rest)
-    namespace = f'/reference_{reaction}'
-    parameters = {'joints': NAMES[::-1], 'reference_loss': reaction}
-    with NodeProcess(DYNAMICS, parameters, namespace=namespace), \
-            client.collect(JointState, f'{namespace}/dynamics/reference') as references:
+    parameters = {'joints': NAMES[::-1], 'require_measured_velocities': True}
+    with NodeProcess(DYNAMICS, parameters, namespace='/reference'), \
+            client.collect(JointState, '/reference/dynamics/reference') as references:
         references.wait_matched()
-        states = client.publisher(JointState, f'{namespace}/joint_states', 1)
+        states = client.publisher(JointState, '/reference/joint_states', 1)
         trajectories = client.publisher(
-            JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+            JointTrajectory, '/reference/dynamics/joint_trajectory')
         with client.collect(
-                JointState, f'{namespace}/dynamics/gravity_compensation') as gravity:
+                JointState, '/reference/dynamics/gravity_compensation') as gravity:
             gravity.wait_matched()
-            client.answer_to(states, state(START - 1_000_000_000), gravity)
+            found = client.answer_to(states, state(START - 1_000_000_000), references)
+            check_held(found)  # from the first state on
             message = trajectory_to_ros(trajectory)
             message.header.stamp = stamp_of(START)
             trajectories.publish(message)
-            # repeated until the trajectory is followed, from its arrival on
-            client.answer_to(states, state(START - 500_000_000), references)
+            trajectories.wait_for_all_acked()
+            client.get_parameter('/reference/dynamics', 'command')  # answered after that message
+            check_held(client.answer_to(states, state(START - 500_000_000), references))
             for ns in range(START, START + 3_000_000_000, 70_000_123):
                 found = client.answer_to(states, state(ns), references)
                 position, velocity, _ = expected.sample(ns)
                 assert list(found.name) == NAMES[::-1]
-                assert found.position == pytest.approx(position[::-1], abs=1e-12)
-                assert found.velocity == pytest.approx(velocity[::-1], abs=1e-12)
+                assert found.position == pytest.approx(position[::-1], abs=1e-8)
+                assert found.velocity == pytest.approx(velocity[::-1], abs=1e-8)
                 assert list(found.effort) == []
-            assert list(found.velocity) == [0.0, 0.0]  # the end is held
-            # a state without velocity ends the trajectory, and nothing is followed
+            assert found.velocity == pytest.approx([0.0, 0.0], abs=1e-8)  # the end is held
+            # a state without velocity ends the trajectory, and then the measured position is held
             client.answer_to(states, state(ns + 1_000_000, velocity=[]), gravity)
-            if reaction == 'hold':  # then the measured position is held
-                found = client.answer_to(states, state(ns + 2_000_000), references)
-                assert list(found.position) == Q[::-1]
-                assert list(found.velocity) == [0.0, 0.0]
-            else:
-                client.answer_to(states, state(ns + 2_000_000), gravity)
-                client.answer_to(states, state(ns + 3_000_000), gravity)
+            check_held(client.answer_to(states, state(ns + 2_000_000), references))
     stamps = [nanoseconds_of(message.header.stamp) for message in references.messages]
-    assert START - 1_000_000_000 not in stamps
     assert ns + 1_000_000 not in stamps
-    assert (max(stamps) > ns) == (reaction == 'hold')
 
 
-# --- no reference --------------------------------------------------------------------------------
+def check_held(message: JointState) -> None:
+    """Check that a reference is a rest at `Q`."""
+    assert message.position == pytest.approx(Q[::-1], abs=1e-8)
+    assert message.velocity == pytest.approx([0.0, 0.0], abs=1e-7)
+
+
+# --- the hold, and no reference ------------------------------------------------------------------
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """
-    Return a node with default safety parameters, as left by the last test, without a reference.
-
-    The node holds no position after the end of a reference; a test that sets `hold` gets one.
-    """
-    with fault_bench(
-            client, '/referred', {**NEVER, 'reference_loss': 'gravity_compensation'}) as one:
+    """Return a node with default safety parameters, as left by the last test."""
+    with fault_bench(client, '/referred', NEVER) as one:
         yield one
 
 
@@ -154,27 +146,43 @@ def check_followed(references: Collector, moment: int) -> None:
         assert message.position[1] == pytest.approx(Q[1], abs=1e-9)
 
 
-def check_stream(bench: FaultBench, references: Collector) -> None:
-    """Check that a stream is followed, and is no longer followed after its timeout."""
+def wait_at(bench: FaultBench, references: Collector, q: Sequence[float]) -> None:
+    """Wait until 100 references since now rest at q."""
+    moment = time.time_ns()
+
+    def rests() -> bool:
+        last = after(references, moment)[-100:]
+        return len(last) == 100 and all(
+            list(m.velocity) == [0.0, 0.0] and m.position == pytest.approx(q, abs=1e-9)
+            for m in last)
+
+    wait_until(rests, f'references at {q}')
+
+
+def test_gravity_compensation_has_none(bench: FaultBench, references: Collector) -> None:
+    wait_at(bench, references, Q)  # computed torque holds the arm
+    bench.set_parameters(command='gravity_compensation')
+    check_silent(bench, references)
+    bench.set_parameters(command='computed_torque')
+    wait_at(bench, references, Q)
+
+
+def test_a_stream_of_set_points_is_followed_and_its_end_is_held(
+    bench: FaultBench, references: Collector,
+) -> None:
     moment = time.time_ns()
     with SetPoints(bench, lambda: GOAL) as stream:
         check_followed(references, moment)
         wait_until(lambda: stream.sent >= 10, 'ten set-points')
     bench.set_parameters(reference_timeout=0.5)
-    check_silent(bench, references)
+    bench.wait_status('reference', lambda status: 'the stream of set-points' in status.message)
+    wait_at(bench, references, GOAL)
     bench.set_parameters(**NEVER)
-    check_followed(references, moment)
 
 
-def test_without_a_stream_of_set_points_there_is_none(
+def test_after_a_fault_the_measured_position_is_held(
     bench: FaultBench, references: Collector,
 ) -> None:
-    check_silent(bench, references)
-    assert references.messages == []
-    check_stream(bench, references)
-
-
-def test_a_fault_discards_the_reference(bench: FaultBench, references: Collector) -> None:
     moment = time.time_ns()
     bench.set_point(GOAL)  # a single set-point is held until another event ends the reference
     check_followed(references, moment)
@@ -182,5 +190,5 @@ def test_a_fault_discards_the_reference(bench: FaultBench, references: Collector
     bench.wait_state_timeout()
     bench.driver.go_on()
     bench.wait_running()
-    check_silent(bench, references)
-    check_stream(bench, references)
+    wait_at(bench, references, Q)
+    assert is_gravity(bench.efforts.messages[-1])

@@ -76,7 +76,6 @@ CASES = {
     'zero time': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
     'negative time': Case({'hold_time': -1.0}, r'hold_time.* -1'),
     'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
-    'unknown loss action': Case({'reference_loss': 'drop'}, r"reference_loss is 'drop', expected"),
     'several following errors without an order of the joints': Case(
         {'following_error_limit': [1.0, 2.0]},
         r'following_error_limit has 2 values, .*but the parameter joints'),
