@@ -162,7 +162,7 @@ class CommandPublisher:
         self.publish(data)
 
     def wait_for_subscriber(self) -> None:
-        """Wait until a subscriber is discovered; raise TimeoutError if there is none."""
+        """Wait until a subscriber is discovered; raise TimeoutError without one."""
         deadline = time.monotonic() + TIMEOUT
         while not self._publisher.get_subscription_count():
             if time.monotonic() > deadline:

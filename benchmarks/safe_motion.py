@@ -16,7 +16,8 @@
 Safety of the control loop with default parameters, in simulation without ROS.
 
 Arms × kinds of motion × sizes × state rates × delays × velocity noise, each without and with one
-disturbance (`safe_motion_disturbances`). Ends with status 1 if any run is bad. With options: `scripts/run python -m benchmarks.safe_motion --help`.
+disturbance (`safe_motion_disturbances`). Ends with status 1 if any run is bad. With options:
+`scripts/run python -m benchmarks.safe_motion --help`.
 """
 
 import argparse
@@ -172,7 +173,8 @@ def _print_report(runs: Sequence[Run], seconds: float, jobs: int) -> None:
         'disturbance': lambda case: case.disturbance or NONE,
         'rate, delay, noise': _condition}
     orders = {
-        'arm': ARMS, 'motion': MOTIONS, 'disturbance': [NONE, *DISTURBANCES], 'size [rad]': [f'{size:g}' for size in SIZES],
+        'arm': ARMS, 'motion': MOTIONS, 'size [rad]': [f'{size:g}' for size in SIZES],
+        'disturbance': [NONE, *DISTURBANCES],
         'rate, delay, noise': [
             _condition(Case('', '', 0.0, rate, delay, noisy))
             for noisy in (False, True) for rate in PERIODS for delay in DELAYS]}

@@ -241,17 +241,18 @@ def _load(scene: Scene, scale: float, is_known: bool) -> Payload:
     joint = arm.pinocchio_model.getJointId(arm.joint_names[-1])
     link = [name for name in arm.link_names if arm.link_frame(name).parentJoint == joint][-1]
     mass = scene.rng.uniform(*LOAD)
+    poses = q, scene.motion.start, scene.motion.goal
     shifts = np.random.default_rng(0).uniform(-NEAR, NEAR, (TRIES, len(q)))
-    lag = 1e-3 * (scene.period + scene.case.delay)
+    near = [*poses, *(each + shift for each in poses for shift in shifts)]
+    kp, lag = scale**2 * controller.options.gains.kp, 1e-3 * (scene.period + scene.case.delay)
     error = ERROR_SHARE * controller.options.largest_error(arm.limits.velocity)
     for _ in range(3 * TRIES):
         load = make_payload(link, mass, (0.0, 0.0, LOAD_OFFSET))
         loaded = arm.with_payloads([load])
-        poses = q, scene.motion.start, scene.motion.goal
-        near = [*poses, *(each + shift for each in poses for shift in shifts)]
-        sag = np.max([_acceleration(arm, arm, loaded, each) for each in near], axis=0) / (
-            scale**2 * controller.options.gains.kp)
-        kick = lag * np.max([_acceleration(loaded, arm, loaded, each) for each in poses], axis=0)
+        sag, kick = (
+            factor * np.max(np.abs([
+                _acceleration(moved, arm, loaded, each) for each in near]), axis=0)
+            for factor, moved in ((1.0 / kp, arm), (lag, loaded)))
         if is_held(loaded, *poses) and (kick <= KICK_SHARE * arm.limits.velocity).all() and (
                 is_known or (sag <= error).all()):
             break
@@ -263,23 +264,25 @@ def _acceleration(
     moved: ArmModel, arm: ArmModel, loaded: ArmModel, q: FloatArray,
 ) -> FloatArray:
     """Return M⁻¹ Δg, (n,): the change of gravity by a load, on the inertia of the arm `moved`."""
-    gravities = (ArmDynamics(each).rigid_body.gravity(q) for each in (arm, loaded))
-    return np.asarray(np.abs(np.linalg.solve(
-        ArmDynamics(moved).rigid_body.mass_matrix(q), np.subtract(*gravities))))
+    without, with_load = (ArmDynamics(each).rigid_body.gravity(q) for each in (arm, loaded))
+    M = ArmDynamics(moved).rigid_body.mass_matrix(q)
+    return np.asarray(np.linalg.solve(M, with_load - without))
 
 
 def static_sag(scene: Scene) -> FloatArray:
     """
     Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
 
-    It is the static error e of computed torque: M K_p e = Δg.
+    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e.
     """
+    e = np.zeros(scene.arm.joint_count)
     if not scene.has_unknown_load or scene.goal is None:
-        return np.zeros(scene.arm.joint_count)
+        return e
     controller = scene.loop.controller
     kp = controller.bandwidth_scale**2 * controller.options.gains.kp
-    return SAG_TOLERANCE / kp * _acceleration(
-        scene.arm, scene.arm, scene.plant.arm, scene.goal)
+    for _ in range(TRIES):
+        e = _acceleration(scene.arm, scene.arm, scene.plant.arm, scene.goal - e) / kp
+    return SAG_TOLERANCE * np.abs(e)
 
 
 def stream_end(scene: Scene) -> None:

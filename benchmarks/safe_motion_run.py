@@ -172,8 +172,8 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         amplitude=amplitude, overshoot=float(excess.max()),
         velocity_ratio=float((speed / limits.velocity).max()), distance=distance,
         hull_excess=trace.hull_excess, faults=' '.join(trace.faults), doubt=trace.doubt,
-        notes='; '.join(filter(None, (trace.interruption, scene.rejection))), simulated=STEP * (len(q) - 1),
-        seconds=seconds)
+        notes='; '.join(filter(None, (trace.interruption, scene.rejection))),
+        simulated=STEP * (len(q) - 1), seconds=seconds)
 
 
 def _overshoot(scene: Scene, trace: Trace) -> tuple[FloatArray, FloatArray]:

@@ -225,7 +225,7 @@ class Scene:
         self.effort: FloatArray | None = None
         """The effort that acts; None: brakes hold the arm."""
         self.goal: FloatArray | None = motion.goal
-        """Where the motion ends, None if it need not arrive."""
+        """Goal (n,) of the motion, None if it need not arrive."""
         self.quiet_after = motion.end
         """[s] after which no message changes the motion."""
         self.begun = 0.0

@@ -62,6 +62,8 @@ LAWS: dict[str, LawFactory] = {
 NO_COMMAND = 'none'
 LONGEST_DIFFERENCE = 0.1
 """[s] between two states whose positions give the velocity at which a stop starts."""
+USUAL_FRICTION = 0.1
+"""Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
@@ -212,7 +214,7 @@ class Controller:
 
     @property
     def has_stopped(self) -> bool:
-        """Whether the reference has ended at the last state, or there is none."""
+        """Whether no reference is active, or it has ended at the last state."""
         active = self._reference.active
         return active is None or self._state is not None and self._state[0] >= active.end_ns
 
@@ -477,13 +479,19 @@ class Controller:
                 return hold
             return braked if drive is None else drive.command(braked)
 
-    @property
-    def holding_error(self) -> FloatArray:
-        """The error (n,) [rad] or [m] at which known dry friction can hold a joint."""
-        friction = self.arm.friction.at_rest
-        M = np.diagonal(self.workspace.matrices, axis1=1, axis2=2).min(axis=0, initial=np.inf)
+    def holding_error(self, q: FloatArray) -> FloatArray:
+        """
+        Return the errors (n,) [rad] or [m] at which dry friction may hold the joints at q (n,).
+
+        Friction that is not known is assumed to be as large as usual in gearboxes.
+        """
+        friction, limit = self.arm.friction.at_rest, self.arm.limits.effort
+        usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
+        with self.lock:
+            M = np.diagonal(self._load.dynamics.rigid_body.mass_matrix(q))
+            stiffness = M * self.feedback_gains[0]
         with np.errstate(divide='ignore', invalid='ignore'):
-            error = (friction.static + friction.offset) / (M * self._options.gains.kp)
+            error = np.maximum(friction.static + friction.offset, usual) / stiffness
         return np.where(np.isnan(error), 0.0, error)
 
     @property

@@ -114,7 +114,7 @@ class FollowedReference:
         self.active, self.stops_next = None, holds
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
-        """Stop from the reference, or from this state if there is none, and hold."""
+        """Stop from the reference, or without one from this state, and hold."""
         self.stops_next = False
         self._follower.stop(stamp_ns, q, v)
         self.active = self._follower.active

@@ -85,7 +85,7 @@ class LoopAnswer(NamedTuple):
     """
     The answer to a state: the effort to publish (n,), or None, and what led to it.
 
-    `limits` are the limits that have changed the effort, None if there are none.
+    `limits` are the limits that have changed the effort, None if no limit has.
     """
 
     effort: FloatArray | None
@@ -413,7 +413,8 @@ class ControlLoop:
             passed = dt if dt is not None else now - supervisor.last_output
             supervisor.last_output = now
             effort = limiter.rate_limited(output.command, passed)
-            if effort is output.command and output.scale == 1.0 and output.clamped is None:
+            if effort is output.command and output.law.scale == 1.0 and (
+                    output.clamped is None):
                 return LoopAnswer(effort, output, verdict)
             no_joint = limiter.limits.no_joint
             return LoopAnswer(effort, output, verdict, ActiveLimits(

@@ -39,7 +39,7 @@ class JointStateReader:
         self._index: IntArray = np.zeros(0, dtype=np.intp)
         self._layout: Layout | None = None
         self.places: IntArray = np.zeros(0, dtype=np.intp)
-        """Where the numbers of the last layout have positions and velocities of the joints."""
+        """Indices of positions and velocities of the joints in the numbers of the last layout."""
 
     def read(self, message: JointState | SensedState) -> tuple[FloatArray, FloatArray | None]:
         """

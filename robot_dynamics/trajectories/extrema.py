@@ -77,7 +77,7 @@ def _quadratic_roots(c: FloatArray) -> FloatArray:
     """
     Return the roots (2, ..., n) of the polynomials c (..., up to 3, n), clipped to [0, 1].
 
-    Where there are fewer roots, the other values are any phases in [0, 1].
+    If there are fewer roots, the other values are any phases in [0, 1].
     """
     c0, c1, c2 = np.zeros_like(c, shape=(3, *c.shape[:-2], c.shape[-1]))
     for row, given in zip((c0, c1, c2), np.moveaxis(c, -2, 0)):

@@ -48,6 +48,8 @@ _STOPS = 2.0
 """The shortest duration of a smooth motion, in durations of the earliest stop."""
 _REVERSED = (0.75, 0.5, 0.0)
 """Ends of stops that reverse, as fractions of the displacement of the earliest stop."""
+_RESERVE = 0.015
+"""[rad] or [m] before a position limit that a joint enters only to come to rest at a goal."""
 _FOLLOWED = (1.0, 0.6, 0.3, 0.1, 0.0)
 """Fractions of the time for which a joint may follow its target."""
 
@@ -89,8 +91,8 @@ class JointPlanner:
     def __init__(self, state: State, limits: JointLimits) -> None:
         self.q, self.v, self.a = state
         self.limits = limits
-        for self.stop in self._stops():
-            self._hull = self._extremes(self.stop)
+        for phases in self._stops():
+            self.stop, self._hull = phases, self._extremes(phases)
             self._can_stop = self._is_inside(self._hull)
             if self._can_stop:
                 break
@@ -156,7 +158,7 @@ class JointPlanner:
             for motion in _corrections(*problem, target.time):
                 phases = self._stopped(before(motion, time))
                 found = self._extremes(phases)
-                if self._is_inside(found) and self._is_in_hull(
+                if self._is_inside(found, _RESERVE) and self._is_in_hull(
                         found, self.limits.whole, goals.q_min, goals.q_max):
                     return phases
         return None
@@ -214,11 +216,11 @@ class JointPlanner:
     def _extremes(self, phases: Phases) -> Extremes:
         return extremes(phases, self.q, self.v, self.a)
 
-    def _is_inside(self, found: Extremes) -> bool:
+    def _is_inside(self, found: Extremes, reserve: float = 0.0) -> bool:
         """Return whether a motion is within the limits of position and velocity, or its start."""
         limits, whole = self.limits, self.limits.whole
-        return (min(limits.lower, self.q) - _HULL <= found.q_min
-                and found.q_max <= max(limits.upper, self.q) + _HULL
+        return (min(limits.lower + reserve, self.q) - _HULL <= found.q_min
+                and found.q_max <= max(limits.upper - reserve, self.q) + _HULL
                 and min(whole.v_min, self.v) - _HULL <= found.v_min
                 and found.v_max <= max(whole.v_max, self.v) + _HULL)
 

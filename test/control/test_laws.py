@@ -172,7 +172,7 @@ def test_a_law_without_an_effort_is_incomplete() -> None:
 
 @pytest.mark.parametrize('has_reference', [False, True])
 def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
-    """Of a continuous joint the shortest distance; without a reference there are none."""
+    """Of a continuous joint it is the shortest distance; without a reference there is no error."""
     arm = load_arm(robot_urdf('ur5'))
     n, seen = arm.joint_count, []
 

@@ -44,7 +44,7 @@ LIMITS = 150.0, 60.0
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
+    """Return a node that holds the arm at `Q`; tests restore its state."""
     with fault_bench(client, '/faults_set_points', NEVER) as one:
         yield one
 
@@ -52,8 +52,7 @@ def bench(client: RosClient) -> Iterator[FaultBench]:
 @pytest.fixture(scope='module')
 def direct(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that passes set-points to the control law without conditioning."""
-    with fault_bench(client, '/faults_direct', {
-            **NEVER, **DIRECT, 'reference_loss': 'gravity_compensation'}) as one:
+    with fault_bench(client, '/faults_direct', {**NEVER, **DIRECT}) as one:
         yield one
 
 
@@ -92,7 +91,7 @@ def has_paused(status: DiagnosticStatus, more_than: int) -> bool:
     return figure_of(status, 'streams that paused') > more_than
 
 
-@fault(GROUP, 'set-points at 50 Hz that time out, `reference_loss: hold`',
+@fault(GROUP, 'set-points at 50 Hz that time out',
        'followed for `reference_timeout` (0.5 s in this test), then a planned stop, and the '
        'position is held; reported and counted; the next set-point is followed again')
 def test_a_stream_that_pauses(bench: FaultBench) -> None:
@@ -111,34 +110,6 @@ def test_a_stream_that_pauses(bench: FaultBench) -> None:
         bench.efforts.clear()  # the simulated arm has not moved to its reference
         assert not any(map(is_gravity, bench.efforts.wait_count(100)))
     assert 'The stream of set-points paused' in bench.node.log
-    rest(bench)
-
-
-@fault(GROUP, 'set-points at 50 Hz that time out, `reference_loss: gravity_compensation`',
-       'followed for `reference_timeout` (0.5 s in this test), then gravity compensation; '
-       'reported and counted; the next set-point is followed again')
-def test_a_stream_that_pauses_for_hand_guiding(
-    bench: FaultBench, seen: Callable[[str], Any],
-) -> None:
-    bench.set_parameters(reference_loss='gravity_compensation')
-    bench.check_alive()
-    before = bench.known('reference', 'streams that paused')
-    with SetPoints(bench, lambda: GOAL) as stream:
-        wait_now(bench, lambda message: not is_gravity(message))
-        wait_until(lambda: stream.sent >= 10, 'ten set-points')
-    with short_timeout(bench):
-        passed = wait_now(bench, is_gravity) - stream.last
-    assert passed > TIMEOUT
-    seen(f'gravity compensation {passed:.3f} s after the last set-point')
-    bench.wait_status(
-        'reference', lambda status: figure_of(status, 'streams that paused') > before)
-    assert 'The stream of set-points paused' in bench.node.log
-    with SetPoints(bench, lambda: GOAL) as stream:
-        wait_now(bench, lambda message: not is_gravity(message))
-        wait_until(lambda: stream.sent >= 10, 'ten set-points')
-    with short_timeout(bench):
-        wait_now(bench, is_gravity)
-    bench.set_parameters(reference_loss='hold')
     rest(bench)
 
 
@@ -204,7 +175,7 @@ def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> Non
     bench.set_point(**more)
     bench.efforts.wait_for(lambda message: np.abs(message.effort) == pytest.approx(LIMITS))
     bench.set_point(Q)
-    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'gravity compensation again')
+    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'the hold torque again')
     messages = bench.efforts.messages
     assert all((np.abs(message.effort) <= LIMITS).all() for message in messages)
     check_rate(bench.efforts)
@@ -223,8 +194,8 @@ def test_a_stream_of_set_points_that_jump(
     poses = cycle(([Q[0] + 2.0, Q[1]], [Q[0] - 2.0, Q[1]]))
     with SetPoints(bench, lambda: next(poses)) as stream:
         wait_until(lambda: stream.sent >= 50, 'fifty set-points')
-    with short_timeout(bench):
-        wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'gravity compensation again')
+    bench.set_point(Q)
+    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'the hold torque again')
     messages = bench.efforts.messages
     efforts = np.array([message.effort for message in messages])
     assert (np.abs(efforts) <= LIMITS).all()

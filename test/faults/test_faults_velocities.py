@@ -24,7 +24,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, nanoseconds_of, Q
-from fault_stimuli import wait_states
+from fault_stimuli import altered, wait_states
 from fault_table import fault
 import pytest
 from ros_harness import RosClient
@@ -146,7 +146,7 @@ def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
 @fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
 def test_an_arm_at_rest_may_repeat_its_sample(node: FaultBench) -> None:
     faults = node.known('command', 'faults: frozen_joint')
-    node.driver.go_on()
+    node.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
     wait_states(node, 300)
     assert node.figure('command', 'faults: frozen_joint') == faults
     node.wait_status('joint states', lambda status: status.message == 'arriving')

@@ -301,9 +301,13 @@ def test_velocities_beyond_all_numbers_are_in_doubt(value: float) -> None:
 
 def freeze(
     joints: list[int], speed: float, rate: int, begin: float = 1.5, end: float = 9.0,
-    with_velocity: bool = True, with_reference: bool = True,
+    with_velocity: bool = True, with_reference: bool = True, continues: bool = True,
 ) -> tuple[float | None, MotionConsistency]:
-    """Return the time [s] from the beginning of the repetition until the joints are frozen."""
+    """
+    Return the time [s] from the beginning of the repetition until a joint is frozen.
+
+    `continues` is false to end there.
+    """
     t = np.arange(0.0, 4.0, FINE)
     v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.8, 0.6])
     q = np.cumsum(FINE * v, axis=0)
@@ -322,6 +326,8 @@ def freeze(
             found = 1e-9 * (stamp - float(states.stamps[rows[0]]))
             assert one.frozen.any()
         assert not one.doubtful.any()
+        if found is not None and not continues:
+            break
     return found, one
 
 
@@ -343,9 +349,9 @@ def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -
 def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
     joints: list[int], with_velocity: bool,
 ) -> None:
-    found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity)
+    found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity, continues=False)
     assert found is not None
-    assert np.flatnonzero(one.frozen).tolist() == joints
+    assert np.flatnonzero(one.frozen).tolist() == [0]  # its reference is the fastest
     assert f'reference moved by {REFERENCE:.2g}'[:22] in one.reason
     found, _ = freeze(joints, 1.0, 500, begin=0.5, end=1.0, with_velocity=with_velocity)
     assert found is None
@@ -369,7 +375,7 @@ def test_a_joint_that_sticks_is_not_frozen() -> None:
 
 
 def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
-    one = MotionConsistency(NAMES, KINDS, holding_error=np.array([0.1, 0.0, 0.0]))
+    one = MotionConsistency(NAMES, KINDS, holding_error=lambda q: np.array([0.1, 0.0, 0.0]))
     reference = np.linspace(0.0, 0.2, 1000)[:, None] * np.array([1.0, 0.1, 0.0])
     is_good = [one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), row_of(reference, k))
                for k in range(1000)]

@@ -88,8 +88,8 @@ class Gate:
     """
     Relays the states of an arm in lock-step to `dynamics`, and holds them at a simulated time.
 
-    `dynamics` follows nothing before the first state, and the nodes do not wait for a sender. The
-    arm waits at the gate until the trajectory has arrived, at the same simulated time in each run.
+    `dynamics` follows no trajectory before the first state, and the nodes do not wait for a
+    sender. The arm waits at the gate until the trajectory has arrived, at the same simulated time in each run.
     """
 
     TOPIC = 'gated_states'
@@ -103,8 +103,6 @@ class Gate:
         self._has_velocity = has_velocity
         self._passed: JointState | None = None
         self._is_open = False
-        self._references = client.collect(JointState, f'{namespace}/dynamics/reference')
-        self._references.wait_matched()
         self._publisher = client.publisher(JointState, f'{namespace}/{self.TOPIC}')
         self._states = client.node.create_subscription(
             JointState, f'{namespace}/joint_states', self._relay, 10)
@@ -121,13 +119,12 @@ class Gate:
         wait_until(lambda: self._passed is not None and (
             stamp_from_ros(self._passed.header.stamp) == self.HELD_AT), 'the state', LONG)
         send(self._client, self._namespace, trajectory, stamp)
-        # The arm ignores a second effort for the same state.
-        self._client.answer_to(self._publisher, self._passed, self._references)
+        # The node answers a request after the messages that it has received before.
+        self._client.get_parameter(f'{self._namespace}/dynamics', 'command')
         self._is_open = True
 
     def close(self) -> None:
-        """Destroy the publishers and subscriptions."""
-        self._references.close()
+        """Destroy the publisher and the subscription."""
         self._client.node.destroy_subscription(self._states)
         self._client.node.destroy_publisher(self._publisher)
 
@@ -328,7 +325,7 @@ def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> N
                        for namespace in namespaces)):
             load_of(client, '/known', 'dynamics')
             for namespace in namespaces:
-                client.set_parameters(f'{namespace}/dynamics', {'command': 'computed_torque'})
+                client.set_parameters(f'{namespace}/dynamics', {'command': 'gravity_compensation'})
             known, unknown = until(held, 2.0), until(pulled, 1.0)
     assert drift(known, START) < 1e-3
     assert max(state.position[0] for state in unknown) > START[0] + 0.1

@@ -167,8 +167,9 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 
-    with NodeProcess(
-            DYNAMICS, {'external_effort_bandwidth': BANDWIDTH}, namespace='/held') as node, \
+    parameters = {
+        'external_effort_bandwidth': BANDWIDTH, 'require_measured_velocities': True}
+    with NodeProcess(DYNAMICS, parameters, namespace='/held') as node, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         robot, topic = Held(client, '/held'), '/held/dynamics/external_effort'
         robot.say()

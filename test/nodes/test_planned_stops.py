@@ -43,7 +43,7 @@ PAUSE = 0.3
 
 
 class IdealArm:
-    """Makes the driver report that the arm is at its newest reference."""
+    """Makes the driver report that the arm continues from its newest reference."""
 
     def __init__(self, bench: FaultBench) -> None:
         self._bench = bench
@@ -55,14 +55,18 @@ class IdealArm:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._bench.driver.q = self._track(self._bench.driver.message()).position.tolist()
+        self._bench.driver.q = list(self._track(self._bench.driver.message()).position)
         self._bench.driver.go_on()
         self.references.close()
 
     def _track(self, message: JointState) -> JointState:
         newest = self.references.messages[-1:]
         for reference in newest:
-            message.position, message.velocity = reference.position, reference.velocity
+            late = 1e-9 * (
+                nanoseconds_of(message.header.stamp) - nanoseconds_of(reference.header.stamp))
+            message.velocity = reference.velocity
+            message.position = (
+                np.array(reference.position) + late * np.array(reference.velocity)).tolist()
         return message
 
     def wait_moving(self) -> JointState:
@@ -97,9 +101,9 @@ def stop(bench: FaultBench) -> Any:
 
 
 def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float]) -> bool:
-    """Return whether a position is on the straight path between two others, not at its end."""
+    """Return whether each joint is between two positions, not at their ends."""
     fraction = np.subtract(q, one) / np.subtract(other, one)
-    return bool(np.ptp(fraction) < 1e-3 and 0.0 < fraction[0] < 0.99)
+    return bool((fraction > 0.0).all() and (fraction < 0.99).all())
 
 
 SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
@@ -113,7 +117,7 @@ def slow_trajectory() -> JointTrajectory:
 
 
 @fault(GROUP, '`~/stop` while a trajectory is followed',
-       'a planned stop along its path; the position is held; reported until the next reference')
+       'each joint stops alone; the position is held; reported until the next reference')
 def test_stop_on_a_trajectory(arm: FaultBench) -> None:
     with IdealArm(arm) as ideal:
         arm.trajectories.publish(slow_trajectory())
@@ -184,7 +188,7 @@ def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
     with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
         words = 'nothing to stop: the node is not active'
         assert one.state() == 'unconfigured'
-        assert stop(one).message == words
+        assert stop(one).message == 'nothing to stop: no model yet'
         assert one.change(CONFIGURE)
         assert stop(one).message == words
         assert one.change(ACTIVATE)

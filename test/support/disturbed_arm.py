@@ -199,7 +199,7 @@ class DisturbedArm:
         self.begun = len(self.motion) - 1
         self._references.clear()
 
-    # ------------------------------------------------------------------ what was seen
+    # ------------------------------------------------------------------ results
 
     def peak_speed(self) -> float:
         """Return the largest speed, as a share of the velocity limit."""

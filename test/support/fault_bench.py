@@ -60,6 +60,8 @@ STATE_TIMEOUT = 0.3
 QUICK = {**STEADY, 'hold_time': 0.3, 'ramp_time': 0.1}
 """A short fault action."""
 NANOSECONDS = 1_000_000_000
+NOISE = 1e-13
+"""[rad] of the measured positions: a joint whose sample repeats while it must move is a fault."""
 
 Change = Callable[[JointState], JointState | None]
 
@@ -97,8 +99,10 @@ class Driver:
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def message(self) -> JointState:
-        """Return the current state."""
-        message = JointState(name=self.names, position=self.q, velocity=self.v)
+        """Return the current state; the sample of a joint in use does not repeat bit by bit."""
+        noise = NOISE * (self.sent % 2)
+        message = JointState(
+            name=self.names, position=[q + noise for q in self.q], velocity=self.v)
         message.header.stamp = stamp_of(time.time_ns())
         return message
 

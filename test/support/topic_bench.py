@@ -52,7 +52,7 @@ class Bench:
         """
         self.next_second += 1
         if q is Q:
-            q = [Q[0] + 1e-13 * (self.next_second % 1000), Q[1]]
+            q = [each + 2.5e-16 * (self.next_second % 16) for each in Q]
         message = JointState(name=names or NAMES, position=q, velocity=v)
         message.header.stamp = Time(sec=self.next_second, nanosec=123_456_789)
         return message

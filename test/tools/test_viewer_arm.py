@@ -96,7 +96,7 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
             'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
             namespace='/viewed')
         with running(NodeProcess(DYNAMICS, namespace='/viewed'), simulated):
-            page.wait_for('**planar_arm**, 2 joints', 'gravity compensation',
+            page.wait_for('**planar_arm**, 2 joints', 'follows a reference',
                           without=('no node', 'no joint states'))
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
         page.wait_for('**planar_arm**', 'no node dynamics', 'joint_states has no publisher')
@@ -186,7 +186,7 @@ def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
         with other:
             source = page.viewer._source
             wait_until(lambda: source._described and source._topic_xml, 'what both say')
-            page.wait_for('**named**', 'gravity compensation', without=['other', 'topical'])
+            page.wait_for('**named**', 'follows no reference', without=['other', 'topical'])
 
 
 @pytest.mark.parametrize(('names', 'position', 'words'), [

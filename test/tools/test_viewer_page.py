@@ -101,7 +101,7 @@ def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
             browser, '/meshes', parameters, start, ('--robot', str(path))) as (page, _), \
             client.collect(JointState, '/meshes/joint_states', KEEP_MANY) as states:
         assert 'not drawn' not in page.words()
-        page.wait_for_words('gravity compensation')
+        page.wait_for_words('follows a reference')
         before = page.picture()
         assert before.std() > 0.03
         page.press_key(slider, 'Home')
@@ -169,7 +169,7 @@ def test_a_missing_mesh_is_stated(default_arm):
 
 def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(default_arm, client):
     page, _ = default_arm
-    page.wait_for_words('gravity compensation')
+    page.wait_for_words('follows a reference')
     words = page.words()
     for expected in ('planar_arm', '2 joints', 'joint1 [rad]', 'joint2 [rad]', 'Attach', 'Push',
                      'joint1: effort by term [N m]', 'joint1: tracking error [mrad]'):

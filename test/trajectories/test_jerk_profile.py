@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from robot_dynamics.trajectories.jerk_profile import (
+    before,
     Bounds,
     duration,
     end,
@@ -28,6 +29,7 @@ from robot_dynamics.trajectories.jerk_profile import (
     Extremes,
     extremes,
     Phases,
+    smooth_to_rest,
     stop,
     to_rest,
     velocity_change,
@@ -185,10 +187,65 @@ def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count: int) -> No
         assert found.a_max <= a_b + 1e-9
 
 
+@counts
+def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count: int) -> None:
+    r, found = random.Random(4), 0
+    for problem in problems(count, 1.5, symmetric=False):
+        T = r.uniform(0.5, 3.0) * duration(to_rest(*problem))
+        phases = smooth_to_rest(*problem, T)
+        if phases is None:
+            continue
+        found += 1
+        assert duration(phases) == pytest.approx(T)
+        assert end(phases, 0.0, problem.v, problem.a) == pytest.approx(
+            (problem.distance, 0.0, 0.0), abs=1e-9)
+        most, (_, v, a, bounds) = problem.extremes(phases), problem
+        assert min(v, bounds.v_min) <= most.v_min
+        assert most.v_max <= max(v, bounds.v_max)
+        assert min(a, bounds.a_min) <= most.a_min
+        assert most.a_max <= max(a, bounds.a_max)
+        assert all(abs(j) <= bounds.jerk for _, j in phases)
+    assert found >= 0.2 * count
+
+
+@counts
+def test_jerks_of_smooth_motions_are_linear_in_the_start(count: int) -> None:
+    r, wide = random.Random(5), Bounds(-1e9, 1e9, -1e9, 1e9, 1e9)
+    for _ in range(count // 10):
+        T = r.uniform(0.1, 10.0)
+        first, second = ([r.uniform(-1.0, 1.0) for _ in range(3)] for _ in range(2))
+        jerks = []
+        for start in (first, second, [x + y for x, y in zip(first, second)]):
+            phases = smooth_to_rest(*start, wide, T)
+            assert phases is not None
+            jerks.append([j for _, j in phases])
+        for one, other, both in zip(*jerks):
+            assert one + other == pytest.approx(both, abs=1e-9 * max(abs(one), abs(other), 1.0))
+
+
+@counts
+def test_the_first_part_of_a_motion_is_that_motion(count: int) -> None:
+    r = random.Random(6)
+    for problem in problems(count // 10):
+        phases, start = to_rest(*problem), (0.0, *problem[1:3])
+        t = r.uniform(0.0, 1.5) * duration(phases)
+        part = before(phases, t)
+        assert duration(part) == pytest.approx(t)
+        assert end(part, *start) == pytest.approx(evaluate(phases, t, *start)[:3], abs=1e-9)
+
+
 # --- known motions -------------------------------------------------------------------------------
 
 REST = (0.0, 0.0)
 WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
+
+
+def test_a_smooth_motion_from_rest_can_be_the_shortest_one() -> None:
+    shortest = to_rest(1.0, *REST, WIDE)
+    slower = smooth_to_rest(1.0, *REST, WIDE, 1.001 * duration(shortest))
+    assert slower is not None
+    assert max(abs(j) for _, j in slower) == pytest.approx(4.0, rel=1e-2)
+    assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 
 
 def test_a_short_motion_from_rest_has_the_known_duration() -> None:

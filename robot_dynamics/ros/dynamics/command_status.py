@@ -41,7 +41,7 @@ class CommandCounters:
 
     def count_limits(self, output: ControlOutput, active: ActiveLimits | None) -> None:
         """Count the limits that have changed the effort of a state."""
-        if output.scale < 1.0:
+        if output.law.scale < 1.0:
             self._count_limit('scaled gains')
         if output.clamped is not None:
             self._count_limit('effort limit')

@@ -137,6 +137,7 @@ def play_recording(
         session.nodes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': list(arm.joint_names),
+            'command': 'gravity_compensation',  # a recorded arm cannot be held
             'state_max_age': 0.0,  # a recording may have any age
             'effort_check': False})  # no command of this node held the recorded arm
         playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)

@@ -121,8 +121,9 @@ class MotionWatch:
         """
         Publish a goal and wait until the node follows it.
 
-        A reference that was at rest or absent moves then. Otherwise the second status after the
-        goal decides. Raises ToolError with the reason of a rejection, NoAnswerError.
+        A reference that was at rest moves then. Otherwise, and if the goal is where the arm is
+        held, the second status after the goal decides. Raises ToolError with the reason of a
+        rejection, NoAnswerError.
         """
         before, known = self.reference, self.rejections
         was_at_rest = before is None or not any(before[2])
@@ -132,8 +133,8 @@ class MotionWatch:
         def is_taken() -> bool:
             if self.rejections != known:
                 raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
-            moved = self.reference is not None and (
-                before is None or self.reference[1] != before[1] or any(self.reference[2]))
+            moved = self.reference is not None and (any(self.reference[2]) or (
+                before is not None and self.reference[1] != before[1]))
             return (was_at_rest and moved) or (self._statuses > 1 and self._status == 'following')
 
         if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):

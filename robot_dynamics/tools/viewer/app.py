@@ -224,7 +224,7 @@ class Viewer:
         elif now - self._reference_time < SILENCE:
             lines.append('follows a reference')
         else:
-            lines.append('no reference: gravity compensation')
+            lines.append('follows no reference')
         if self._load:
             lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:
