@@ -22,6 +22,7 @@ A disturbance is a function of the scene, whose attributes it changes. All rando
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 import math
 
 from benchmarks.safe_motion_cases import (
@@ -33,8 +34,8 @@ from benchmarks.safe_motion_cases import (
     Message,
     motion_of,
     PERIODS,
-    Push,
     PUSH,
+    Push,
     push_of,
     RAMP_TIME,
     set_point,
@@ -162,7 +163,7 @@ def rate(scene: Scene) -> None:
     steps = [period for period in periods if period > before] or periods[-2::-1]
     time = 0.0
     for period in steps + steps[-2::-1] + [before]:
-        scene.later(time, lambda period=period: scene.set_period(period))
+        scene.later(time, partial(scene.set_period, period))
         time += scene.rng.uniform(*RATE_TIME)
     scene.later(scene.rng.uniform(0.0, time), lambda: send_goal(scene))
 

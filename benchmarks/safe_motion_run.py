@@ -114,7 +114,7 @@ class Outcome(NamedTuple):
     @property
     def verdicts(self) -> tuple[bool, ...]:
         """Whether the run is bad, for each of `VERDICTS`."""
-        return self[:len(VERDICTS)]
+        return tuple(map(bool, self[:len(VERDICTS)]))
 
     @property
     def is_bad(self) -> bool:

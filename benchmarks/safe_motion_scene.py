@@ -26,7 +26,6 @@ from benchmarks.safe_motion_cases import (
     BEGIN,
     Case,
     LONGEST,
-    Message,
     Motion,
     NOISE,
     PERIODS,
@@ -43,7 +42,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.jerk_profile import Bounds, end, extremes, stop
+from robot_dynamics.trajectories.jerk_profile import Bounds, extremes, stop
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 
@@ -168,7 +167,7 @@ def stop_path(state: Reference, limits: MotionLimits) -> tuple[FloatArray, Float
         for each in (limits, limits.whole):
             a = float(each.acceleration[j])
             path = extremes(
-                stop(*joint[1:], Bounds(-1.0, 1.0, -a, a, float(each.jerk[j]))), *joint)
+                stop(joint[1], joint[2], Bounds(-1.0, 1.0, -a, a, float(each.jerk[j]))), *joint)
             if least <= path.q_min and path.q_max <= most:
                 break
         found.append((path.q_min, path.q_max))
@@ -368,6 +367,8 @@ class Scene:
     def _answer(self, k: int) -> FloatArray | None:
         """Return the effort for a state."""
         case, n = self.case, len(self.plant.q)
+        q: FloatArray
+        v: FloatArray | None
         q, v = self.plant.q, self.plant.v
         if case.has_velocity:
             q, v = self.measured(q, v + (self._noise.normal(0.0, NOISE, n) if case.noisy else 0.0))
@@ -389,6 +390,7 @@ class Scene:
                 self._unknown -= 1
                 self.hull.begin(reference._replace(position=q), limits)
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
+                assert before is not None
                 self.hull.begin(before, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
         consistency = self.loop.consistency

@@ -423,14 +423,14 @@ class ControlLoop:
             supervisor.activate()
         if self._frozen is not None and self._is_lost(self._frozen, used, now):
             supervisor.act(now)
-        effort = supervisor.answer(
+        limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,
             controller.motion_equation)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)
-        return LoopAnswer(effort, output, verdict, limiter.active if (
+        return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
     def _is_lost(self, frozen: _FrozenJoints, v: FloatArray | None, now: float) -> bool:

@@ -89,7 +89,8 @@ class Gate:
     Relays the states of an arm in lock-step to `dynamics`, and holds them at a simulated time.
 
     `dynamics` follows no trajectory before the first state, and the nodes do not wait for a
-    sender. The arm waits at the gate until the trajectory has arrived, at the same simulated time in each run.
+    sender. The arm waits at the gate until the trajectory has arrived, at the same simulated time
+    in each run.
     """
 
     TOPIC = 'gated_states'

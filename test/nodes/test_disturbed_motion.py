@@ -19,6 +19,7 @@ A motion stays safe when it is disturbed: a real node at default parameters, in 
 """
 
 from collections.abc import Callable
+from functools import partial
 import os
 import signal
 import time
@@ -93,7 +94,7 @@ def test_a_gap_and_a_second_goal(
             run_to(bench, goal, share)
             bench.gap(GAP)
             bench.send((0.0, other))
-            bench.run(5.0, lambda: bench.rests_at(other))
+            bench.run(5.0, partial(bench.rests_at, other))
             hull = (start, goal, other)
             worst = np.maximum(worst, (bench.excess(*hull), bench.reference_excess(*hull)))
             seen(f'{worst[0]:.4f} rad, reference {worst[1]:.4f}, speed {bench.peak_speed():.2f}')
@@ -154,8 +155,10 @@ def in_degrees(q: Array, v: Array) -> tuple[Array, Array]:
 
 
 WRONG = [('panda', 'sign 1'), ('ur5', 'zero'), ('ur5', 'in degrees'), ('ur10', 'frozen 1')]
-FURTHER = [(name, kind) for name in ('default', 'ur5', 'ur10', 'panda', 'xarm7', 'z1') for kind in (
-    'sign 0', 'sign 1', 'zero', 'in degrees', 'frozen 0', 'frozen 1') if (name, kind) not in WRONG]
+FURTHER = [
+    (name, kind) for name in ('default', 'ur5', 'ur10', 'panda', 'xarm7', 'z1')
+    for kind in ('sign 0', 'sign 1', 'zero', 'in degrees', 'frozen 0', 'frozen 1')
+    if (name, kind) not in WRONG]
 
 
 @pytest.mark.parametrize('share', [pytest.param(0.05, marks=soak), 0.4])
