@@ -234,14 +234,19 @@ def set_point(
 
 def duration_of(
     arm: ArmModel, start: FloatArray, goal: FloatArray, peak: float, least: float,
+    share: float = SPEED,
 ) -> float:
-    """Return the duration [s] of a path within SPEED; `peak` is largest divided by mean speed."""
+    """
+    Return the duration [s] of a path; `peak` is its largest speed divided by its mean speed.
+
+    The speed is at most `share` of the velocity limits, and SPEED of what the efforts permit.
+    """
     body, friction = ArmDynamics(arm).rigid_body, arm.friction
     gravity = np.max([
         np.abs(body.gravity(start + s * (goal - start))) for s in np.linspace(0.0, 1.0)], axis=0)
     effort = np.maximum(arm.limits.effort - gravity - friction.coulomb, 0.0)
     with np.errstate(divide='ignore'):
-        speed = SPEED * np.minimum(arm.limits.velocity, effort / friction.viscous)
+        speed = np.minimum(share * arm.limits.velocity, SPEED * effort / friction.viscous)
     return max(least, float((peak * np.abs(goal - start) / speed).max()))
 
 

@@ -72,6 +72,8 @@ ROOM = (0.3, 1.2)
 """[rad] from the start to the limits at which a stream ends."""
 BEFORE_LIMIT = (1e-4, 0.05)
 """[rad] from the last set-point of a stream to the limit."""
+STREAM_SPEED = (0.2, 0.95)
+"""Shares of the velocity limits."""
 START_SPEED, START_SHARE = 0.3, 0.3
 """[rad/s], and share of the velocity limit, with which an arm moves when the loop starts."""
 LEAST_SCALE = 0.25
@@ -297,8 +299,8 @@ def stream_end(scene: Scene) -> None:
     share = np.where(rng.uniform(size=n) < 0.5, 1.0, rng.uniform(0.05, 1.0, n))
     share[rng.integers(n)] = 1.0
     last = q + share * (bound - np.sign(bound - q) * rng.uniform(*BEFORE_LIMIT, n) - q)
-    speed = rng.uniform(0.2, 0.95) * limits.velocity
-    duration = max(float((np.abs(last - q) / speed).max()), 3.0 * STREAM_PERIOD)
+    duration = duration_of(
+        scene.arm, q, last, 1.0, 3.0 * STREAM_PERIOD, rng.uniform(*STREAM_SPEED))
     count = round(duration / STREAM_PERIOD)
     scene.messages = deque(
         Message(scene.time + i * STREAM_PERIOD, set_point(

@@ -388,7 +388,7 @@ class Scene:
                 self._unknown = FIRST_STATES
             if self._unknown > 0:
                 self._unknown -= 1
-                self.hull.begin(reference._replace(position=q), limits)
+                self.hull.begin(reference, limits)
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
                 self.hull.begin(before, limits)

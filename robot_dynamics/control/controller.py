@@ -470,11 +470,13 @@ class Controller:
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
             damping = M @ (FAULT_DAMPING * self.feedback_gains[1] * v)
-            # In proportion: the damping of one joint alone would accelerate the others.
+            clipped = torque - np.clip(torque - damping, -limit, limit)
             free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
             with np.errstate(divide='ignore', invalid='ignore'):
                 share = np.where(damping != 0.0, free / np.abs(damping), 1.0)
-            braked = torque - min(1.0, float(share.min(initial=1.0))) * damping
+            scaled = min(1.0, float(share.min(initial=1.0))) * damping
+            # The damping of one joint alone may accelerate the others.
+            braked = torque - (clipped if v @ clipped > v @ scaled else scaled)
             if not np.isfinite(braked).all():
                 return hold
             return braked if drive is None else drive.command(braked)

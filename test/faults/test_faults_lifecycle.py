@@ -21,7 +21,7 @@ from typing import Any
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
-from fault_stimuli import from_now
+from fault_stimuli import from_now, overflow
 from fault_table import fault
 from lifecycle_bench import (
     ACTIVATE,
@@ -37,7 +37,6 @@ import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import LATCHED, RosClient
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -222,13 +221,7 @@ def latch(bench: LifecycleBench) -> None:
     bench.check_alive()
     bench.set_point(Q)
     bench.wait_status('reference', lambda status: status.message == 'following')
-
-    def spin(message: JointState) -> JointState:
-        message.velocity = [1e200, 1e200]
-        return message
-
-    bench.driver.change = spin
-    bench.wait_fault('non_finite')
+    overflow(bench)
     bench.driver.go_on()
     bench.efforts.clear()  # the answer to valid states is g(q)
     bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))

@@ -15,10 +15,11 @@
 """Limits of position, velocity and effort: commands that they change, and that they do not."""
 
 from collections.abc import Callable, Iterator
+import math
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of, G, Q
-from fault_stimuli import check_rate, DIRECT, NO_STREAM
+from fault_bench import fault_bench, FaultBench, figure_of, G, nanoseconds_of, Q
+from fault_stimuli import check_rate, DIRECT, NO_STREAM, Swing, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient
+from sensor_msgs.msg import JointState
 
 GROUP = 'Limits'
 LOWER, UPPER = -1.0, 1.0
@@ -41,6 +43,7 @@ STIFF = {'gains.kp': [1e4], 'gains.kd': [20.0]}
 DEFAULT_GAINS = {'gains.kp': [100.0], 'gains.kd': [20.0]}
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
     '<limit ', f'<limit lower="{LOWER}" upper="{UPPER}" ')
+BODY = ArmDynamics(load_arm(URDF)).rigid_body
 MARGIN = 0.0087
 """The default of `position_fault_margin` [rad]."""
 
@@ -60,6 +63,7 @@ def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
     yield limited_arm
     limited_arm.set_parameters(effort_scale=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
     limited_arm.hold = G
+    limited_arm.driver.go_on()
     limited_arm.driver.q, limited_arm.driver.v = list(Q), [0.0, 0.0]
     limited_arm.set_point(Q)
     limited_arm.check_alive()
@@ -67,7 +71,13 @@ def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
 
 def gravity(q: Any) -> Any:
     """Return g(q)."""
-    return ArmDynamics(load_arm(URDF)).rigid_body.gravity(np.array(q))
+    return BODY.gravity(np.array(q))
+
+
+def acceleration(swing: Swing, message: JointState) -> Any:
+    """Return the acceleration (n,) beyond the hold torque of a command."""
+    q, _ = swing.at(nanoseconds_of(message.header.stamp))
+    return np.linalg.solve(BODY.mass_matrix(q), np.subtract(message.effort, gravity(q)))
 
 
 def be_at(bench: FaultBench, q: Any) -> None:
@@ -99,8 +109,8 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
 @pytest.mark.parametrize(('joint', 'limit', 'sign'), [
     pytest.param(joint, limit, sign, id=words, marks=fault(
         GROUP, f'a joint 0.005 rad {words}; feedback pushes toward the limit',
-        'the effort of that joint does not exceed g(q) toward the limit, counted; away from it '
-        'the effort is not limited'))
+        'no acceleration of that joint toward the limit, counted; away from it the effort is not '
+        'limited'))
     for words, joint, limit, sign in (
         ('before its upper limit', 0, UPPER - 0.005, 1.0),
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
@@ -113,19 +123,25 @@ def test_a_position_limit_ahead(
     q[joint] = limit
     be_at(bench, q)
     before = bench.known('command', 'held back by position limit')
-    g, other = bench.hold[joint], 1 - joint
+    other = 1 - joint
     goal = np.clip(q, LOWER, UPPER).tolist()
     goal[other] -= 0.1  # shows that the reference is followed
-    bench.driver.v[joint] = -sign  # damping pushes toward the limit
+    amplitude = [0.0, 0.0]
+    amplitude[joint] = 0.002
+    swing = Swing(q, amplitude, 25.0)
+    bench.set_parameters(effort_rate_limit=1e6)  # which has priority over the other limits
+    bench.driver.change = swing  # damping pushes toward the limit
+    wait_states(bench, 20)
     bench.efforts.clear()
     bench.set_point(goal)
     bench.efforts.wait_for(lambda message: abs(message.effort[other] - bench.hold[other]) > 5.0)
     bench.wait_status('command', lambda status: (
         figure_of(status, 'held back by position limit') > before
         and status.message == 'held back by a limit'))
-    messages = bench.efforts.messages
-    assert all(sign * (message.effort[joint] - g) <= 1e-6 for message in messages)
-    bench.driver.v[joint] = 0.0
+    pushes = [sign * acceleration(swing, message)[joint] for message in bench.efforts.messages]
+    assert max(pushes) < 0.1
+    assert min(pushes) < -0.5  # the damping away from the limit
+    bench.driver.go_on()
     bench.set_parameters(**STIFF)
     goal = np.clip(q, LOWER, UPPER).tolist()
     goal[joint] -= sign * AWAY
@@ -153,9 +169,13 @@ def test_a_position_past_its_limit(
     for message in bench.efforts.wait_count(200):  # for longer than hold_time and ramp_time
         assert message.effort == pytest.approx(gravity(bench.driver.q), abs=1e-6)
     assert 'position_limit' in bench.status('command').message
-    bench.driver.v[joint] = speed = -1.0 if position > 0.0 else 1.0  # toward the permitted range
+    center, amplitude = list(bench.driver.q), [0.0, 0.0]
+    center[joint] += math.copysign(0.04, position)
+    amplitude[joint] = 0.01
+    swing = bench.driver.change = Swing(center, amplitude, 30.0)
     bench.efforts.wait_for(lambda message: (  # damping
-        speed * (message.effort[joint] - gravity(bench.driver.q)[joint]) < -1.0))
+        swing.at(nanoseconds_of(message.header.stamp))[1][joint]
+        * acceleration(swing, message)[joint] < -0.1))
     assert bench.known('command', 'faults: position_limit') == before + 1
 
 
@@ -172,25 +192,25 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
 
 @pytest.mark.parametrize('sign', [
     pytest.param(sign, id=words, marks=fault(
-        GROUP, f'joint1 at 12 rad/s {words}; its limit is 10 rad/s',
-        'the effort does not exceed g(q) along the motion, counted; braking is not limited'))
+        GROUP,
+        f'joint1 at 12 rad/s, and a reference that accelerates it {words}; its limit is 10 rad/s',
+        'no acceleration along the motion, counted; braking is not limited'))
     for words, sign in (('forwards', 1.0), ('backwards', -1.0))])
 def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
-    bench.set_parameters(**STIFF)
-    bench.set_point(Q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
-    bench.driver.v = [sign * 1.2 * SPEED, 0.0]
-    bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: sign * (message.effort[0] - G[0]) < -1.0)  # braking
-    bench.set_point([Q[0] + sign * 0.2, Q[1] - 0.1])
-    wait_first(bench, 0, G[0])
+    center = [0.3, Q[1]]
+    bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [60.0], 'gains.kd': [0.5]})
+    swing = bench.driver.change = Swing(center, [0.28, 0.0], 12.0 / 0.28)
+    wait_states(bench, 20)
+    bench.set_point([center[0] + sign * 0.4, Q[1]])
     bench.wait_status('command', lambda status: (
         figure_of(status, 'held back by velocity limit') > before))
-    assert all(
-        sign * (message.effort[0] - G[0]) <= 1e-6 for message in bench.efforts.messages)
-    bench.set_point([Q[0] - sign * 0.2, Q[1]])
-    wait_first(bench, 0, -sign * EFFORT[0])
+    bench.efforts.clear()
+    motion = [(swing.at(nanoseconds_of(m.header.stamp))[1][0], acceleration(swing, m)[0])
+              for m in bench.efforts.wait_count(200)]
+    along = [a * v / abs(v) for v, a in motion if abs(v) > 10.1]
+    assert max(along) < 0.1
+    assert min(along) < -10.0  # braking
 
 
 # --- effort --------------------------------------------------------------------------------------

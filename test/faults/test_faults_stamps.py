@@ -40,7 +40,8 @@ DROPPED = 'dropped and reported; fault `state_timeout` without valid states; com
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_stamps') as one:
+    with fault_bench(
+            client, '/faults_stamps', {'command': 'gravity_compensation'}) as one:
         yield one
 
 

@@ -23,8 +23,8 @@ from collections.abc import Callable, Iterator
 import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, nanoseconds_of, Q
-from fault_stimuli import altered, wait_states
+from fault_bench import fault_bench, FaultBench, figure_of, Q
+from fault_stimuli import altered, Swing, wait_states
 from fault_table import fault
 import pytest
 from ros_harness import RosClient
@@ -39,12 +39,7 @@ ESTIMATED = (
 FROZEN = 'fault `frozen_joint`; commands resume after 25 states that change'
 
 
-def moving(message: JointState) -> JointState:
-    """Return the state of a moving arm, by its stamp."""
-    phase = FREQUENCY * 1e-9 * nanoseconds_of(message.header.stamp) % (2.0 * math.pi)
-    message.position = [q + AMPLITUDE * math.sin(phase) for q in Q]
-    message.velocity = [AMPLITUDE * FREQUENCY * math.cos(phase)] * len(Q)
-    return message
+moving = Swing(Q, [AMPLITUDE, AMPLITUDE], FREQUENCY)
 
 
 def with_velocity(*changes: Callable[[float], float]) -> Callable[[JointState], JointState]:

@@ -19,13 +19,9 @@ After each interruption the effort stays near the gravity torque of the measured
 independent of the reference before the interruption and of messages sent during it.
 """
 
-from collections.abc import Callable
-import math
-import time
-
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
-from fault_stimuli import altered, RATE, wait_states
+from fault_bench import FaultBench, figure_of, G, Q
+from fault_stimuli import altered, overflow, RATE, Swing, wait_states
 from fault_table import fault
 from interruption_bench import (
     check_held,
@@ -45,7 +41,6 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from robot_dynamics.monitoring.motion_consistency import PAUSE
 from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -92,21 +87,12 @@ def test_a_position_limit(arm: FaultBench) -> None:
     check_held(arm, inside)
 
 
-def overflow(bench: FaultBench) -> None:
-    """Cause the fault `non_finite`: velocities after a pause are not compared with positions."""
-    bench.driver.be_quiet()
-    time.sleep(2.0 * PAUSE)
-    bench.driver.v = [1e200, 1e200]
-    bench.driver.go_on()
-    bench.wait_fault('non_finite')
-
-
 @fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
        f'rejected with the fault as the reason; before the reset and after it {HELD}')
 def test_a_latched_fault(arm: FaultBench) -> None:
     arm.set_parameters(soften_gains=False)  # so that the measured velocity is used unchanged
     overflow(arm)
-    arm.driver.v = [0.0, 0.0]
+    arm.driver.go_on()
     wait_states(arm, 5)
     wait_rejected(arm, 'no reference can be followed now: fault non_finite')
     arm.efforts.clear()
@@ -219,21 +205,11 @@ def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
     follow(arm, Q)
     overflow(arm)
     assert refusal().startswith('non_finite persists: the efforts at position [0.785')
-    arm.driver.v = [0.0, 0.0]
+    arm.driver.go_on()
     wait_states(arm, 20)
     response = arm.client.call(Trigger, arm.name('reset_fault'))
     assert response.success
     assert response.message.startswith('reset non_finite: ')
-
-
-def swinging(v: list[float]) -> Callable[[JointState], JointState]:
-    """Return a driver of an arm that oscillates around `Q` with these largest velocities."""
-    def change(message: JointState) -> JointState:
-        phase = SWING * (1e-9 * nanoseconds_of(message.header.stamp) % (2.0 * math.pi))
-        message.position = [q + each / SWING * math.sin(phase) for q, each in zip(Q, v)]
-        message.velocity = [each * math.cos(phase) for each in v]
-        return message
-    return change
 
 
 @pytest.mark.parametrize('v', [
@@ -246,7 +222,7 @@ def swinging(v: list[float]) -> Callable[[JointState], JointState]:
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()
-    arm.driver.change = swinging(v)
+    arm.driver.change = Swing(Q, np.divide(v, SWING).tolist(), SWING)
     status = arm.wait_fault('overspeed')
     assert "velocity of 'joint" in status.message
     assert 'expected at most 1.2 times' in status.message

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
-from service_bench import Q, Served, V
+from service_bench import Q, Served
 from service_requests import REFUSALS, SERVICES
 
 
@@ -39,10 +39,11 @@ def test_the_control_path_continues_between_bad_requests(
     planar: Served, client: RosClient,
 ) -> None:
     states = client.publisher(JointState, '/planar/joint_states', 1)
+    client.set_parameters('/planar/dynamics', {'command': 'gravity_compensation'})
     with client.collect(JointState, '/planar/effort_command') as efforts:
         efforts.wait_matched()
         for i, (service, fields, _) in enumerate(REFUSALS):
-            state = JointState(name=planar.arm.joint_names, position=Q, velocity=V)
+            state = JointState(name=planar.arm.joint_names, position=Q, velocity=[0.0, 0.0])
             state.header.stamp.sec = i + 1
             refused = planar.ask(service, **fields)
             assert not refused.success

@@ -32,6 +32,7 @@ from fault_bench import (
 )
 import numpy as np
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.monitoring.motion_consistency import PAUSE
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 
@@ -78,6 +79,51 @@ def altered_stamp(message: JointState, nanoseconds: int) -> JointState:
     """Return a state with another stamp."""
     message.header.stamp = stamp_of(nanoseconds)
     return message
+
+
+class Swing:
+    """Change the state of an arm to an oscillation; its velocities agree with its positions."""
+
+    def __init__(
+        self, center: Sequence[float], amplitude: Sequence[float], frequency: float,
+    ) -> None:
+        """`frequency` is in [rad/s]; the velocities are up to amplitude × frequency."""
+        self._center = np.array(center)
+        self._amplitude = np.where(np.equal(amplitude, 0.0), 1e-9, amplitude)  # no sample repeats
+        self._frequency = frequency
+
+    def at(self, nanoseconds: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return position and velocity (n,) at a time [ns]."""
+        phase = self._frequency * (nanoseconds % (1000 * NANOSECONDS)) / NANOSECONDS
+        return (self._center + self._amplitude * np.sin(phase),
+                self._frequency * self._amplitude * np.cos(phase))
+
+    def __call__(self, message: JointState) -> JointState:
+        q, v = self.at(nanoseconds_of(message.header.stamp))
+        message.position, message.velocity = q.tolist(), v.tolist()
+        return message
+
+
+def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
+    """
+    Cause the fault `non_finite`, after which the driver pauses.
+
+    The velocity of the first state after a pause cannot be compared with positions.
+    """
+    bench.driver.be_quiet()
+    pauses_until = time.monotonic() + 2.0 * PAUSE
+
+    def after_pauses(message: JointState) -> JointState | None:
+        nonlocal pauses_until
+        if time.monotonic() < pauses_until:
+            return None
+        pauses_until = time.monotonic() + 2.0 * PAUSE
+        message.velocity = [velocity] * len(message.name)
+        return message
+
+    bench.driver.stream_changed(after_pauses)
+    bench.wait_fault('non_finite')
+    bench.driver.be_quiet()
 
 
 def from_now(bench: FaultBench) -> int:
