@@ -274,7 +274,7 @@ class ControlLoop:
                 if options.command != before and controller.has_reference:
                     self.interruption = f'command was set to {options.command!r}'
             controller.set_options(options)
-            self.stream.timeout = options.stream_timeout
+            self.stream.set_timeout(options.stream_timeout)
             self.supervisor.set_options(limits, safety)
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:

@@ -43,6 +43,12 @@ class SetPointStream:
         self._last = now if is_set_point else -math.inf
         self.deadline = now + self.timeout if self._in_a_row >= STREAM_LENGTH else math.inf
 
+    def set_timeout(self, timeout: float) -> None:
+        """Change the timeout [s], also that of the stream in progress."""
+        self.timeout = timeout
+        if self.deadline < math.inf:
+            self.deadline = self._last + timeout
+
     def end(self) -> None:
         """End the stream."""
         self._in_a_row, self._last, self.deadline = 0, -math.inf, math.inf

@@ -104,7 +104,7 @@ def test_the_first_command_holds_the_arm(bench: LifecycleBench) -> None:
     gravity = bench.gravity.wait_for()
     assert bench.change(ACTIVATE)
     first = bench.efforts.wait_for()
-    assert first.effort == gravity.effort
+    assert first.effort == pytest.approx(gravity.effort, abs=1e-9)
     assert first.effort == pytest.approx(G, abs=1e-6)
     for message in bench.efforts.wait_count(100):
         assert message.effort == pytest.approx(G, abs=1e-6)

@@ -39,9 +39,8 @@ DROPPED = 'dropped and reported; fault `state_timeout` without valid states; com
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(
-            client, '/faults_stamps', {'command': 'gravity_compensation'}) as one:
+    """Return a node that holds the arm; tests restore its state."""
+    with fault_bench(client, '/faults_stamps') as one:
         yield one
 
 
@@ -78,6 +77,7 @@ def moving(message: JointState) -> JointState:
         ('constant stamps', lambda message: message),
         ('constant stamps with changing positions', moving))])
 def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
+    bench.set_parameters(command='gravity_compensation')  # no feedback, whatever the position
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
     stamp = time.time_ns()
@@ -96,6 +96,7 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
         assert fraction == pytest.approx([fraction[0]] * 2, abs=1e-6)
         assert 0.0 <= fraction[0] <= 1.0 + 1e-9
     bench.check_alive()
+    bench.set_parameters(command='computed_torque')
 
 
 # --- several publishers --------------------------------------------------------------------------

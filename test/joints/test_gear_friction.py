@@ -109,7 +109,7 @@ def test_computed_torque_has_it(mode):
     controller.update(1, q, v)
     controller.follow(make_trajectory(
         NAMES, [0.0], [[1.0, 0.2]], [[0.1, -0.1]], [[0.3, 0.4]], NAMES), 1)
-    output = controller.update(2_000_000_000, q, v, with_terms=True)
+    output = controller.update(2_000_000_000, q, v)
     terms = output.terms
     load = terms.inertial + terms.coriolis + terms.gravity
     dynamics = ArmDynamics(arm)

@@ -110,6 +110,9 @@ def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
 
     The velocity of the first state after a pause cannot be compared with positions.
     """
+    if 'velocity of' in bench.next_status('joint states').message:  # in doubt until it moves
+        bench.driver.stream_changed(Swing(bench.driver.q, [0.1] * len(bench.driver.q), 4.0))
+        bench.wait_status('joint states', lambda status: 'velocity of' not in status.message)
     bench.driver.be_quiet()
     pauses_until = time.monotonic() + 2.0 * PAUSE
 
