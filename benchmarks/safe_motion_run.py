@@ -28,8 +28,8 @@ A run is bad for one of these reasons:
   wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count;
 - past limit: a position limit is passed;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
-  plus the static sag of the feedback for an unknown load. After a push, and with an unknown load,
-  a run that ended with the fault `following_error` need not arrive;
+  plus the static sag of the feedback for an unknown load. A push or an unknown load that causes a
+  fault ends the motion;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
 - false alarm: the check of the velocities doubts true velocities;
@@ -63,7 +63,8 @@ RAMP_SPEED, END_TIME = 0.05, 5.0
 """[rad/s] when a ramp begins, and [s] until it has ended."""
 PUSH_SETTLING = 0.3
 """[s] after a push in which an arm with wrong velocities may be fast."""
-FOLLOWING_ERROR = 'following_error'
+PUSHED = {'following_error', 'overspeed'}
+"""Faults that a push or an unknown load may cause."""
 
 
 class Margin(NamedTuple):
@@ -158,7 +159,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     goal, sag = scene.goal, static_sag(scene)
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
     must_arrive = goal is not None and case.motion != PUSH and not (
-        is_pushed and FOLLOWING_ERROR in trace.faults)
+        is_pushed and PUSHED.intersection(trace.faults))
     is_true, is_past = scene.velocities_are_true, (q > limits.upper) | (q < limits.lower)
     return Outcome(
         oscillates=trace.diverges or amplitude > AMPLITUDE + margin.amplitude,

@@ -286,7 +286,7 @@ class Scene:
         hull.begin(before, limits)
         hull.include(*(point.position for point in points))
         q, v = points[-1].position, points[-1].velocity
-        if v is not None and v.any():
+        if v is not None:
             bounds = self.arm.limits
             T = self.loop.controller.options.stream_timeout
             # The acceleration of the target is at most that of the limits.
@@ -333,7 +333,8 @@ class Scene:
                 plant.step(self.effort + (0.0 if push is None else push.effort), STEP)
             states.append((plant.q, plant.v))
             self._is_pushed = push is not None
-            judged.append(push is None and self._mode not in (Mode.STOPPING, Mode.INACTIVE))
+            judged.append(push is None and not self._has_released() and (
+                self._mode not in (Mode.STOPPING, Mode.INACTIVE)))
             if k % LOOK == 0:
                 diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
                 if last == LONGEST and self._disturb is None and self._has_ended():

@@ -200,7 +200,7 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
 def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
     center = [0.3, 0.0]  # where joint1 exerts no Coriolis torque on joint2
-    bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [60.0], 'gains.kd': [0.5]})
+    bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
     swing = bench.driver.change = Swing(center, [0.28, 0.0], 12.0 / 0.28)
     wait_states(bench, 20)
     bench.set_point([center[0] + sign * 0.4, 0.0])
@@ -211,7 +211,7 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
               for m in bench.efforts.wait_count(200)]
     along = [a * v / abs(v) for v, a in motion if abs(v) > 10.1]
     assert max(along) < 0.1
-    assert min(along) < -10.0  # braking
+    assert min(along) < -3.0  # braking
 
 
 # --- effort --------------------------------------------------------------------------------------
