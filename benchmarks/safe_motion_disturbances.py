@@ -183,11 +183,14 @@ def wrong_velocity(scene: Scene) -> None:
 
     Or the sample of a joint that moves is frozen.
     """
-    scene.goal, scene.velocities_are_true = None, False
     moving = np.flatnonzero(np.abs(scene.motion.goal - scene.motion.start) > AT_GOAL)
+    kinds = [*([0, 1, 2] if scene.case.has_velocity else []), *([3] if moving.size else [])]
+    if not kinds:
+        return
     j = int(scene.rng.choice(moving if moving.size else scene.arm.joint_count))
-    kind = int(scene.rng.integers(4 if moving.size else 3)) if scene.case.has_velocity else 3
+    kind = int(scene.rng.choice(kinds))
     sample: list[float] = []
+    scene.goal, scene.velocities_are_true = None, False
 
     def measured(
         q: FloatArray, v: FloatArray | None,
