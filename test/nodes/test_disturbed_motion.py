@@ -45,8 +45,8 @@ OVERSPEED = 1.2
 """Largest speed after a wrong velocity, by the velocity limit."""
 AT_REST = 0.01
 """[rad/s]"""
-SLOW = 0.2
-"""[rad/s]"""
+SLOW, FROZEN_SLOW = 0.05, 0.3
+"""[rad/s] 0.6 s after the disturbance: of all joints, and of a joint without a sensor."""
 TICK = 1.0 / 500.0
 
 
@@ -179,15 +179,17 @@ def test_a_wrong_measurement_during_a_motion(
             'sign': reversed_sign(j), 'zero': zero, 'in degrees': in_degrees,
             'frozen': frozen(j, float(bench.plant.q[j]), float(bench.plant.v[j])),
         }[kind.rstrip(' 01')]
-        bench.run(1.0, lambda: bench.peak_speed() > 30.0)
-        # What moves a joint without a sensor later on, such as gravity, is unknown.
+        bench.run(0.6)
+        # What gravity does later to a joint without a sensor is unknown.
         others = np.arange(len(goal)) != (j if 'frozen' in kind else -1)
-        speed = np.abs(bench.v[-50:, others]).max()
-        seen(f'speed {bench.peak_speed():.2f}, at the end {speed:.4f} rad/s, '
-             f'all {bench.last_speed():.4f}')
+        speeds = np.abs(bench.v[-50:]).max(axis=0)
+        seen(f'speed {bench.peak_speed():.2f}, after 0.6 s {speeds[others].max():.4f} rad/s, all '
+             f'{speeds.max():.4f}')
+        bench.run(0.4)
+        seen(f'speed within 1 s {bench.peak_speed():.2f}')
         assert bench.peak_speed() < OVERSPEED
-        assert speed < AT_REST
-        assert bench.last_speed() < SLOW
+        assert speeds[others].max() < SLOW
+        assert speeds.max() < (FROZEN_SLOW if 'frozen' in kind else SLOW)
         assert bench.beyond_limits() <= 0.0
         if 'frozen' in kind:
             bench.status('command', lambda s: 'frozen_joint' in s.message)
@@ -231,7 +233,7 @@ def test_a_stream_that_ends_at_a_position_limit(
         seen(f'{bench.beyond_limits():.4f} rad beyond, speed {bench.peak_speed():.2f}')
         assert bench.beyond_limits() <= 0.0
         assert bench.reference_excess(limits.lower, limits.upper) <= 0.0
-        assert bench.last_speed() < AT_REST
+        assert bench.last_speed() < SLOW
 
 
 @pytest.mark.parametrize('slow', [pytest.param(0.05, marks=soak), 0.2])
@@ -247,7 +249,7 @@ def test_a_stream_of_a_fast_and_a_slow_joint_ends(
                np.array([0.8, limit.upper[1] - 2e-3]))
         seen(f'{bench.beyond_limits():.4f} rad beyond, speed {bench.peak_speed():.2f}')
         assert bench.beyond_limits() <= 0.0
-        assert bench.last_speed() < AT_REST
+        assert bench.last_speed() < SLOW
 
 
 # ------------------------------------------------------------------ the end of the command

@@ -79,22 +79,26 @@ def follow(bench: FaultBench, q: Sequence[float]) -> None:
     bench.wait_status('reference', lambda status: status.message == 'following')
 
 
-def move_by_hand(bench: FaultBench, q: Sequence[float], speed: float = 1.5) -> None:
-    """Make the driver report a smooth motion to q with its velocities, and then rest at q."""
+def move_by_hand(
+    bench: FaultBench, q: Sequence[float], has_velocity: bool = True, speed: float = 1.5,
+) -> None:
+    """Make the driver report a smooth motion to q, with its velocities or without, and a rest."""
     begin, way = np.array(bench.driver.q), np.subtract(q, bench.driver.q)
     start, duration = time.time_ns(), max(float(np.abs(way).max()) / speed, 0.02)
 
     def moved(message: JointState) -> JointState:
         t = min(max(1e-9 * (nanoseconds_of(message.header.stamp) - start) / duration, 0.0), 1.0)
         message.position = (begin + (10.0 - 15.0 * t + 6.0 * t**2) * t**3 * way).tolist()
-        message.velocity = (30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist()
+        message.velocity = (
+            30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist() if has_velocity else []
         return message
 
     bench.driver.change = moved
     wait_until(lambda: time.time_ns() - start > 1e9 * duration, 'the motion')
     wait_states(bench, 2)
     bench.driver.q = list(q)
-    bench.driver.change = lambda message: message
+    if has_velocity:
+        bench.driver.change = lambda message: message
     wait_states(bench, 2)
 
 
