@@ -48,6 +48,7 @@ from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
@@ -250,12 +251,6 @@ class Controller:
         """The trajectory or stop that is followed, or None."""
         return self._reference.active
 
-    def next_reference(self, dt: float) -> Reference | None:
-        """Return the reference dt [s] after the last state, None without one."""
-        active, state = self._reference.active, self._state
-        return None if active is None or state is None else active.sample(
-            state[0] + round(1e9 * dt))
-
     def reference_position(self) -> FloatArray | None:
         """Return the position of the reference (n,) at the last state, None without one."""
         reference = self.reference
@@ -451,15 +446,32 @@ class Controller:
         self._state = None
 
     def motion_equation(
-        self, q: FloatArray, v: FloatArray | None,
+        self, output: ControlOutput, q: FloatArray, v: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return M(q) (n, n) and C(q, v) v (n,) in units of the command."""
+        """Return M(q) (n, n), and C(q, v) v + friction (n,) of the output, as command efforts."""
         with self.lock:
-            body, drive = self._load.dynamics.rigid_body, self.arm.drive
-            M = body.mass_matrix(q)
-            coriolis = np.zeros_like(q) if v is None else body.nonlinear(q, v) - body.gravity(q)
-            return (M, coriolis) if drive is None else (
-                M / drive.scale[:, np.newaxis], coriolis / drive.scale)
+            body, drive, robot = self._load.dynamics.rigid_body, self.arm.drive, output.robot
+            M, passive = body.mass_matrix(q), output.law.friction
+            if robot.friction is not None:
+                passive = passive - robot.friction
+            if v is not None:
+                passive = passive + body.nonlinear(q, v) - body.gravity(q)
+            return (M, passive) if drive is None else (
+                M / drive.scale[:, np.newaxis], passive / drive.scale)
+
+    def joint_torque(self, output: ControlOutput, effort: FloatArray) -> FloatArray:
+        """Return the torque (n,) that accelerates the arm under a command: without friction."""
+        torque = effort if self.arm.drive is None else self.arm.drive.torque(effort)
+        torque = torque - output.law.friction
+        for part in output.robot:
+            if part is not None:
+                torque = torque + part
+        return torque
+
+    @property
+    def rigid_body(self) -> UncheckedRigidBody:
+        """The rigid bodies of the arm with its active loads."""
+        return self._load.dynamics.rigid_body
 
     def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
         """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""

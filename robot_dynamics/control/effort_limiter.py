@@ -117,7 +117,7 @@ class EffortLimits:
 
 MotionEquation = Callable[
     [FloatArray, FloatArray | None], tuple[FloatArray, FloatArray]]
-"""Returns M(q) (n, n) and C(q, v) v (n,) at (q, v); v may be unknown (None)."""
+"""Returns M(q) (n, n), and C(q, v) v + friction (n,); the velocity v may be unknown (None)."""
 
 
 class ActiveLimits(NamedTuple):
@@ -150,17 +150,17 @@ class EffortLimiter:
 
         `hold` returns the command (n,) that holds the arm still; the first effort is that command.
         `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
-        `equation` returns M(q) (n, n) and C(q, v) v (n,) in units of the effort, by default the
-        unit matrix and 0: joints that do not move each other.
+        `equation` returns M(q) (n, n), and C(q, v) v with the compensation of friction (n,), by
+        default the unit matrix and 0: joints that do not move each other.
         """
         limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
         is_clear = limits.is_clear(q, v)
         if not is_clear:
             still = hold()
-            M, coriolis = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
+            M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
-            a = np.linalg.solve(M, effort - still - coriolis)
+            a = np.linalg.solve(M, effort - still - passive)
             by_position = ((a > 0.0) & (q > limits.soft_upper)) | (
                 (a < 0.0) & (q < limits.soft_lower))
             if v is not None:
@@ -169,26 +169,24 @@ class EffortLimiter:
             if is_held.any():
                 most = np.maximum(np.maximum(np.abs(still), np.abs(effort)), limits.effort)
                 allowed = np.clip(
-                    still + coriolis + M @ np.where(is_held, 0.0, a), -most, most)
+                    still + passive + M @ np.where(is_held, 0.0, a), -most, most)
         if self.last is None:
             self.last, dt = hold(), 0.0
-        moved = self.rate_limited(allowed, dt, in_proportion=allowed is effort)
+        moved = self.rate_limited(allowed, dt)
         if moved is not allowed:
             by_rate = moved != allowed
         has_changed = moved is not effort and bool((moved != effort).any())
         self.active = ActiveLimits(by_position, by_velocity, by_rate) if has_changed else None
         return moved
 
-    def rate_limited(
-        self, effort: FloatArray, dt: float, in_proportion: bool = True,
-    ) -> FloatArray:
+    def rate_limited(self, effort: FloatArray, dt: float) -> FloatArray:
         """
         Return the last effort changed toward `effort` (n,) as far as the rate limit allows in dt.
 
-        `dt` [s] is the time since the last effort. If `in_proportion`, the efforts of all joints
-        cover the same fraction of their change: an effort between two efforts that accelerate the
-        arm as intended also does so, whereas the inertia torques of the other joints would
-        accelerate a joint whose effort lags behind. Otherwise each joint uses its own rate limit.
+        `dt` [s] is the time since the last effort. The efforts of all joints cover the same
+        fraction of their change: an effort between two efforts that accelerate the arm as intended
+        also does so, whereas the inertia torques of the other joints would accelerate a joint
+        whose effort lags behind.
         """
         last, dt = self.last, min(max(dt, 0.0), LONGEST_STEP)
         if last is None:
@@ -203,9 +201,6 @@ class EffortLimiter:
             self._last_values = values
             return effort
         change, rate = effort - last, self.limits.joint_rates
-        if not in_proportion:
-            self.last = last + np.clip(change, -rate * dt, rate * dt)
-            return self.last
         with np.errstate(over='ignore'):
             longest = float(np.max(np.abs(change) / rate))
         self.last = effort if longest <= dt else last + (dt / longest) * change

@@ -14,6 +14,7 @@
 
 """The reference of a controller: a trajectory, a stop, or none."""
 
+import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import ArmModel
@@ -28,6 +29,10 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
+from robot_dynamics.validation import LARGEST_VALUE
+
+FASTEST_STOP = 2.0
+"""Largest velocity from which a stop begins, by the velocity limit."""
 
 
 class FollowedReference:
@@ -114,9 +119,15 @@ class FollowedReference:
         self.active, self.stops_next = None, holds
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
-        """Stop from the reference, or without one from this state, and hold."""
+        """
+        Stop from the reference, or without one from this state, and hold.
+
+        Velocities far beyond their limits are wrong; they do not prevent the stop.
+        """
         self.stops_next = False
-        self._follower.stop(stamp_ns, q, v)
+        fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
+        self._follower.stop(
+            stamp_ns, np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest))
         self.active = self._follower.active
 
     def shift_time(self, shift_ns: int) -> None:

@@ -28,6 +28,7 @@ from the first measured state, and after each fault, and is held there. Before t
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, NO_COMMAND
 from robot_dynamics.control.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.followed_reference import FASTEST_STOP
 from robot_dynamics.control.laws import ControlLaw
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -96,10 +98,10 @@ class LoopAnswer(NamedTuple):
 
 class _FrozenJoints:
     """
-    The motion of joints without a signal, predicted from their reference and the feedback.
+    The motion of joints without a signal, predicted by the equation of motion.
 
-    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards on
-    the predicted error, so that this error decays as ë + K_d ė + K_p e = 0.
+    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards the
+    commanded effort accelerates the arm.
     """
 
     def __init__(
@@ -111,12 +113,14 @@ class _FrozenJoints:
 
         `dt` [s] is the period of the states, in which the feedback is constant.
         """
-        self.marks, self._controller, self._is_begun = marks, controller, False
+        self.marks, self._controller = marks, controller
         self.since = 0.0
         """Time [s] of the steady clock at which the fault was found."""
-        n, still = len(q), np.zeros_like(q)
-        self._e, self._e_dot = np.zeros(n), np.zeros(n)
-        trajectory, v = controller.trajectory, v if v is not None else still
+        self.torque: FloatArray | None = None
+        """The torque (n,) that accelerates the arm since the last state, None at the first one."""
+        v = v if v is not None else np.zeros_like(q)
+        self._q, self._v = q, v
+        trajectory = controller.trajectory
         if trajectory is None:
             return
         K_p, K_d = controller.feedback_gains
@@ -124,29 +128,31 @@ class _FrozenJoints:
         passed = 1e-9 * (stamp_ns - start_ns)
         count = min(max(round(passed / max(dt, 1e-4)), 1), _MOST_STEPS)
         h = passed / count
+        q_r, v_r, _ = trajectory.sample(start_ns)
+        e, e_dot = q_r - q, v_r - v
         for k in range(count):
             q_r, v_r, _ = trajectory.sample(start_ns + round(1e9 * k * h))
-            if k == 0:
-                self._e, self._e_dot = q_r - q, v_r - v
-            self._e = self._e + 0.5 * h * self._e_dot
-            self._e_dot = self._e_dot - h * (K_d * (v_r - v) + K_p * (q_r - q))
-            self._e = self._e + 0.5 * h * self._e_dot
+            e = e + 0.5 * h * e_dot
+            e_dot = e_dot - h * (K_d * (v_r - v) + K_p * (q_r - q))
+            e = e + 0.5 * h * e_dot
+        q_r, v_r, _ = trajectory.sample(stamp_ns)
+        self._q, self._v = q_r - e, v_r - e_dot
 
     def predict(
         self, dt: float, q: FloatArray, v: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
-        reference = self._controller.next_reference(dt)
-        if reference is None:
-            return q, v
-        K_p, K_d = self._controller.feedback_gains
-        h = min(max(dt, 0.0), LONGEST_STEP) if self._is_begun else 0.0
-        self._is_begun = True
-        e_dot = self._e_dot - h * (K_d * self._e_dot + K_p * self._e)
-        self._e = self._e + 0.5 * h * (self._e_dot + e_dot)
-        self._e_dot = e_dot
-        return np.where(self.marks, reference.position - self._e, q), (
-            None if v is None else np.where(self.marks, reference.velocity - self._e_dot, v))
+        reference, marks = self._controller.reference, self.marks
+        if self.torque is not None:
+            h = min(max(dt, 0.0), LONGEST_STEP)
+            a = self._controller.rigid_body.acceleration(self._q, self._v, self.torque)
+            fastest = FASTEST_STOP * self._controller.arm.limits.velocity
+            before, self._v = self._v, np.clip(self._v + h * a, -fastest, fastest)
+            self._q = self._q + 0.5 * h * (before + self._v)
+        used = v if v is not None or reference is None else reference.velocity
+        self._q = np.where(marks, self._q, q)
+        self._v = np.where(marks, self._v, 0.0 if used is None else used)
+        return self._q, None if v is None else self._v
 
 
 class ControlLoop:
@@ -426,7 +432,10 @@ class ControlLoop:
         limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,
-            controller.motion_equation)
+            partial(controller.motion_equation, output))
+        if self._frozen is not None:
+            last = supervisor.limiter.last
+            self._frozen.torque = None if last is None else controller.joint_torque(output, last)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)

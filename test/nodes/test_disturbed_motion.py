@@ -355,13 +355,13 @@ def test_the_arm_is_held_from_the_start_with_a_load_that_the_node_does_not_know(
         assert bench.last_speed() < AT_REST
 
 
-@pytest.mark.parametrize(('load', 'sag'), [(3.0, 0.2), (4.0, 0.25)])
+@pytest.mark.parametrize(('load', 'sag', 'most'), [(3.0, 0.2, 0.25), (4.0, 0.25, 0.7)])
 @pytest.mark.parametrize('start', [[0.8, 0.5], pytest.param([0.0, 0.0], marks=soak),
                                    pytest.param([-0.6, 1.2], marks=soak)], ids=str)
 def test_a_load_that_the_node_does_not_know_at_a_low_rate(
-    client: RosClient, start: list[float], load: float, sag: float, seen: Any,
+    client: RosClient, start: list[float], load: float, sag: float, most: float, seen: Any,
 ) -> None:
-    """At 125 Hz the gains are scaled for the rate, not by the size of the error."""
+    """At 125 Hz the gains are scaled for the rate; the falling load is caught, and sags."""
     with disturbed_arm(client, 'default', start, rate=125.0) as bench:
         bench.run(0.1)
         bench.send((0.0, start))
@@ -371,5 +371,5 @@ def test_a_load_that_the_node_does_not_know_at_a_low_rate(
         moved, peak = np.abs(bench.plant.q - start).max(), np.abs(bench.q - start).max()
         seen(f'{moved:.3f} rad, at most {peak:.3f} rad, {bench.last_speed():.4f} rad/s')
         assert moved < sag
-        assert peak < 1.5 * sag
+        assert peak < most
         assert bench.last_speed() < AT_REST
