@@ -26,7 +26,7 @@ import threading
 from typing import Any
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.computed_torque import ComputedTorque
 from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
@@ -65,6 +65,8 @@ LONGEST_DIFFERENCE = 0.1
 """[s] between two states whose positions give the velocity at which a stop starts."""
 USUAL_FRICTION = 0.1
 """Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
+HELD_ERROR = 0.03
+"""[rad] or [m] that a joint may be away from its reference without friction."""
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
@@ -493,20 +495,20 @@ class Controller:
                 return hold
             return braked if drive is None else drive.command(braked)
 
-    def holding_error(self, q: FloatArray) -> FloatArray:
+    def is_held(self, q: FloatArray, error: FloatArray) -> BoolArray:
         """
-        Return the errors (n,) [rad] or [m] at which dry friction may hold the joints at q (n,).
+        Return at which joints (n,) dry friction can hold the arm against the feedback, at rest.
 
-        Friction that is not known is assumed to be as large as usual in gearboxes.
+        `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Friction that is not known
+        is assumed to be as large as usual in gearboxes; a further HELD_ERROR is tolerated.
         """
         friction, limit = self.arm.friction.at_rest, self.arm.limits.effort
         usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
         with self.lock:
-            M = np.diagonal(self._load.dynamics.rigid_body.mass_matrix(q))
-            stiffness = M * self.feedback_gains[0]
-        with np.errstate(divide='ignore', invalid='ignore'):
-            error = np.maximum(friction.static + friction.offset, usual) / stiffness
-        return np.where(np.isnan(error), 0.0, error)
+            M, K_p = self._load.dynamics.rigid_body.mass_matrix(q), self.feedback_gains[0]
+        holding = np.maximum(friction.static + friction.offset, usual) + HELD_ERROR * (
+            np.diagonal(M) * K_p)
+        return np.asarray(np.abs(M @ (K_p * error)) <= holding)
 
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:

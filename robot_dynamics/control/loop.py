@@ -179,7 +179,7 @@ class ControlLoop:
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
         self.consistency = MotionConsistency(
-            arm.joint_names, arm.joint_kinds, controller.holding_error)
+            arm.joint_names, arm.joint_kinds, controller.is_held)
         self._is_consistent, self._checked_ns = True, 0
         self.stream = SetPointStream(controller.options.stream_timeout)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)

@@ -93,13 +93,13 @@ class MotionConsistency:
 
     def __init__(
         self, joint_names: Sequence[str], joint_kinds: Sequence[str],
-        holding_error: Callable[[FloatArray], FloatArray] | None = None,
+        is_held: Callable[[FloatArray, FloatArray], BoolArray] | None = None,
     ) -> None:
         """
         Take the joints and their kinds, as `ArmModel` has them.
 
-        `holding_error` returns the distances (n,) [rad] or [m] from the reference at which dry
-        friction can hold the joints at q (n,); None if they have no friction.
+        `is_held` returns at which joints (n,) dry friction can hold an arm at q, given the errors
+        reference minus q, (n,) each [rad] or [m]; None if the joints have no friction.
         """
         n = len(joint_names)
         self._names = tuple(joint_names)
@@ -111,7 +111,7 @@ class MotionConsistency:
         self.is_consistent = True
         self.reason = ''
         self._zero = np.zeros(n)
-        self._holding_error = holding_error
+        self._is_held = is_held
         self._times, self._squared = np.zeros((2, _ROWS))
         self._positions, self._differences = np.zeros((2, _ROWS, n))
         """Stored states: time [s] since `_base_ns`, sum of the squared periods [s²], q and e."""
@@ -369,9 +369,8 @@ class MotionConsistency:
         self._is_repeating = bool(same.any())
         excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
         is_left = same & (moved > np.where(self._v != 0.0, FLOOR, REFERENCE) * self._unit)
-        if self._holding_error is not None and is_left.any():
-            is_left &= (self._v != 0.0) | (
-                moved > REFERENCE * self._unit + self._holding_error(self._q))
+        if self._is_held is not None and desired is not None and is_left.any():
+            is_left &= (self._v != 0.0) | ~self._is_held(self._q, desired - self._q)
         self._left = np.where(is_left, self._left + 1, 0)
         # A joint that stands still may obey the next reference.
         frozen = same & (self.frozen & (self._v != 0.0) | (excess > 0.0) & (
