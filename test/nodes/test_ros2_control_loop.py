@@ -160,18 +160,14 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
     assert 'No valid effort' not in one.arm.log
 
 
-@pytest.mark.parametrize('threshold', [
-    pytest.param(threshold, marks=(*more, fault(
-        GROUP, f'`trigger_joint_command_threshold` {words} (stand-in), while the arm is held',
-        'a command equal to the reported effort is not published: the brakes of '
-        '`simulated_arm` engage after `command_timeout`; the next command releases them; this '
-        'repeats')))
-    for threshold, words, more in (
-        (DEFAULT_THRESHOLD, 'at its default', ()), (0.0, 'of 0', (pytest.mark.soak,)))])
+@fault(GROUP, '`trigger_joint_command_threshold` at its default (stand-in), while the arm is held',
+       'a command equal to the reported effort is not published: the brakes of '
+       '`simulated_arm` engage after `command_timeout`; the next command releases them; this '
+       'repeats')
 def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(
-    client: RosClient, stack: ExitStack, seen: Any, threshold: float,
+    client: RosClient, stack: ExitStack, seen: Any,
 ) -> None:
-    one = robot(client, stack, f'/threshold{threshold > 0.0:d}', threshold)
+    one = robot(client, stack, '/threshold', DEFAULT_THRESHOLD)
     stack.enter_context(one.dynamics())
     one.received.wait_for(lambda m: np.isfinite(m.effort).all())
     one.measured.clear()
