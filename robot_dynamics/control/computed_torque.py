@@ -77,13 +77,14 @@ class ComputedTorque(ControlLaw):
         dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
         if trajectory is None or v is None:
             raise ValueError('computed torque needs a reference and a velocity')
-        a, v_r, is_far, change = self.feedback.track(trajectory, state.stamp_ns, state.q, v)
+        a, v_ref, e, is_far, change = self.feedback.track(
+            trajectory, state.stamp_ns, state.q, v)
         scale = 1.0
         if change > self._free_change:
             a, scale = self._limited(state)
         friction, effort = self._zero, dynamics.rigid_body.inverse_dynamics(q_ahead, v, a)
         if not dynamics.is_frictionless:
-            friction = self._friction(dynamics, v_r, v, effort)
+            friction = self._friction(dynamics, v_ref, e, v, effort)
             effort = effort + friction
         return LawOutput(
             effort, partial(self._terms, state, a, friction), friction, is_far, scale=scale)
@@ -107,9 +108,11 @@ class ComputedTorque(ControlLaw):
         return equation_terms(state.dynamics, q, v, a, friction, gravity)
 
     def _friction(
-        self, dynamics: UncheckedArmDynamics, v_r: FloatArray, v: FloatArray, load: FloatArray,
+        self, dynamics: UncheckedArmDynamics, v_ref: FloatArray, e: FloatArray, v: FloatArray,
+        load: FloatArray,
     ) -> FloatArray:
         if self._friction_mode == 'reference':
-            return dynamics.friction_effort(v_r, load, smooth=True)
+            return dynamics.friction.tracking_effort(
+                v_ref, e, self.feedback.gains.ratio, load)
         return dynamics.friction_effort(v, load) if self._friction_mode == 'measured' else (
             self._zero)

@@ -20,11 +20,11 @@ Source: B. Siciliano et al., *Robotics: Modelling, Planning and Control*, Spring
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction and an exact model, the error
 e = q_ref − q obeys ë + K_d ė + K_p e = 0 at each joint, independently of the other joints.
 
-Friction is best compensated not at the measured velocity but at the reference velocity
-v_r = q̇_ref + K_p/K_d e of J.-J. E. Slotine and W. Li, Int. J. Robotics Research 6(3), 1987.
-Compensation at the measured velocity, fed back with any delay, accelerates a light joint in its
-direction of motion, and is zero for a joint that sticks. Compensation at v_r starts a sticking
-joint if its reference moves, and the uncompensated part of the friction damps the error.
+Friction is best compensated not at the measured velocity but at that of the reference, and at rest
+in the direction of the error (`JointFriction.tracking_effort`). Compensation at the measured
+velocity, fed back with any delay, accelerates a light joint in its direction of motion, and is
+zero for a joint that sticks. Compensation at the velocity of the reference starts a sticking joint
+if its reference moves, and the uncompensated part of the friction damps the error.
 """
 
 from collections.abc import Sequence
@@ -86,8 +86,8 @@ def make_gains(
     gains = Gains(
         per_joint('gains.kp', kp, joint_names) if not is_empty(kp) else omega**2,
         per_joint('gains.kd', kd, joint_names) if not is_empty(kd) else 2.0 * zeta * omega)
-    for name, K_p, K_d, ratio in zip(joint_names, gains.kp, gains.kd, gains.ratio):
-        if ratio > LARGEST_VALUE or K_p > K_d == 0.0:
+    for name, K_p, K_d in zip(joint_names, gains.kp, gains.kd):
+        if K_p > LARGEST_VALUE * K_d:
             raise InvalidInputError(
                 f'gains.kd of {name!r} is {K_d:g} with gains.kp {K_p:g}, expected damping: at '
                 f'least 1/{LARGEST_VALUE:g} of gains.kp, or gains.damping_ratio above 0')
@@ -106,14 +106,15 @@ class Tracking(NamedTuple):
     """
     The feedback at one state, each (n,).
 
-    `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref + K_p/K_d e
-    [rad/s or m/s], q̇_ref if K_d is 0: the velocity at which friction is compensated. `is_far` is
-    true if the error e of a joint exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|,
-    the rate at which the feedback changes (`ComputedTorque`).
+    `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref [rad/s or m/s],
+    and `error` is e, at which friction is compensated. `is_far` is true if the error of a joint
+    exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|, the rate at which the feedback
+    changes (`ComputedTorque`).
     """
 
     acceleration: FloatArray
     velocity: FloatArray
+    error: FloatArray
     is_far: bool
     change: float
 
@@ -149,9 +150,9 @@ class ErrorFeedback:
                 segment.since_ns <= now_ns < segment.end_ns):
             segment = self._take_segment(reference, now_ns)
         s = 1e-9 * (now_ns - segment.begin_ns) / segment.duration
-        acceleration, velocity, is_far, largest = [], [], False, 0.0
+        acceleration, velocity, error, is_far, largest = [], [], [], False, 0.0
         for ((p0, p1, p2, p3, p4, p5), (d0, d1, d2, d3, d4, _), (dd0, dd1, dd2, dd3, _, _),
-             K_p, K_d, K_c, ratio, turns, e_max), q_j, v_j in zip(
+             K_p, K_d, K_c, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
             e = p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5)))) - q_j
             if turns and not -pi < e <= pi:
@@ -162,11 +163,13 @@ class ErrorFeedback:
             e_dot = v_ref - v_j
             acceleration.append(
                 dd0 + s * (dd1 + s * (dd2 + s * dd3)) + K_d * e_dot + K_p * e)
-            velocity.append(v_ref + ratio * e)
+            velocity.append(v_ref)
+            error.append(e)
             change = K_c * e_dot
             if not -largest <= change <= largest:
                 largest = abs(change)
-        return Tracking(np.array(acceleration), np.array(velocity), is_far, largest)
+        return Tracking(
+            np.array(acceleration), np.array(velocity), np.array(error), is_far, largest)
 
     def _take_segment(self, reference: ActiveTrajectory, now_ns: int) -> Segment:
         """Prepare the segment that is active at `now_ns`."""
@@ -176,8 +179,7 @@ class ErrorFeedback:
             segment.coefficients[:, k * n:(k + 1) * n].T.tolist() for k in range(3))
         self._joints = list(zip(
             position, velocity, acceleration, self.gains.kp.tolist(), self.gains.kd.tolist(),
-            self.gains.change.tolist(), self.gains.ratio.tolist(), self._turns,
-            self.largest_error.tolist()))
+            self.gains.change.tolist(), self._turns, self.largest_error.tolist()))
         self._reference, self._segment = reference, segment
         return segment
 

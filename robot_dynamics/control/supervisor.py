@@ -216,7 +216,7 @@ class CommandSupervisor:
             return self._action(now)
         is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
         if is_damped:
-            return self._hold_on(now, hold() if brake is None else brake(q, v, hold()))
+            return self._hold_on(now, hold() if brake is None else brake(q, v, hold()), dt)
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
         passed, self.last_output = now - self.last_output, now
@@ -248,13 +248,16 @@ class CommandSupervisor:
             'state_timeout', f'no valid joint state for {limit:g} s (state_timeout): check the '
             'driver, and the status `joint states` for dropped ones')
 
-    def _hold_on(self, now: float, braked: FloatArray) -> FloatArray | None:
+    def _hold_on(
+        self, now: float, braked: FloatArray, dt: float | None,
+    ) -> FloatArray | None:
         """Answer a valid state in a fault: hold the arm and postpone the fault action."""
         self._since, self._braked = now + self.options.state_timeout, braked
         self._ramped = self.hold()
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
-        effort = self.limiter.rate_limited(braked, now - self.last_output)
+        passed = now - self.last_output
+        effort = self.limiter.rate_limited(braked, passed if dt is None else min(passed, dt))
         self.last_output = now
         return effort
 

@@ -20,9 +20,9 @@ limits minus gravity, and the jerk by the rate limit of the effort: M(q) q⃛ �
 evaluated at poses over the whole workspace, so that one set of limits is valid in the whole
 workspace:
 
-    Σ_k |M_ik(q)| a_k <= β (τ_i − |g_i(q)|),    Σ_k |M_ik(q)| j_k <= β τ̇_i    for all i, q.
+    Σ_k |M_ik(q)| a_k <= β (τ_i − |g_i(q)| − τ_f,i),    Σ_k |M_ik(q)| j_k <= β τ̇_i    for all i, q
 
-The rest, 1 − β, is for feedback, friction and velocity-dependent torques.
+with the friction τ_f at the velocity limit. The rest, 1 − β, is for feedback and Coriolis torques.
 """
 
 from dataclasses import dataclass, replace
@@ -35,6 +35,8 @@ from robot_dynamics.model.regressor import random_states
 
 VELOCITY_FRACTION = 0.5
 """Largest reference velocity as a fraction of the limit in the URDF."""
+WHOLE_FRACTION = 0.95
+"""The same for the motion of a sender; the rest is for errors of the arm."""
 EFFORT_FRACTION = 0.5
 """β: fraction of the remaining effort, and of its rate, that acceleration and jerk may take."""
 LEAST_FRACTION = 0.1
@@ -89,7 +91,7 @@ class MotionLimits:
     def whole(self) -> 'MotionLimits':
         """The limits without reserve for feedback, for a motion that the sender has planned."""
         return replace(
-            self, velocity=self.velocity / VELOCITY_FRACTION,
+            self, velocity=WHOLE_FRACTION / VELOCITY_FRACTION * self.velocity,
             acceleration=self.acceleration / EFFORT_FRACTION, jerk=self.jerk / EFFORT_FRACTION)
 
 
@@ -133,13 +135,16 @@ class WorkspaceInertia:
         command, infinite for no limit.
         """
         limits = self.arm.limits
-        remaining = np.maximum(effort - self.gravity, LEAST_FRACTION * effort)
+        friction, known = self.arm.friction, np.isfinite(limits.velocity)
+        resistance = friction.at_rest.static + friction.viscous * np.where(
+            known, limits.velocity, DEFAULT_VELOCITY)
+        remaining = np.maximum(effort - self.gravity - resistance, LEAST_FRACTION * effort)
         is_held: BoolArray = np.all(self.gravity <= (1.0 - LEAST_FRACTION) * effort, axis=1)
         if is_held.any():
             remaining[~is_held] = math.inf
             remaining *= float(is_held.mean())
         velocity = np.where(
-            np.isfinite(limits.velocity), VELOCITY_FRACTION * limits.velocity, DEFAULT_VELOCITY)
+            known, VELOCITY_FRACTION * limits.velocity, DEFAULT_VELOCITY)
         acceleration = self._largest(EFFORT_FRACTION * remaining, velocity / SPEED_UP_TIME)
         rate = np.broadcast_to(effort_rate, remaining.shape)
         jerk = self._largest(EFFORT_FRACTION * rate, acceleration / JERK_TIME)

@@ -161,11 +161,12 @@ class ReferenceGenerator(TrajectoryFollower):
         before: tuple[int, TrajectoryPoint] | None, limits: MotionLimits,
     ) -> Plan:
         interval = 0.0 if before is None else (now_ns - before[0]) / NANOSECONDS_PER_SECOND
-        if before is None or not 0.0 <= interval <= LONGEST_PERIOD:
+        if before is None or not 0.0 <= interval <= LONGEST_PERIOD or (
+                (before[1].velocity is None) != (point.velocity is None)):
             before, self._period = None, 0.0
-        elif not self._period:
+        elif not self._period or 0.0 < interval < 0.5 * self._period:
             self._period = interval
-        else:  # A gap is no change of the rate.
+        elif interval > 0.0:  # A gap is no change of the rate.
             self._period += _NEW * (min(interval, 2.0 * self._period) - self._period)
         if point.velocity is None:
             horizon = 0.0 if before is None else max(HORIZON, PERIODS * self._period)

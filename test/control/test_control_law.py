@@ -172,7 +172,8 @@ def test_commanded_acceleration_adds_up() -> None:
     found = tracked(feedback, reference, np.array([0.5, 2.5]), np.array([0.0, 0.3]))
     assert found.acceleration == pytest.approx(
         [10.0 + 5.0 * 0.1 + 2.0 * 0.5, 20.0 - 7.0 * 0.1 - 3.0 * 0.5])
-    assert found.velocity == pytest.approx([0.1 + 2.0 / 5.0 * 0.5, 0.2 - 3.0 / 7.0 * 0.5])
+    assert found.velocity == pytest.approx([0.1, 0.2])
+    assert found.error == pytest.approx([0.5, -0.5])
     assert not found.is_far
 
 
@@ -244,8 +245,8 @@ def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
     assert (np.abs(e) <= math.pi).all() or joint != 'continuous'
     assert found.acceleration == pytest.approx(
         reference.acceleration + gains.kd * (reference.velocity - v) + kp * e, rel=1e-9, abs=1e-8)
-    assert found.velocity == pytest.approx(
-        reference.velocity + gains.ratio * e, rel=1e-9, abs=1e-8)
+    assert found.velocity == pytest.approx(reference.velocity, rel=1e-9, abs=1e-8)
+    assert found.error == pytest.approx(e, rel=1e-9, abs=1e-8)
     assert found.is_far == bool((np.abs(e) > limit).any())
 
 

@@ -223,6 +223,8 @@ def test_a_set_point_far_away(bench: FaultBench, more: dict[str, Any]) -> None:
         for one, other in zip(references.messages, references.messages[1:]):
             dt = 1e-9 * (nanoseconds_of(other.header.stamp) - nanoseconds_of(one.header.stamp))
             step = np.abs(np.subtract(other.position, one.position))
+            if not any(other.velocity) and other.position == pytest.approx(bench.driver.q):
+                continue  # a fault has ended the reference: the arm is held where it is
             assert (step <= 10.0 * dt + 1e-6).all()  # the velocity limit of both joints
             assert (np.abs(other.velocity) <= 10.0 + 1e-6).all()
     bench.check_efforts()

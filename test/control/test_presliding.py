@@ -1,0 +1,166 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Friction that yields before it slides: the arm comes to rest, and the command does not vibrate.
+
+The plant is a LuGre model in its simplest form: a bristle of stiffness F_c / d per joint, with 0.2
+of its critical damping, which slides at F_c (C. Canudas de Wit, H. Olsson, K. J. Åström,
+P. Lischinsky, IEEE Trans. Automatic Control 40(3), 1995). Its rotors are unknown to the loop.
+"""
+
+from collections import deque
+from typing import Any, NamedTuple
+
+from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+STEP, SUBSTEPS = 1e-3, 20
+MICRO_DAMPING = 0.2
+WAY = 0.35
+"""[rad] of the motion."""
+COULOMB = {
+    'panda': [0.6, 0.6, 0.5, 0.9, 0.9, 0.9, 0.6], 'ur10': [8.0, 8.0, 5.0, 2.0, 2.0, 1.5],
+    'ur5': [6.0, 6.0, 4.0, 1.2, 1.2, 1.2], 'default': [4.0, 1.5],
+    'xarm7': [1.0] * 7, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
+"""F_c [N m]; that of xarm7 and z1 is of their descriptions."""
+VISCOUS = {'xarm7': 10.0, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
+ROTORS = {
+    'ur10': [1.0, 1.0, 0.6, 0.1, 0.1, 0.1], 'ur5': [0.6, 0.6, 0.4, 0.05, 0.05, 0.05],
+    'panda': [0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2]}
+"""[kg m²] at the joints."""
+
+
+class Case(NamedTuple):
+    """An arm with its presliding distance [rad], and the loop: rate [Hz], delay [ms]."""
+
+    arm: str
+    rate: int
+    delay: int
+    distance: float
+    given: float = 1.0
+    """Friction that is given, by the true one."""
+    has_rotors: bool = False
+
+
+class Plant:
+    """An arm with bristles."""
+
+    def __init__(self, arm: ArmModel, case: Case) -> None:
+        n = arm.joint_count
+        self._body = UncheckedArmDynamics(arm).rigid_body
+        self.q, self.v, self._z = middle(arm), np.zeros(n), np.zeros(n)
+        self.coulomb = np.array(COULOMB[case.arm])
+        self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
+        self._rotors = np.diag(ROTORS[case.arm]) if case.has_rotors else np.zeros((n, n))
+        self._d = case.distance
+
+    def step(self, effort: FloatArray) -> None:
+        M = self._body.mass_matrix(self.q) + self._rotors
+        h = self._body.nonlinear(self.q, self.v)
+        K, dt = self.coulomb / self._d, STEP / SUBSTEPS
+        D = 2.0 * MICRO_DAMPING * np.sqrt(K * np.diag(M))
+        for _ in range(SUBSTEPS):  # implicit in the velocity
+            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
+            A = M + np.diag(dt * (self.viscous + (D + dt * K) * yields))
+            self.v = np.linalg.solve(A, M @ self.v + dt * (effort - h - K * self._z))
+            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
+            self._z = np.clip(self._z + dt * self.v * yields, -self._d, self._d)
+            self.q = self.q + dt * self.v
+
+
+class End(NamedTuple):
+    """The last second: largest speed, change of effort by F_c, error [rad] or [m]."""
+
+    speed: float
+    change: float
+    error: float
+
+
+def end_of_motion(case: Case, seconds: float = 5.5, **options: Any) -> End:
+    bare = smooth_arm(case.arm)
+    plant = Plant(bare, case)
+    arm = bare.with_friction(make_friction(
+        bare.joint_names, coulomb=(case.given * plant.coulomb).tolist(),
+        viscous=plant.viscous.tolist()))
+    loop, limit = ControlLoop.of_arm(arm, **options), arm.limits.effort
+    goal = plant.q + WAY * np.where(np.arange(len(plant.q)) % 2, 1.0, -1.0)
+    pending: deque[tuple[int, FloatArray]] = deque()
+    effort, speeds, efforts = None, [], []
+    for k in range(round(seconds / STEP)):
+        if k == 200:
+            loop.follow(make_trajectory(
+                arm.joint_names, [0.0], [goal.tolist()], (), (), arm.joint_names))
+        if k % (1000 // case.rate) == 0:
+            answer = loop.answer(FIRST_STAMP + k * MS, plant.q, plant.v).effort
+            if answer is not None:
+                pending.append((k + case.delay, np.clip(answer, -limit, limit)))
+        while pending and pending[0][0] <= k:
+            effort = pending.popleft()[1]
+        if effort is not None:
+            plant.step(effort)
+            speeds.append(np.abs(plant.v).max())
+            efforts.append(effort)
+    assert loop.supervisor.fault_count == 0
+    return End(
+        float(max(speeds[-1000:])), float(
+            (np.ptp(efforts[-1000:], axis=0) / plant.coulomb).max()),
+        float(np.abs(plant.q - goal).max()))
+
+
+def check_calm(case: Case, seen: Any) -> None:
+    end = end_of_motion(case)
+    seen(f'{end.speed:.2g} rad/s, {end.change:.2g} F_c, error {end.error:.4f} rad')
+    assert end.speed < 1e-3
+    assert end.change < 0.05
+    assert end.error < (0.006 if case.given == 1.0 and not case.has_rotors else 0.03)
+
+
+@pytest.mark.parametrize('case', [
+    Case('xarm7', 500, 4, 4e-3), Case('z1', 125, 0, 4e-3), Case('panda', 125, 8, 1e-3),
+    Case('ur10', 125, 8, 4e-3, has_rotors=True), Case('default', 100, 8, 5e-3, 1.4)],
+    ids=lambda case: f'{case.arm} {case.rate} Hz')
+def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: Any) -> None:
+    check_calm(case, seen)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('name', COULOMB)
+@pytest.mark.parametrize('distance', [1e-4, 1e-3, 2.5e-3, 5e-3])
+@pytest.mark.parametrize(('rate', 'delay'), [(1000, 2), (500, 8), (250, 8), (100, 0), (100, 8)])
+@pytest.mark.parametrize('given', [1.0, 1.4])
+def test_joints_are_calm_at_all_rates(
+    name: str, distance: float, rate: int, delay: int, given: float, seen: Any,
+) -> None:
+    check_calm(Case(name, rate, delay, distance, given, name in ROTORS), seen)
+
+
+@pytest.mark.parametrize(('distance', 'width'), [
+    (0.0, 0.025), (1e-4, 0.005), (2e-3, 0.01), (0.01, 0.05)])
+def test_the_width_covers_the_presliding_distance(distance: float, width: float) -> None:
+    friction = make_friction(['joint'], coulomb=[2.0], presliding_distance=[distance])
+    assert friction.tracking_width == pytest.approx([width])
+    for share, expected in ((0.5, 1.0), (-0.5, -1.0), (2.0, 2.0)):
+        assert friction.tracking_effort(np.zeros(1), np.array([share * width])) == (
+            pytest.approx([expected]))
+    for v in (-0.1, 0.1):  # in a motion only the reference counts
+        assert friction.tracking_effort(np.array([v]), np.array([-v])) == (
+            pytest.approx([np.copysign(2.0, v)], abs=1e-6))
