@@ -48,14 +48,15 @@ STEPS = (
     ('loop', 'robot_dynamics.control.loop:ControlLoop.answer', 1),
     ('control law', 'robot_dynamics.control.controller:Controller.answer', 2),
     ('g(q)', 'robot_dynamics.model.unchecked_rigid_body:UncheckedRigidBody.gravity', 2),
-    ('reference and feedback', 'robot_dynamics.control.computed_torque:ComputedTorque._track', 2),
+    ('reference and feedback', 'robot_dynamics.control.control_law:ErrorFeedback.track', 2),
     ('inverse dynamics',
      'robot_dynamics.model.unchecked_rigid_body:UncheckedRigidBody.inverse_dynamics', 2),
-    ('command', 'robot_dynamics.ros.dynamics.command_output:SafeCommand.answer', 1),
-    ('limits and modes', 'robot_dynamics.control.supervisor:CommandSupervisor.answer', 2),
+    ('rate limit', 'robot_dynamics.control.effort_limiter:EffortLimiter.rate_limited', 2),
+    ('check of the velocities',
+     'robot_dynamics.monitoring.motion_consistency:MotionConsistency.update', 2),
     ('publish it, to one reader',
-     'robot_dynamics.ros.dynamics.command_output:SafeCommand._publish', 2),
-    ('publish both efforts, to none',
+     'robot_dynamics.ros.dynamics.command_output:CommandOutput.publish', 2),
+    ('all topics after the command',
      'robot_dynamics.ros.dynamics.control_path:ControlPath._publish', 1),
 )
 """What it is, the function, and how deep it lies."""
@@ -76,10 +77,10 @@ class Stopwatch:
             setattr(owner, name, self._timed(getattr(owner, name), self.times[words]))
 
     def _timed(self, function: Callable[..., Any], times: list[float]) -> Callable[..., Any]:
-        def timed(*arguments: Any) -> Any:
+        def timed(*arguments: Any, **named: Any) -> Any:
             start = time.perf_counter()
             try:
-                return function(*arguments)
+                return function(*arguments, **named)
             finally:
                 times.append(time.perf_counter() - start - SPARE)
 
@@ -106,8 +107,9 @@ def main() -> None:
         cold, hot = json.loads(path.read_text(encoding='utf-8'))
     print(f'{"µs, medians":36}{"at 500 Hz":>10}{"at once":>10}')
     for words, _, depth in STEPS:
-        print(f'{"  " * depth + words:36}{1e6 * cold[words]:10.1f}' + (
-            f'{1e6 * hot[words]:10.1f}' if words in hot else ''))
+        times = ''.join(
+            f'{1e6 * each[words]:10.1f}' if words in each else f'{"":10}' for each in (cold, hot))
+        print(f'{"  " * depth + words:36}{times}')
 
 
 def _drive() -> None:

@@ -253,6 +253,15 @@ class Controller:
         """The trajectory or stop that is followed, or None."""
         return self._reference.active
 
+    @property
+    def state(self) -> tuple[int, FloatArray, FloatArray] | None:
+        """Stamp [ns], position and velocity (n,) of the last state with a velocity, or None."""
+        return self._state
+
+    def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
+        """Return reference minus q (n,); of continuous joints the shortest angle."""
+        return self._feedback.position_error(reference, q)
+
     def reference_position(self) -> FloatArray | None:
         """Return the position of the reference (n,) at the last state, None without one."""
         reference = self.reference

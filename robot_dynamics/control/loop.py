@@ -395,7 +395,7 @@ class ControlLoop:
         self, verdict: StateVerdict, q: FloatArray, v: FloatArray | None, now: float,
         fault: Fault | None,
     ) -> LoopAnswer:
-        controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
+        controller, supervisor, dt, measured = self.controller, self.supervisor, verdict.dt, q
         if not self._is_consistent or self._frozen is not None:
             q, v, frozen = self._judged(verdict.stamp, q, v, dt or 0.0)
             fault = fault or frozen
@@ -429,6 +429,8 @@ class ControlLoop:
             supervisor.activate()
         if self._frozen is not None and self._is_lost(self._frozen, used, now):
             supervisor.act(now)
+        if self._frozen is not None:  # limits are those of measured joints
+            q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
         limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,

@@ -24,6 +24,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.loop_warnings import loop_warnings
+from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
@@ -325,8 +326,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _reference_status(self) -> Status:
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self._refusal else OK, 'following' if following else 'none'
+        missing = shortfall(loop.controller) if loop is not None and following else ''
         if loop is not None and loop.interruption:
             level, words = WARN, f'ended early: {loop.interruption}'
+        elif missing:
+            level, words = WARN, missing
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': 0 if loop is None else loop.paused_streams,

@@ -46,6 +46,12 @@ AT_REST_TIME = 0.5
 _REFERENCE_TIME = 1.0
 """[s] within which a reference that is held is received."""
 _EARLY = 'ended early: '
+_FOLLOWING, _RESTS = 'following', ' from its goal, '
+"""The status `reference`, and a part of it if a joint does not follow."""
+FAR = 0.01
+"""[rad] or [m] from the goal at which the reason is asked for."""
+_STATUS_TIME = 3.0
+"""[s] within which the node states the reason."""
 _RELIABLE = QoSProfile(depth=100)
 
 
@@ -135,7 +141,7 @@ class MotionWatch:
                 raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
             moved = self.reference is not None and (any(self.reference[2]) or (
                 before is not None and self.reference[1] != before[1]))
-            return (was_at_rest and moved) or (self._statuses > 1 and self._status == 'following')
+            return (was_at_rest and moved) or (self._statuses > 1 and self._follows())
 
         if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
             raise NoAnswerError(
@@ -178,6 +184,16 @@ class MotionWatch:
             raise NoAnswerError(
                 f'{self._client.name} has sent no ~/reference and no /diagnostics for '
                 f'{self._client.timeout:g} s')
+
+    def _follows(self) -> bool:
+        return self._status == _FOLLOWING or _RESTS in self._status
+
+    def shortfall(self, goal: Sequence[float]) -> str:
+        """Return why a joint rests away from the goal, as the node states it, or nothing."""
+        if np.abs(self.error(goal, self.measured())).max() <= FAR:
+            return ''
+        self._client.wait(lambda: _RESTS in self._status, _STATUS_TIME)
+        return self._status if _RESTS in self._status else ''
 
     def is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
         """Return whether a reference has reached a goal."""
@@ -232,11 +248,13 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         position = watch.measured()
         columns = {'goal': goal, 'position': position,
                    'error': watch.error(goal, position).tolist()}
-        units = Units.of(names, kinds)
+        units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
+        data['shortfall'] = shortfall
         return Answer(
             data | columns, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
             + units.table(names, {
-                f'{name} [{units.position}]': values for name, values in columns.items()}))
+                f'{name} [{units.position}]': values for name, values in columns.items()})
+            + (f'\n{shortfall}' if shortfall else ''))
 
 
 def _duration(

@@ -1,0 +1,62 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A joint that does not follow: it rests away from the end of its reference."""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+
+TOLERANCE = 0.01
+"""[rad] or [m] that a joint may rest away from the end of its reference."""
+PATIENCE = 0.5
+"""[s] after the end of a reference."""
+_OF_LIMIT = 0.99
+
+
+def shortfall(controller: Controller) -> str:
+    """
+    Return which joint rests most beyond TOLERANCE from the end of its reference, and why.
+
+    The result is empty if there is none, during a motion, and for PATIENCE seconds afterwards.
+    """
+    with controller.lock:
+        trajectory, state, reference = (
+            controller.trajectory, controller.state, controller.reference)
+        if trajectory is None or state is None or reference is None or (
+                state[0] < trajectory.end_ns + 1e9 * PATIENCE):
+            return ''
+        q = state[1]
+        e = controller.position_error(reference.position, q)
+        j = int(np.argmax(np.abs(e)))
+        if not abs(e[j]) > TOLERANCE:
+            return ''
+        arm, body = controller.loaded_arm, controller.rigid_body
+        K = body.mass_matrix(q) * controller.feedback_gains[0]
+        feedback: FloatArray = K @ e
+        needed = feedback[j] + body.gravity(q)[j]
+        limit, is_held = arm.limits.effort[j], controller.is_held(q, e)[j]
+    unit, effort = ('m', 'N') if arm.joint_kinds[j] == 'prismatic' else ('rad', 'N m')
+    if abs(needed) > _OF_LIMIT * limit:
+        cause = f'its effort limit of {limit:g} {effort} does not suffice'
+    elif is_held:
+        cause = (
+            'dry friction can hold it: identify friction and rotor, or give '
+            'friction.presliding_distance')
+    else:
+        cause = 'a load that the model does not contain, or a contact, holds it'
+    return (
+        f'{arm.joint_names[j]!r} rests {abs(e[j]):.3g} {unit} from its goal, expected at most '
+        f'{TOLERANCE:g}: the feedback is {feedback[j]:.3g} {effort}, its stiffness {K[j, j]:.3g} '
+        f'{effort}/{unit}; {cause}')

@@ -1,0 +1,67 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A joint that rests away from the end of its reference is named, with the probable cause."""
+
+from lock_step_loop import FIRST_STAMP, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.shortfall import PATIENCE, shortfall, TOLERANCE
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+START = np.array([0.8, 0.5])
+GOAL = np.array([0.8, 0.7])
+
+
+def rests_at(position: np.ndarray, seconds: float = 3.0, coulomb: float = 0.0) -> str:
+    """Return the shortfall of an arm that rests at a position after a motion to GOAL."""
+    arm = smooth_arm('default')
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))
+    loop = ControlLoop.of_arm(arm)
+    # A motion of the arm that stops short; its sensors have noise.
+    for k in range(0, 2 + round(1000 * seconds), 2):
+        if k == 200:
+            loop.follow(make_trajectory(
+                arm.joint_names, [0.0], [GOAL.tolist()], (), (), arm.joint_names))
+        reference = loop.reference
+        q = START if reference is None else reference.position
+        way = np.minimum(np.abs(q - START), np.abs(position - START))
+        q = START + np.sign(position - START) * way
+        loop.answer(FIRST_STAMP + k * MS, q + 1e-9 * (k % 7), None)
+    assert loop.supervisor.fault_count == 0
+    return shortfall(loop.controller)
+
+
+def test_a_joint_at_its_goal_is_not_named() -> None:
+    assert rests_at(GOAL) == ''
+    assert rests_at(GOAL - [0.0, 0.9 * TOLERANCE]) == ''
+
+
+def test_a_joint_in_motion_is_not_named() -> None:
+    assert rests_at(GOAL - [0.0, 0.1], seconds=0.5 + 0.5 * PATIENCE) == ''
+
+
+@pytest.mark.parametrize(('missing', 'coulomb', 'cause'), [
+    (0.03, 1.5, 'dry friction can hold it'),
+    (0.15, 0.0, 'a load that the model does not contain')])
+def test_a_joint_that_does_not_arrive_is_named(
+    missing: float, coulomb: float, cause: str,
+) -> None:
+    words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
+    assert words.startswith(f"'joint2' rests {missing:.3g} rad from its goal, expected at most")
+    assert cause in words
+    assert 'stiffness' in words
+    assert 'N m/rad' in words
