@@ -55,6 +55,8 @@ DELAYS = np.array([0.01, 0.02, 0.04])
 """[s] by which a velocity may be late; 40 ms contain 93 % of a first-order filter of 15 ms."""
 STEP, CHECK, PAUSE = 0.005, 0.025, 0.1
 """[s] between stored states, between checks, and after which a gap restarts the integral."""
+SHORT = 0.02
+"""[s] of a window that may begin before the velocities were wrong."""
 AGREEMENT = 1.0
 """[s] in motion without a contradiction after which a velocity is trusted again."""
 REPEATS = 0.01
@@ -264,7 +266,7 @@ class MotionConsistency:
             agrees = (np.abs(difference) <= tolerance) | (
                 (q == self._q) & (v == self._v))
             if not agrees.all():
-                self._find(~agrees, length, integral, moved, difference, tolerance)
+                self._find(~agrees, length, integral, moved, difference, tolerance, v)
         if stamp_ns >= self._check_ns:
             self._estimate_noise(t, dt, q, v, e)
             self._check_ns = stamp_ns + (_CHECK_NS if self._count >= _KNOWN else 0)
@@ -329,7 +331,7 @@ class MotionConsistency:
 
     def _find(
         self, contradicts: BoolArray, length: FloatArray, integral: FloatArray,
-        moved: FloatArray, difference: FloatArray, tolerance: FloatArray,
+        moved: FloatArray, difference: FloatArray, tolerance: FloatArray, v: FloatArray,
     ) -> None:
         """Mark the joints of which a window, (windows, n), contradicts the displacement."""
         found = contradicts.any(axis=0)
@@ -338,7 +340,7 @@ class MotionConsistency:
                 contradicts[:, j], np.abs(difference[:, j]) / tolerance[:, j], -1.0)))
             self.reason = _text(
                 self._names[j], float(length[row, 0]), float(integral[row, j]),
-                float(moved[row, j]))
+                float(moved[row, j]), float(v[j]))
         self._set_doubtful(self.doubtful | found & ~self.frozen)
 
     def _follow_repeats(
@@ -406,9 +408,11 @@ class MotionConsistency:
         self.is_consistent = not (frozen.any() or self.doubtful.any())
 
 
-def _text(name: str, length: float, integral: float, moved: float) -> str:
-    """Return what contradicts what, and the probable cause."""
+def _text(name: str, length: float, integral: float, moved: float, v: float) -> str:
+    """Return what contradicts what, and the probable cause; v is the last velocity."""
     ratio = integral / moved if moved else math.inf
+    if moved and length <= SHORT and v * moved <= 0.0:  # the integral contains true velocities
+        ratio = v * length / moved
     if abs(ratio) < 0.1:
         cause = 'velocity is zero or missing'
     elif -4.0 < ratio < 0.0:
