@@ -399,8 +399,9 @@ class Controller:
         state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback)
         answer, options, drive = law(state), self._options, self.arm.drive
         effort, bounds = answer.effort, self._bounds
-        efforts = effort.tolist()
-        if not math.isfinite(sum(efforts)) and not np.isfinite(effort).all():
+        is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
+            bounds.is_clear(effort))
+        if not is_clear and not np.isfinite(effort).all():
             raise non_finite_effort(q, state.gravity, effort)
         own = self._robot if self._robot is not None else load.unloaded
         robot = NOTHING
@@ -413,7 +414,7 @@ class Controller:
         if options.command == NO_COMMAND:
             return output
         output.command = effort
-        if robot is not NOTHING or max(map(abs, efforts), default=0.0) > bounds.least:
+        if robot is not NOTHING or not is_clear:
             output.command, clamped = bounds.bounded(
                 robot.command(effort), robot,
                 None if effort is answer.gravity else output.hold_torque())

@@ -14,6 +14,7 @@
 
 """Effort limits of a command, with regard to the efforts that the robot adds on its own."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,9 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
+
+_FAR = 1e6
+"""[N·m] or [N]: an effort is at most this far from all limits."""
 
 
 class RobotEffort(NamedTuple):
@@ -88,11 +92,22 @@ class EffortBounds:
             self.scaled[np.isfinite(limit)] *= scale
         else:
             self.scaled = drive.torque_limit(scale)
-        self.least = float(self.scaled.min(initial=np.inf))
-        """The smallest of the scaled limits."""
+        self.center, self.clearance = [0.0] * len(limit), -1.0
+        """An effort, and the distance from it up to which no joint meets its scaled limit."""
         self.no_joint = np.zeros(len(limit), dtype=bool)
         """(n,) of False: no joint met its limit."""
         self.no_joint.setflags(write=False)
+
+    def is_clear(self, effort: FloatArray) -> bool:
+        """Return whether an effort (n,) is finite and within the scaled limits."""
+        values = effort.tolist()
+        if math.dist(values, self.center) <= self.clearance:
+            return True
+        clearance = float((self.scaled - np.abs(effort)).min(initial=_FAR))
+        if not clearance >= 0.0:
+            return False
+        self.center, self.clearance = values, 0.999 * clearance  # not beyond a limit by rounding
+        return True
 
     def bounded(
         self, command: FloatArray, robot: RobotEffort, hold: FloatArray | None = None,

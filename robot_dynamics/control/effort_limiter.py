@@ -79,8 +79,7 @@ class EffortLimits:
         limit; `v` may be unknown (None).
         """
         if v is not None:
-            speeds, least = v.tolist(), self._least_velocity
-            if not -least <= min(speeds) <= max(speeds) <= least and (
+            if not math.hypot(*v.tolist()) <= self._least_velocity and (
                     (np.abs(v) > self.velocity).any()):
                 return False
         values, (center, clearance) = q.tolist(), self._clear

@@ -165,8 +165,8 @@ class StableGains:
         """The smallest of these factors."""
         self.reference_scale = 1.0
         """Factor by which references are slowed down, in (0, 1]."""
-        self._taken: tuple[FloatArray, FloatArray] | None = None
-        """Velocity and difference of the positions of the last state, until `evaluate`."""
+        self._taken: tuple[float, FloatArray, FloatArray] | None = None
+        """Period, velocity and difference of the positions of the last state, until `evaluate`."""
         self.period = 0.0
         """[s]; follows a longer period at once, and a shorter one in about 50 states."""
         self.mean_period = 0.0
@@ -181,7 +181,7 @@ class StableGains:
         self._measured, self._difference = Noise(n), Noise(n)
         self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
         self._q: FloatArray | None = None
-        self._count = self._intervals = 0
+        self._count = 0
         self._is_noisy, self._is_paused = True, False
         self._free_period, self._rated_period = math.inf, 0.0
 
@@ -213,23 +213,22 @@ class StableGains:
             self._difference.restart()
             return v
         self._is_paused = dt >= PAUSE
-        rest = self.period - dt
-        self.period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
-        self._intervals += 1
-        weight = min(1.0, max(dt / _AVERAGING_TIME, 1.0 / self._intervals))
-        self.mean_period += weight * (dt - self.mean_period)
         self._velocity_delay = velocity_delay
         difference = self._difference_of(dt, q, last) if self._is_noisy else v
-        self._taken = v, difference
+        self._taken = dt, v, difference
         return difference if self.differs else v
 
     def evaluate(self) -> bool:
         """Take the noise of the last state; return whether a scale has changed."""
         if self._taken is None:
             return False
-        (v, difference), self._taken = self._taken, None
+        (dt, v, difference), self._taken = self._taken, None
         self._count += 1
-        phase, period = self._count % _TURN, self.period
+        rest = self.period - dt
+        self.period = period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
+        weight = min(1.0, max(dt / _AVERAGING_TIME, 1.0 / self._count))
+        self.mean_period += weight * (dt - self.mean_period)
+        phase = self._count % _TURN
         if self._is_noisy:
             self._measured.take(v, _FORGETTING)
             self._difference.take(difference, _FORGETTING)

@@ -14,6 +14,8 @@
 
 """Effort limits of a command: the load of the joint, with the compensation by the robot."""
 
+import math
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -110,16 +112,32 @@ def test_the_stricter_of_scale_and_gravity_applies() -> None:
     assert bounds.bounded(np.full(2, -FAR), robot, hold)[0].tolist() == [-5.0, -2.0]
 
 
-def test_the_smallest_scaled_limit() -> None:
+def test_the_scaled_limits() -> None:
     bounds = EffortBounds(LIMIT, 0.25)
     assert bounds.scaled.tolist() == [2.5, 10.0, np.inf]
-    assert bounds.least == 2.5
     assert bounds.no_joint.tolist() == [False] * 3
     assert not bounds.no_joint.flags.writeable
     assert LIMIT.tolist() == [10.0, 40.0, np.inf]  # unchanged
-    assert EffortBounds(LIMIT).least == 10.0
-    assert EffortBounds(np.full(2, np.inf), 0.0).least == np.inf
-    assert EffortBounds(np.zeros(0)).least == np.inf
+
+
+@given(st.lists(
+    st.tuples(*(st.floats(width=32) for _ in range(3))), min_size=1, max_size=30),
+    st.sampled_from([0.0, 0.25, 1.0]))
+def test_efforts_within_the_scaled_limits_are_clear(
+    efforts: list[tuple[float, ...]], scale: float,
+) -> None:
+    """The result must not depend on the efforts that were tested before."""
+    bounds = EffortBounds(LIMIT, scale)
+    for effort in efforts:
+        is_within = all(
+            math.isfinite(x) and abs(x) <= limit for x, limit in zip(effort, bounds.scaled))
+        with np.errstate(invalid='ignore'):
+            assert bounds.is_clear(np.array(effort)) == is_within
+
+
+def test_without_limits_every_finite_effort_is_clear() -> None:
+    assert EffortBounds(np.full(2, np.inf), 0.0).is_clear(np.array([1e300, -1e300]))
+    assert EffortBounds(np.zeros(0)).is_clear(np.zeros(0))
 
 
 # --- compensation by the robot -------------------------------------------------------------------

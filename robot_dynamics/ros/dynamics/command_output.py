@@ -219,9 +219,10 @@ class CommandOutput:
         self.counters.published += 1
 
     def follow(self, answer: LoopAnswer) -> None:
-        """Log and count what has changed with this answer; the caller holds `lock`."""
-        self.counters.count_limits(answer.output, answer.limits)
-        self.log_changes()
+        """Log and count what has changed with this answer."""
+        with self.lock:
+            self.counters.count_limits(answer.output, answer.limits)
+            self.log_changes()
 
     def fail(self, fault: Fault) -> None:
         """Start the fault action."""

@@ -197,15 +197,14 @@ class ControlPath:
                 if whole is None:
                     return
                 state, (q, v) = whole, self._read(served, whole)
-            with command.lock:
-                answer = served.loop.answer(
-                    state.stamp_ns, q, v, time.time_ns(), steady_ns,
-                    self._has_several_publishers, command.order.fault,
-                    partial(command.publish, state.stamp))
-                if (served.loop.supervisor.mode is not command.mode_seen
-                        or answer.limits is not None or served.loop.supervisor.mode is not (
-                            Mode.RUNNING)):
-                    command.follow(answer)
+            answer = served.loop.answer(
+                state.stamp_ns, q, v, time.time_ns(), steady_ns,
+                self._has_several_publishers, command.order.fault,
+                partial(command.publish, state.stamp))
+            mode = served.loop.supervisor.mode
+            if mode is not command.mode_seen or mode is not Mode.RUNNING or (
+                    answer.limits is not None):
+                command.follow(answer)
             self._follow(served, state, answer, q, v, 1e-9 * steady_ns)
         except OtherJointsError:
             self.counters.dropped['other joints'] += 1
