@@ -48,8 +48,12 @@ _STOPS = 2.0
 """The shortest duration of a smooth motion, in durations of the earliest stop."""
 _REVERSED = (0.75, 0.5, 0.0)
 """Ends of stops that reverse, as fractions of the displacement of the earliest stop."""
-_RESERVE = 0.015
-"""[rad] or [m] before a position limit that a joint enters only to come to rest at a goal."""
+_RESERVE = 0.03
+"""
+[rad] or [m] before a position limit that a joint enters only to come to rest at a goal.
+
+The arm follows with an error, which is larger at slow states: the reserve is divided by the scale.
+"""
 _FOLLOWED = (1.0, 0.6, 0.3, 0.1, 0.0)
 """Fractions of the time for which a joint may follow its target."""
 
@@ -158,7 +162,7 @@ class JointPlanner:
             for motion in _corrections(*problem, target.time):
                 phases = self._stopped(before(motion, time))
                 found = self._extremes(phases)
-                if self._is_inside(found, _RESERVE) and self._is_in_hull(
+                if self._is_inside(found, _RESERVE / self.limits.scale) and self._is_in_hull(
                         found, self.limits.whole, goals.q_min, goals.q_max):
                     return phases
         return None

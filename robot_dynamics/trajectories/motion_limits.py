@@ -35,10 +35,12 @@ from robot_dynamics.model.regressor import random_states
 
 VELOCITY_FRACTION = 0.5
 """Largest reference velocity as a fraction of the limit in the URDF."""
-WHOLE_FRACTION = 0.95
+WHOLE_FRACTION = 0.9
 """Largest velocity of a motion that the sender has planned, as a fraction of that limit."""
 EFFORT_FRACTION = 0.5
 """β: fraction of the remaining effort, and of its rate, that acceleration and jerk may take."""
+WHOLE_EFFORT = 0.75
+"""β of a motion that the sender has planned, and of a stop at a position limit."""
 LEAST_FRACTION = 0.1
 """
 Fraction of the effort limit that gravity must leave; poses with less are excluded.
@@ -89,10 +91,11 @@ class MotionLimits:
 
     @property
     def whole(self) -> 'MotionLimits':
-        """The limits without reserve for feedback, for a motion that the sender has planned."""
+        """The limits of a motion that the sender has planned, with less reserve for feedback."""
+        share = WHOLE_EFFORT / EFFORT_FRACTION
         return replace(
             self, velocity=WHOLE_FRACTION / VELOCITY_FRACTION * self.velocity,
-            acceleration=self.acceleration / EFFORT_FRACTION, jerk=self.jerk / EFFORT_FRACTION)
+            acceleration=share * self.acceleration, jerk=share * self.jerk)
 
 
 class WorkspaceInertia:
