@@ -28,7 +28,8 @@ A run is bad for one of these reasons:
   wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count;
 - past limit: a position limit is passed;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
-  plus the static sag of the feedback for an unknown load. A push or an unknown load that causes a
+  plus the static sag of the feedback for an unknown load. After a push this distance is the width
+  in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an unknown load that causes a
   fault ends the motion;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
@@ -46,6 +47,7 @@ from benchmarks.safe_motion_scene import Scene, STEP, Trace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.joints.friction import UNKNOWN_WIDTH
 
 JUDGED = 1000
 """[ms] at the end of a run in which oscillation and arrival are judged."""
@@ -160,13 +162,14 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
     must_arrive = goal is not None and case.motion != PUSH and not (
         is_pushed and PUSHED.intersection(trace.faults))
+    farthest = DISTANCE if scene.push is None else max(DISTANCE, UNKNOWN_WIDTH)
     is_true, is_past = scene.velocities_are_true, (q > limits.upper) | (q < limits.lower)
     return Outcome(
         oscillates=trace.diverges or amplitude > AMPLITUDE + margin.amplitude,
         overshoots=bool(is_true and not is_pushed and (excess > allowed).any()),
         too_fast=bool((speed > fastest * limits.velocity + margin.velocity).any()),
         past_limit=bool(is_past[judged].any()),
-        misses=must_arrive and (trace.diverges or not trace.follows or distance > DISTANCE),
+        misses=must_arrive and (trace.diverges or not trace.follows or distance > farthest),
         leaves_hull=trace.hull_excess > HULL_TOLERANCE,
         false_alarm=is_true and bool(trace.doubt),
         bad_ramp=scene.end_time > END_TIME or scene.ramp_speed > RAMP_SPEED + margin.velocity,

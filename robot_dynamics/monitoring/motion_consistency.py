@@ -27,7 +27,7 @@ The tolerance of a window of length W is the sum of
 - the delay of a filtered velocity. For a filter with the impulse response h ≥ 0 the integral is
   ∫ h(s) d(s) ds, where d(s) is the displacement in the window earlier by s. It therefore lies
   between the smallest and the largest d(s), 0 ≤ s ≤ 40 ms. Only positions decide this tolerance;
-  a velocity with the wrong sign does not increase it;
+  a velocity with the wrong sign does not increase it, nor does one that has become exactly zero;
 - the error of the trapezoidal rule after an impact: the change of the velocity in one period.
 
 A joint whose position and velocity are equal bit by bit in successive states is not updated by its
@@ -51,6 +51,8 @@ RATIO = 0.3
 NOISE_FACTOR = 6.0
 WINDOWS = np.array([0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 """[s]; 0 means the latest stored state."""
+_DROP_WINDOW = 4
+"""Index of the window in which a velocity that is now exactly zero has moved the joint."""
 DELAYS = np.array([0.01, 0.02, 0.04])
 """[s] by which a velocity may be late; 40 ms contain 93 % of a first-order filter of 15 ms."""
 STEP, CHECK, PAUSE = 0.005, 0.025, 0.1
@@ -261,8 +263,13 @@ class MotionConsistency:
         tolerance = floor + RATIO * np.maximum(np.abs(moved), np.abs(integral))
         agrees = np.abs(difference) <= tolerance
         if not agrees.all():
-            tolerance = tolerance + self._sampling_error(first, dt, v)
-            difference = self._excess(first, integral, moved)
+            sampling = self._sampling_error(first, dt, v)
+            # A delayed velocity is not exactly zero while the joint moves on, nor a scaled one.
+            has_dropped = (v == 0.0) & (np.abs(integral[_DROP_WINDOW]) > FLOOR * self._unit)
+            difference = np.where(
+                has_dropped, difference, self._excess(first, integral, moved))
+            tolerance = sampling + np.where(
+                has_dropped, floor + RATIO * np.abs(integral), tolerance)
             agrees = (np.abs(difference) <= tolerance) | (
                 (q == self._q) & (v == self._v))
             if not agrees.all():

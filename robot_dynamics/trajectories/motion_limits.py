@@ -35,7 +35,7 @@ from robot_dynamics.model.regressor import random_states
 
 VELOCITY_FRACTION = 0.5
 """Largest reference velocity as a fraction of the limit in the URDF."""
-WHOLE_FRACTION = 0.9
+WHOLE_FRACTION = 0.88
 """Largest velocity of a motion that the sender has planned, as a fraction of that limit."""
 EFFORT_FRACTION = 0.5
 """β: fraction of the remaining effort, and of its rate, that acceleration and jerk may take."""

@@ -264,6 +264,17 @@ def test_the_cause_is_named_in_motion_from_rest(fault: str, rate: int) -> None:
     assert FAULTS[fault][1] in one.reason
 
 
+@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+def test_velocities_that_become_zero_in_motion_are_found_soon(rate: int) -> None:
+    """A joint with a low velocity limit must not accelerate for long."""
+    t = np.arange(0.0, 2.5, FINE)
+    q = np.tile(0.31 * t[:, None], (1, len(KINDS)))
+    v = np.where(t[:, None] < 2.0, np.full_like(q, 0.31), 0.0)
+    states = sampled(t, q, v, regular(t, rate))
+    row, _ = next(alarms(consistency(), states))
+    assert 0.0 < 1e-9 * (states.stamps[row] - SECOND) - 2.0 < 0.02 + 1.5 / rate
+
+
 @pytest.mark.parametrize('fault', ['double', 'half'])
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
 def test_a_wrong_scale_is_found(fault: str, rate: int) -> None:
