@@ -29,8 +29,8 @@ A run is bad for one of these reasons:
 - past limit: a position limit is passed;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
   plus the static sag of the feedback for an unknown load. After a push this distance is the width
-  in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an unknown load that causes a
-  fault ends the motion;
+  in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an
+  unknown load that causes a fault ends the motion;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
 - false alarm: the check of the velocities doubts true velocities;

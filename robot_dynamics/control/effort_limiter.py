@@ -78,10 +78,9 @@ class EffortLimits:
         Every joint is then before the margin of its position limits, and not above its velocity
         limit; `v` may be unknown (None).
         """
-        if v is not None:
-            if not math.hypot(*v.tolist()) <= self._least_velocity and (
-                    (np.abs(v) > self.velocity).any()):
-                return False
+        if v is not None and not math.hypot(*v.tolist()) <= self._least_velocity and (
+                (np.abs(v) > self.velocity).any()):
+            return False
         values, (center, clearance) = q.tolist(), self._clear
         if math.dist(values, center) <= clearance:
             return True

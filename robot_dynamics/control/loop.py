@@ -32,12 +32,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, NO_COMMAND
 from robot_dynamics.control.effort_limiter import ActiveLimits, EffortLimits
-from robot_dynamics.control.followed_reference import FASTEST_STOP
+from robot_dynamics.control.frozen_joints import FrozenJoints
 from robot_dynamics.control.laws import ControlLaw
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -72,9 +72,6 @@ AT_REST = 0.002
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
 REST_TIME_NS = 100_000_000
 """[ns]"""
-LONGEST_STEP = 0.05
-"""[s] between two states for which the motion of a frozen joint is predicted."""
-_MOST_STEPS = 100
 FROZEN_TIME = 3.0
 """[s] for which an arm is held that has a joint without a signal; then the fault action runs."""
 CALM = 0.1
@@ -94,65 +91,6 @@ class LoopAnswer(NamedTuple):
     output: ControlOutput
     verdict: StateVerdict
     limits: ActiveLimits | None = None
-
-
-class _FrozenJoints:
-    """
-    The motion of joints without a signal, predicted by the equation of motion.
-
-    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards the
-    commanded effort accelerates the arm.
-    """
-
-    def __init__(
-        self, marks: BoolArray, since_ns: IntArray, controller: Controller, stamp_ns: int,
-        dt: float, q: FloatArray, v: FloatArray | None,
-    ) -> None:
-        """
-        Predict the joints `marks` (n,), whose samples (q, v) repeat since `since_ns` (n,).
-
-        `dt` [s] is the period of the states, in which the feedback is constant.
-        """
-        self.marks, self._controller = marks, controller
-        self.since = 0.0
-        """Time [s] of the steady clock at which the fault was found."""
-        self.torque: FloatArray | None = None
-        """The torque (n,) that accelerates the arm since the last state, None at the first one."""
-        v = v if v is not None else np.zeros_like(q)
-        self._q, self._v = q, v
-        trajectory = controller.trajectory
-        if trajectory is None:
-            return
-        K_p, K_d = controller.feedback_gains
-        start_ns = int(since_ns[marks].min())
-        passed = 1e-9 * (stamp_ns - start_ns)
-        count = min(max(round(passed / max(dt, 1e-4)), 1), _MOST_STEPS)
-        h = passed / count
-        q_r, v_r, _ = trajectory.sample(start_ns)
-        e, e_dot = q_r - q, v_r - v
-        for k in range(count):
-            q_r, v_r, _ = trajectory.sample(start_ns + round(1e9 * k * h))
-            e = e + 0.5 * h * e_dot
-            e_dot = e_dot - h * (K_d * (v_r - v) + K_p * (q_r - q))
-            e = e + 0.5 * h * e_dot
-        q_r, v_r, _ = trajectory.sample(stamp_ns)
-        self._q, self._v = q_r - e, v_r - e_dot
-
-    def predict(
-        self, dt: float, q: FloatArray, v: FloatArray | None,
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
-        reference, marks = self._controller.reference, self.marks
-        if self.torque is not None:
-            h = min(max(dt, 0.0), LONGEST_STEP)
-            a = self._controller.rigid_body.acceleration(self._q, self._v, self.torque)
-            fastest = FASTEST_STOP * self._controller.arm.limits.velocity
-            before, self._v = self._v, np.clip(self._v + h * a, -fastest, fastest)
-            self._q = self._q + 0.5 * h * (before + self._v)
-        used = v if v is not None or reference is None else reference.velocity
-        self._q = np.where(marks, self._q, q)
-        self._v = np.where(marks, self._v, 0.0 if used is None else used)
-        return self._q, None if v is None else self._v
 
 
 class ControlLoop:
@@ -194,7 +132,7 @@ class ControlLoop:
         """Number of answered states."""
         self._steady = 0.0
         self._next_options: ControllerOptions | None = None
-        self._frozen: _FrozenJoints | None = None
+        self._frozen: FrozenJoints | None = None
         self._doubt = ''
         self._rest: tuple[int, FloatArray] | None = None
         self._fault_count = 0
@@ -444,7 +382,7 @@ class ControlLoop:
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
-    def _is_lost(self, frozen: _FrozenJoints, v: FloatArray | None, now: float) -> bool:
+    def _is_lost(self, frozen: FrozenJoints, v: FloatArray | None, now: float) -> bool:
         """
         Return whether an arm with frozen joints is no longer held.
 
@@ -501,7 +439,7 @@ class ControlLoop:
                 self.controller.stop_from_state()
             return q, v, None
         if self._frozen is None:
-            self._frozen = _FrozenJoints(
+            self._frozen = FrozenJoints(
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
                 dt, q, v)
             self._frozen.since = self._steady
