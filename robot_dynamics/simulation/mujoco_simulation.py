@@ -125,7 +125,7 @@ class MujocoSimulation:
             np.isin(model.jnt_type, [int(kinds.mjJNT_HINGE), int(kinds.mjJNT_SLIDE)]))
         by_name = {model.joint(i).name: i for i in movable}
         if not joints:
-            driven = [i for i in movable if len(self._actuators_of(i))]
+            driven = [i for i in movable if len(self._actuators_of(int(i)))]
             joints = [model.joint(i).name for i in driven or movable]
         if not joints:
             raise InvalidInputError('the MJCF has no hinge or slide joint, expected at least one')
@@ -145,7 +145,7 @@ class MujocoSimulation:
         return np.flatnonzero(acts & np.isin(model.actuator_trnid[:, 0], joints))
 
     def _effort_limits(self, joints: IntArray) -> FloatArray:
-        """Return the largest effort of each joint: `actuatorfrcrange`, or that of its actuators."""
+        """Return the largest efforts, of `actuatorfrcrange` or of the actuators of the joint."""
         model = self.model
         limits = np.full(len(joints), math.inf)
         for k, j in enumerate(joints):

@@ -1,0 +1,147 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The default control loop on arms in MuJoCo whose figures are not those of the URDF.
+
+The controller has the sample URDF, the plant the published figures of MuJoCo Menagerie
+(`mujoco_plant`). Each run is in lock-step and deterministic.
+"""
+
+from collections import deque
+from typing import Any, NamedTuple
+
+from lock_step_loop import FIRST_STAMP, MS
+from mujoco_plant import (
+    ARMS,
+    contact_force,
+    foreign_simulation,
+    given_arm,
+    push_on_tool,
+    tool_height,
+)
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+STEP = 1e-3
+BEGIN = 200
+"""[ms] after which the motion begins."""
+PUSH, PUSH_TIME = 40.0, 200
+"""[N], [ms]"""
+PUSHES = (1000, 2500, 4000)
+"""[ms]: along x, y and z of the base frame."""
+ABOVE_GOAL = 0.04
+"""[m]"""
+DURATION = {'hold': 3.0, 'motion': 5.5, 'pushes': 9.0, 'floor': 7.0, 'kilogram': 6.5}
+"""[s]"""
+
+
+class Case(NamedTuple):
+    """An arm and what happens to it; `rate` of the joint states [Hz], `delay` [ms]."""
+
+    arm: str
+    event: str
+    rate: int
+    delay: int
+
+
+class Outcome(NamedTuple):
+    """
+    What is judged in a run.
+
+    `speed` [rad/s] is the largest of the last second, `v_ratio` the largest |v|/v_max, `excess`
+    [rad] the largest distance beyond a position limit, `error` [rad] that at the end; the forces
+    [N] are the last one, the largest one, and the peak-to-peak value of the last second.
+    """
+
+    speed: float
+    v_ratio: float
+    excess: float
+    error: float
+    faults: list[str]
+    force: float
+    largest_force: float
+    force_change: float
+
+
+def run(case: Case) -> Outcome:
+    """Simulate a case."""
+    arm, published = given_arm(case.arm), ARMS[case.arm]
+    start = np.array(published.start)
+    moves = case.event in ('motion', 'floor', 'kilogram')
+    goal = start + (np.array(published.way) if moves else 0.0)
+    floor = tool_height(case.arm, goal) + ABOVE_GOAL - 0.02 if case.event == 'floor' else None
+    plant = foreign_simulation(
+        case.arm, floor=floor, load=1.0 if case.event == 'kilogram' else 0.0)
+    plant.release()
+    loop, limits = ControlLoop.of_arm(arm), arm.limits
+    pending: deque[tuple[int, FloatArray]] = deque()
+    effort, faults = None, []
+    q, v, forces = [], [], []
+    for k in range(round(DURATION[case.event] / STEP)):
+        if k == BEGIN and moves:
+            loop.follow(make_trajectory(
+                arm.joint_names, [0.0], [goal.tolist()], (), (), arm.joint_names))
+        if k % (1000 // case.rate) == 0:
+            answer = loop.answer(FIRST_STAMP + k * MS, *plant.state).effort
+            if loop.supervisor.fault is not None and str(loop.supervisor.fault) not in faults:
+                faults.append(str(loop.supervisor.fault))
+            if answer is not None:
+                pending.append((k + case.delay, np.clip(answer, -limits.effort, limits.effort)))
+        elif (again := loop.tick(1e-9 * (FIRST_STAMP + k * MS))) is not None:
+            pending.append((k, again))
+        while pending and pending[0][0] <= k:
+            effort = pending.popleft()[1]
+        if effort is not None:
+            state = plant.step(effort, STEP, wrenches(plant, case, k))
+            q.append(state.position)
+            v.append(state.velocity)
+            forces.append(contact_force(plant))
+    q, v, forces = np.array(q), np.abs(v), np.array(forces)
+    return Outcome(
+        float(v[-1000:].max()), float((v / limits.velocity).max()),
+        float(np.maximum(q - limits.upper, limits.lower - q).max()),
+        float(np.abs(q[-1] - goal).max()), faults,
+        float(forces[-1]), float(forces.max()), float(np.ptp(forces[-1000:])))
+
+
+def wrenches(plant: Any, case: Case, k: int) -> list[Any]:
+    if case.event == 'pushes':
+        for axis, begin in enumerate(PUSHES):
+            if begin <= k < begin + PUSH_TIME:
+                return push_on_tool(plant, PUSH * np.eye(3)[axis])
+    return []
+
+
+def judge(case: Case) -> tuple[Outcome, list[str]]:
+    """Return the outcome of a case, and what is wrong with it."""
+    end = run(case)
+    bad = {
+        'not at rest': end.speed >= 1e-3,
+        'too fast': end.v_ratio > 1.2,
+        'beyond a position limit': end.excess > 0.0,
+        'fault': bool(end.faults) and case.event in ('hold', 'motion', 'kilogram'),
+        'no contact': case.event == 'floor' and end.force < 1.0,
+        'restless contact': end.force_change > 0.05 * end.force,
+        'hard contact': end.largest_force > 4.0 * max(end.force, 1.0),
+    }
+    return end, [words for words, is_bad in bad.items() if is_bad]
+
+
+CASES = [
+    Case(arm, event, rate, delay) for arm in ARMS for event in DURATION
+    for rate in (500, 250, 100) for delay in (0, min(1000 // rate, 8))]
