@@ -35,6 +35,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 STEP = 1e-3
@@ -46,6 +47,21 @@ PUSHES = (1000, 2500, 4000)
 """[ms]: along x, y and z of the base frame."""
 ABOVE_GOAL = 0.04
 """[m]"""
+AFTER_PUSH = 300
+"""[ms] after a push in which the velocity does not count, as during the push."""
+AT_REST = {'floor': 1e-2}
+"""
+[rad/s] in the last second: 1e-3, but the tool creeps on the floor, as MuJoCo's friction is soft.
+
+A Panda and an xArm7 creep at 0.003 to 0.005 rad/s; the xArm7 at 3e-6 rad/s after 30 s.
+"""
+SLOW = {'ur10e': 60.0}
+"""
+[s] that a run lasts in addition.
+
+The published damping, up to 350 N m s/rad, is unknown to the controller, whose stiffness at the
+wrists is a few N m/rad: the arm creeps to its final pose without oscillation.
+"""
 DURATION = {'hold': 3.0, 'motion': 5.5, 'pushes': 9.0, 'floor': 7.0, 'kilogram': 6.5}
 """[s]"""
 
@@ -90,16 +106,17 @@ def run(case: Case) -> Outcome:
     plant.release()
     loop, limits = ControlLoop.of_arm(arm), arm.limits
     pending: deque[tuple[int, FloatArray]] = deque()
-    effort, faults = None, []
-    q, v, forces = [], [], []
-    for k in range(round(DURATION[case.event] / STEP)):
+    effort, faults = None, list[str]()
+    q, v, forces = list[FloatArray](), list[FloatArray](), list[float]()
+    for k in range(round((DURATION[case.event] + SLOW.get(case.arm, 0.0)) / STEP)):
         if k == BEGIN and moves:
             loop.follow(make_trajectory(
                 arm.joint_names, [0.0], [goal.tolist()], (), (), arm.joint_names))
         if k % (1000 // case.rate) == 0:
             answer = loop.answer(FIRST_STAMP + k * MS, *plant.state).effort
-            if loop.supervisor.fault is not None and str(loop.supervisor.fault) not in faults:
-                faults.append(str(loop.supervisor.fault))
+            fault = loop.supervisor.fault
+            if fault is not None and fault.name not in faults:
+                faults.append(fault.name)
             if answer is not None:
                 pending.append((k + case.delay, np.clip(answer, -limits.effort, limits.effort)))
         elif (again := loop.tick(1e-9 * (FIRST_STAMP + k * MS))) is not None:
@@ -111,12 +128,16 @@ def run(case: Case) -> Outcome:
             q.append(state.position)
             v.append(state.velocity)
             forces.append(contact_force(plant))
-    q, v, forces = np.array(q), np.abs(v), np.array(forces)
+    positions, speeds, normal = np.array(q), np.abs(v), np.array(forces)
+    ratios = (speeds / limits.velocity).max(axis=1)
+    if case.event == 'pushes':
+        for begin in PUSHES:
+            ratios[begin:begin + PUSH_TIME + AFTER_PUSH] = 0.0
     return Outcome(
-        float(v[-1000:].max()), float((v / limits.velocity).max()),
-        float(np.maximum(q - limits.upper, limits.lower - q).max()),
-        float(np.abs(q[-1] - goal).max()), faults,
-        float(forces[-1]), float(forces.max()), float(np.ptp(forces[-1000:])))
+        float(speeds[-1000:].max()), float(ratios.max()),
+        float(np.maximum(positions - limits.upper, limits.lower - positions).max()),
+        float(np.abs(positions[-1] - goal).max()), faults,
+        float(normal[-1]), float(normal.max()), float(np.ptp(normal[-1000:])))
 
 
 def wrenches(plant: Any, case: Case, k: int) -> list[Any]:
@@ -131,7 +152,7 @@ def judge(case: Case) -> tuple[Outcome, list[str]]:
     """Return the outcome of a case, and what is wrong with it."""
     end = run(case)
     bad = {
-        'not at rest': end.speed >= 1e-3,
+        'not at rest': end.speed >= AT_REST.get(case.event, 1e-3),
         'too fast': end.v_ratio > 1.2,
         'beyond a position limit': end.excess > 0.0,
         'fault': bool(end.faults) and case.event in ('hold', 'motion', 'kilogram'),
@@ -145,3 +166,24 @@ def judge(case: Case) -> tuple[Outcome, list[str]]:
 CASES = [
     Case(arm, event, rate, delay) for arm in ARMS for event in DURATION
     for rate in (500, 250, 100) for delay in (0, min(1000 // rate, 8))]
+SELECTED = [case for case in CASES if case.delay and (
+    case.rate == 100 if case.arm == 'ur10e' else case.rate != 250)]
+EVERY = [pytest.param(case, marks=() if case in SELECTED else pytest.mark.soak) for case in CASES]
+
+
+@pytest.mark.parametrize('case', EVERY, ids=lambda case: '-'.join(map(str, case)))
+def test_the_loop_is_calm_on_an_arm_in_mujoco(case: Case, seen: Any) -> None:
+    end, bad = judge(case)
+    seen(str(end))
+    assert not bad, end
+
+
+def test_the_plants_differ_from_the_urdf_of_the_controller() -> None:
+    differences = {}
+    for name in ARMS:
+        arm, plant = given_arm(name), foreign_simulation(name)
+        gravity = UncheckedArmDynamics(arm).rigid_body.gravity(plant.state.position)
+        differences[name] = np.abs(plant.data.qfrc_bias - gravity).max()
+        assert plant.model.dof_damping.max() > arm.friction.viscous.max() or name != 'ur10e'
+    assert differences['panda'] > 1.0
+    assert differences['ur10e'] > 1.0
