@@ -62,6 +62,11 @@ SLOW = {'ur10e': 60.0}
 The published damping, up to 350 N m s/rad, is unknown to the controller, whose stiffness at the
 wrists is a few N m/rad: the arm creeps to its final pose without oscillation.
 """
+IMPACT = {'ur10e': 6.0}
+"""
+Largest contact force by the last one, otherwise 4: the force of the first contact is that of the
+weight that the controller underestimates and of the damping, and decreases while the arm creeps.
+"""
 DURATION = {'hold': 3.0, 'motion': 5.5, 'pushes': 9.0, 'floor': 7.0, 'kilogram': 6.5}
 """[s]"""
 
@@ -158,7 +163,7 @@ def judge(case: Case) -> tuple[Outcome, list[str]]:
         'fault': bool(end.faults) and case.event in ('hold', 'motion', 'kilogram'),
         'no contact': case.event == 'floor' and end.force < 1.0,
         'restless contact': end.force_change > 0.05 * end.force,
-        'hard contact': end.largest_force > 4.0 * max(end.force, 1.0),
+        'hard contact': end.largest_force > IMPACT.get(case.arm, 4.0) * max(end.force, 1.0),
     }
     return end, [words for words, is_bad in bad.items() if is_bad]
 
@@ -179,11 +184,14 @@ def test_the_loop_is_calm_on_an_arm_in_mujoco(case: Case, seen: Any) -> None:
 
 
 def test_the_plants_differ_from_the_urdf_of_the_controller() -> None:
+    """Gravity of xArm7 and UR10e, rotors of Panda, xArm7 and UR10e, damping of Panda and UR10e."""
     differences = {}
     for name in ARMS:
         arm, plant = given_arm(name), foreign_simulation(name)
-        gravity = UncheckedArmDynamics(arm).rigid_body.gravity(plant.state.position)
-        differences[name] = np.abs(plant.data.qfrc_bias - gravity).max()
-        assert plant.model.dof_damping.max() > arm.friction.viscous.max() or name != 'ur10e'
-    assert differences['panda'] > 1.0
+        differences[name] = np.abs(
+            plant.data.qfrc_bias - UncheckedArmDynamics(arm).rigid_body.gravity(
+                plant.state.position)).max()
+        assert name == 'z1' or (plant._armature == 0.1).all()
+        assert name in ('z1', 'xarm7') or plant.model.dof_damping.min() >= 1.0
+    assert differences['xarm7'] > 1.0
     assert differences['ur10e'] > 1.0

@@ -43,8 +43,8 @@ def loop() -> Iterator[NodeProcess]:
     """Run both nodes in lock-step; the names of the joints are those of the URDF."""
     arm = NodeProcess(
         MUJOCO_ARM, {'lock_step': True, 'initial_position': START, 'joints': NAMES},
-        namespace='mujoco')
-    with running(arm, NodeProcess(DYNAMICS, namespace='mujoco')):
+        namespace='/mujoco')
+    with running(arm, NodeProcess(DYNAMICS, namespace='/mujoco')):
         yield arm
 
 
@@ -92,7 +92,7 @@ def test_invalid_messages_are_named_and_nothing_ends(
 
 
 def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
-    with NodeProcess(MUJOCO_ARM, {'initial_position': START}, namespace='braked') as node:
+    with NodeProcess(MUJOCO_ARM, {'initial_position': START}, namespace='/braked') as node:
         efforts = client.publisher(JointState, '/braked/effort_command', 1)
         with client.collect(JointState, '/braked/joint_states') as states:
             assert list(states.wait_for(lambda _: True).position) == START

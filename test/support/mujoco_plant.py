@@ -17,7 +17,7 @@ Arms in MuJoCo whose masses, rotors, damping and friction are not those of their
 
 The kinematics are those of the sample URDFs. All other figures are those of MuJoCo Menagerie
 (github.com/google-deepmind/mujoco_menagerie): franka_emika_panda/panda.xml, unitree_z1/z1.xml,
-ufactory_xarm7/xarm7_nohand.xml and universal_robots_ur10e/ur10e.xml, on the geometry of a UR10.
+ufactory_xarm7/xarm7.xml and universal_robots_ur10e/ur10e.xml, on the geometry of a UR10.
 """
 
 from typing import Any, NamedTuple
@@ -119,8 +119,19 @@ ARMS = {
         [0.2, 0.2, 0.15, -0.2, 0.2, 0.3]),
 }
 """The arms; the URDF of ur10e is that of the UR10."""
-HAND = {'panda': '0.76 | -0.0096 0 0.0311 | 1 0 0 0 | 0.001 0.0025 0.0017'}
-"""A hand at the flange: here hand and fingers of the Panda, at (0, 0, 0.107) in the last link."""
+HANDS = {
+    'panda': (
+        {'pos': '0 0 0.107', 'quat': '0.9238795 0 0 -0.3826834'},
+        '0.76 | -0.0096 0 0.0311 | 1 0 0 0 | 0.001 0.0025 0.0017'),
+    'xarm7': (
+        {'quat': '0 0 0 1'},
+        '0.54156 | -0.00065489 -0.0018497 0.048028 |'
+        ' 0.997403 -0.0717512 -0.0061836 0.000477479 | 0.000471093 0.000332307 0.000254799')}
+"""
+Hands in the frame of the last link: that of the Panda with its fingers, the base of the xArm's.
+
+The URDF of the Panda contains its hand, that of the xArm7 none.
+"""
 TOOL = 'tool'
 FLOOR = 'floor'
 
@@ -159,9 +170,9 @@ def foreign_mjcf(
             end = bodies[k + 1].get('pos') if k + 1 < len(bodies) else _text(published.tool)
             _add_link(body, str(end))
     last = bodies[-1]
-    if name in HAND:
-        hand = SubElement(last, 'body', name='hand', pos='0 0 0.107', quat='0.92388 0 0 -0.38268')
-        hand.append(_inertial(HAND[name]))
+    if name in HANDS:
+        pose, inertial = HANDS[name]
+        SubElement(last, 'body', {'name': 'hand', **pose}).append(_inertial(inertial))
     tool = SubElement(last, 'body', name=TOOL, pos=_text(published.tool))
     SubElement(tool, 'geom', type='sphere', size='0.02', mass=str(max(load, 1e-6)), name=TOOL)
     if floor is not None:
