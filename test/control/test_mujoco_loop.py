@@ -55,7 +55,7 @@ AT_REST = {'floor': 1e-2}
 
 A Panda and an xArm7 creep at 0.003 to 0.005 rad/s; the xArm7 at 3e-6 rad/s after 30 s.
 """
-SLOW = {'ur10e': 60.0}
+SLOW = {'ur10e': 90.0}
 """
 [s] that a run lasts in addition.
 
