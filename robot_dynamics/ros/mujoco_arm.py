@@ -55,7 +55,7 @@ SPECS = (
         'mjcf_joints', Type.STRING_ARRAY, [],
         'Names in the MJCF of the joints that the efforts drive, in the order of all arrays. If '
         'empty, the names in joints; if these are empty too, the joints on which an actuator of '
-        'the MJCF acts directly, or all hinge and slide joints if there are none.',
+        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.',
         read_only=True),
     ParameterSpec(
         'joints', Type.STRING_ARRAY, [],

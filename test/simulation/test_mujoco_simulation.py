@@ -142,8 +142,7 @@ def test_a_diverging_motion_is_an_error_and_reset_recovers() -> None:
     arm = lever(joints=['hinge'])
     arm.release()
     with pytest.raises(RobotDynamicsError, match='diverges in MuJoCo'):
-        for _ in range(50):
-            arm.step(np.array([1e9]), 0.002)
+        arm.step(np.array([1e9]), 0.1)
     arm.reset()
     assert arm.step(np.zeros(1), 0.002).position.tolist() == [0.0]
 
