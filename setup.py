@@ -26,6 +26,7 @@ package_name = 'robot_dynamics'
 EXECUTABLES = {
     'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
+    'mujoco_arm': 'robot_dynamics.ros.entry_points:mujoco_arm',
     'analyze_bag': 'robot_dynamics.tools.analyze_bag:main',
     'animate': 'robot_dynamics.tools.animate:main',
     'calibrate_gravity': 'robot_dynamics.tools.calibrate_gravity:main',
@@ -89,6 +90,7 @@ setup(
         'report': ['bokeh>=3.4'],  # zoom in the figures of HTML reports
         'dask': ['distributed'],  # of tools that take many recordings
         'xacro': ['xacro'],
+        'mujoco': ['mujoco>=3.2'],  # the node mujoco_arm
         'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell
         'viewer': ['pycollada', 'trimesh', 'viser~=1.1', 'websockets'],  # in a browser
         'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed

@@ -47,6 +47,7 @@ LIBRARIES = {
     'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',), 'video'),
     'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',), 'tools'),
     'mcap': Library('mcap', '', ('mcap',), 'tools'),
+    'mujoco': Library('MuJoCo', '', ('mujoco',), 'mujoco'),
     'pyarrow': Library('pyarrow', '', ('pyarrow',), 'parquet'),
     'rosbags': Library('rosbags', '', ('rosbags',), 'tools'),
     'scipy': Library('scipy', 'python3-scipy', ('scipy',), 'tools'),

@@ -17,7 +17,7 @@ Write the reference in docs/reference from the code: topics, services, parameter
 
     scripts/reference
 
-Both nodes are constructed, and asked for their topics, services and parameters. The descriptions
+The nodes are constructed, and asked for their topics, services and parameters. The descriptions
 of topics, services and diagnostics come from `robot_dynamics.ros.interface_descriptions`, those of
 parameters from their specifications, options from --help. A test compares the files with the code.
 """
@@ -39,6 +39,8 @@ from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.interface_descriptions import SERVICES, STATUSES, TOPICS
+from robot_dynamics.ros.mujoco_arm import MujocoArmNode
+from robot_dynamics.ros.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
@@ -48,6 +50,7 @@ INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
     'simulated_arm': (SimulatedArmNode, SIMULATED_ARM_SPECS, ('-p', 'publish_clock:=true')),
+    'mujoco_arm': (MujocoArmNode, MUJOCO_ARM_SPECS, ('-p', 'publish_clock:=true')),
 }
 OF_RCLPY = re.compile(
     r'/(rosout|parameter_events)$|/\w+_parameters?(_types|_atomically)?$|/get_type_description$')

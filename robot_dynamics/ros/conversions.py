@@ -60,14 +60,18 @@ def wrenches_from_ros(arm: ArmModel, messages: Sequence[WrenchStamped]) -> list[
     """Return checked wrenches; raise InvalidInputError on an unknown link or an invalid number."""
     wrenches = []
     for i, message in enumerate(messages):
-        field = f'external_wrenches[{i}]'
-        force, torque = message.wrench.force, message.wrench.torque
-        arm.link_frame(message.header.frame_id, f'{field}.header.frame_id')
-        wrenches.append(ExternalWrench(
-            message.header.frame_id,
-            _vector_from_ros(f'{field}.wrench.force', force),
-            _vector_from_ros(f'{field}.wrench.torque', torque)))
+        field = f'external_wrenches[{i}].'
+        arm.link_frame(message.header.frame_id, f'{field}header.frame_id')
+        wrenches.append(wrench_from_ros(message, field))
     return wrenches
+
+
+def wrench_from_ros(message: WrenchStamped, field: str) -> ExternalWrench:
+    """Return a wrench with checked numbers; `field` precedes their names in errors."""
+    return ExternalWrench(
+        message.header.frame_id,
+        _vector_from_ros(f'{field}wrench.force', message.wrench.force),
+        _vector_from_ros(f'{field}wrench.torque', message.wrench.torque))
 
 
 def _vector_from_ros(field: str, vector: Vector3) -> FloatArray:

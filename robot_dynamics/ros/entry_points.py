@@ -37,6 +37,11 @@ def simulated_arm() -> int:
     return _run('robot_dynamics.ros.simulated_arm.node')
 
 
+def mujoco_arm() -> int:
+    """Run the node `mujoco_arm`."""
+    return _run('robot_dynamics.ros.mujoco_arm')
+
+
 def _run(module: str) -> int:
     for end_signal in (signal.SIGINT, signal.SIGTERM):
         signal.signal(end_signal, _leave)

@@ -90,6 +90,16 @@ TOPICS: Descriptions = {
                           '`joint_states`.',
         '/clock': 'Simulated time, with `publish_clock` or `lock_step`.',
     },
+    'mujoco_arm': {
+        'effort_command': 'Effort at each driven joint, clipped to the limits of the MJCF '
+                          '(`clip_efforts`). It acts until the next message, at most for '
+                          '`command_timeout`.',
+        '~/external_wrench': 'Wrench on the body `frame_id` of the MJCF, in the frame of this '
+                             'body. It acts until the next message; zeros remove it.',
+        'joint_states': 'Position, velocity and effort of the driven joints.',
+        '~/motor_states': 'The same as `joint_states`, because these drives have no backlash.',
+        '/clock': 'Simulated time, with `publish_clock` or `lock_step`.',
+    },
 }
 """Meaning of each topic."""
 
@@ -127,6 +137,9 @@ SERVICES: Descriptions = {
         '~/reset': 'Returns the arm to its initial pose and engages the brakes.',
         '~/set_payload': 'Sets the payload of a link of the simulated arm. The controller is not '
                          'informed.',
+    },
+    'mujoco_arm': {
+        '~/reset': 'Returns the arm and all other bodies to the start, and engages the brakes.',
     },
 }
 """Effect of each service."""

@@ -15,6 +15,7 @@
 """Launch arguments and nodes of an arm, for the launch files of this package. Needs launch_ros."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from launch.actions import DeclareLaunchArgument
 from launch.launch_context import LaunchContext
@@ -25,11 +26,13 @@ from robot_dynamics.ros.launch_arguments import (
     ArmArguments,
     check_arm_arguments,
     DYNAMICS,
+    MUJOCO_ARM,
     SIMULATED_ARM,
     truth,
 )
 
 CLOSED_LOOP = (SIMULATED_ARM, DYNAMICS)
+MUJOCO_LOOP = (MUJOCO_ARM, DYNAMICS)
 TF = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
 """Remappings that move the transforms into the namespace of a node."""
 _OF_BOTH = ('robot_description', 'robot_description_file', 'use_sim_time', 'gravity')
@@ -85,6 +88,13 @@ def closed_loop(arm: ArmArguments) -> list[Node]:
     """Return `simulated_arm` and `dynamics` of an arm."""
     files = arm.parameter_files(SIMULATED_ARM, *_OF_BOTH)
     return [_node(arm, 'simulated_arm', files), dynamics_node(arm)]
+
+
+def mujoco_loop(arm: ArmArguments, mjcf: str) -> list[Node]:
+    """Return `mujoco_arm` and `dynamics` of an arm; an empty `mjcf` is that of the file."""
+    given = replace(arm, overrides={**arm.overrides, **({'mjcf': mjcf} if mjcf else {})})
+    files = given.parameter_files(MUJOCO_ARM, 'mjcf', 'use_sim_time', 'gravity')
+    return [_node(arm, 'mujoco_arm', files), dynamics_node(arm)]
 
 
 def state_publisher(arm: ArmArguments) -> Node:

@@ -34,6 +34,7 @@ from robot_dynamics.validation import check_vector
 
 DYNAMICS = 'dynamics'
 SIMULATED_ARM = 'simulated_arm'
+MUJOCO_ARM = 'mujoco_arm'
 """Names of the nodes that the launch files start."""
 LOG_LEVELS = ('debug', 'info', 'warn', 'error', 'fatal')
 

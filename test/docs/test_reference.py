@@ -28,12 +28,12 @@ from fault_table import BEGIN, END, HEAD, PAGE
 import pytest
 from rcl_interfaces.srv import ListParameters
 from robot_dynamics.ros.interface_descriptions import STATUSES
-from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / 'docs' / 'reference'
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
-MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM}
+MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM, 'mujoco_arm': MUJOCO_ARM}
 
 # Topics and services that every rclpy node has.
 OF_RCLPY = re.compile(
@@ -92,7 +92,10 @@ def test_the_readme_is_short_and_counts_the_faults() -> None:
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
-    with NodeProcess(DYNAMICS, patient=False), NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
+    pytest.importorskip('mujoco')
+    with NodeProcess(DYNAMICS, patient=False), NodeProcess(
+            SIMULATED_ARM, {'publish_clock': True}), NodeProcess(
+                MUJOCO_ARM, {'publish_clock': True}):
         yield
 
 

@@ -109,7 +109,7 @@ def test_launch_files_name_executables_that_are_installed() -> None:
     actions = ROOT / 'robot_dynamics' / 'ros' / 'launch_actions.py'
     used = {ast.literal_eval(call.args[1]) for call in calls(actions, '_node')}
     setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    assert used == {'dynamics_node', 'simulated_arm'}
+    assert used == {'dynamics_node', 'mujoco_arm', 'simulated_arm'}
     assert all(f"'{executable}': " in setup for executable in used)
 
 

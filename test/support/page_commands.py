@@ -29,7 +29,7 @@ from children import LONG, TIMEOUT
 
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w.]+)\n')
-NODES = ('dynamics_node', 'simulated_arm')
+NODES = ('dynamics_node', 'mujoco_arm', 'simulated_arm')
 
 
 def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:

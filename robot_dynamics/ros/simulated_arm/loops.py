@@ -160,7 +160,7 @@ class _Loop(ABC):
         unit = 'N' if arm.joint_kinds[joint] == 'prismatic' else 'N m'
         self._node.get_logger().warning(
             f'Clipped the effort of {arm.joint_names[joint]!r}: received {effort[joint]:g} '
-            f'{unit}, the effort limit of the URDF is {limit[joint]:g} {unit} (clip_efforts); '
+            f'{unit}, its effort limit is {limit[joint]:g} {unit} (clip_efforts); '
             f'efforts clipped so far: {plant.clipped_count}', throttle_duration_sec=LOG_PERIOD)
 
     def _advance(self) -> Measured:

@@ -1,0 +1,156 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The node `mujoco_arm`: an arm in MuJoCo with the interface of `simulated_arm`."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.mjcf import arm_to_mjcf
+from robot_dynamics.ros.conversions import wrench_from_ros
+from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
+from robot_dynamics.ros.guarded_callbacks import destroyed_unless_made
+from robot_dynamics.ros.node_arguments import NodeUsage
+from robot_dynamics.ros.robot_description import embedded_description
+from robot_dynamics.ros.running import run_node
+from robot_dynamics.ros.shutdown import leave
+from robot_dynamics.ros.simulated_arm.plant_node import (
+    BRAKE_SPECS,
+    check_pause,
+    LOOP_SPECS,
+    NOISE_SPECS,
+    PlantNode,
+)
+from robot_dynamics.simulation.mujoco_simulation import (
+    DirectDrives,
+    load_mjcf,
+    model_of_mjcf,
+    MujocoSimulation,
+)
+from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.urdf.description_file import description_path
+
+SPECS = (
+    ParameterSpec(
+        'mjcf', Type.STRING, '',
+        'MJCF file of the arm and its surroundings: a path or package://PACKAGE/PATH. If empty, '
+        'the planar two-link arm.', read_only=True),
+    ParameterSpec(
+        'mjcf_joints', Type.STRING_ARRAY, [],
+        'Names in the MJCF of the joints that the efforts drive, in the order of all arrays. If '
+        'empty, the names in joints; if these are empty too, the joints on which an actuator of '
+        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.',
+        read_only=True),
+    ParameterSpec(
+        'joints', Type.STRING_ARRAY, [],
+        'Names of the driven joints in joint_states and effort_command, as in the URDF of '
+        'dynamics. If empty, the names in the MJCF.', read_only=True),
+    ParameterSpec(
+        'gravity', Type.DOUBLE_ARRAY, [],
+        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.',
+        minimum=-1000.0, maximum=1000.0),
+    *LOOP_SPECS,
+    ParameterSpec(
+        'initial_position', Type.DOUBLE_ARRAY, [],
+        'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '
+        'first keyframe of the MJCF; without a keyframe, the reference pose or the position '
+        'limit nearest to it.', read_only=True, minimum=-1e6, maximum=1e6),
+    *BRAKE_SPECS,
+    *NOISE_SPECS,
+)
+
+USAGE = NodeUsage(
+    'mujoco_arm', 'mujoco_arm',
+    'Simulates the arm of an MJCF in MuJoCo, with contacts: integrates its motion under the '
+    'received efforts, and publishes its joint states.',
+    (('', 'Simulate the planar two-link arm; dynamics_node without arguments commands it.'),
+     ('--ros-args -p mjcf:=panda.xml -p lock_step:=true',
+      'Simulate the arm in panda.xml, as fast as the commands arrive.')),
+    SPECS,
+    ('mjcf', 'mjcf_joints', 'joints', 'rate', 'lock_step', 'initial_position', 'brakes',
+     'command_timeout', 'clip_efforts'),
+    (('effort_command', 'Subscribed, sensor_msgs/msg/JointState: the effort [N·m] or [N] at each '
+      'joint, by joint name.'),
+     ('~/external_wrench', 'Subscribed, geometry_msgs/msg/WrenchStamped: a wrench on the body '
+      'frame_id, until the next message.'),
+     ('joint_states', 'Published, sensor_msgs/msg/JointState: position, velocity and effort of '
+      'the driven joints.'),
+     ('/clock', 'Published, rosgraph_msgs/msg/Clock: simulated time, with lock_step or '
+      'publish_clock.'),
+     ('~/reset', 'Service, std_srvs/srv/Trigger: return the arm and all bodies to the start.')))
+
+
+class MujocoArmNode(PlantNode):
+    """
+    Connects parameters, topics and services to MuJoCo; computes nothing itself.
+
+    Any executor may spin it; simulated time passes from the first spin on.
+    """
+
+    def __init__(self, **node_arguments: Any) -> None:
+        """
+        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
+
+        Raises RobotDynamicsError if the parameters or the MJCF are invalid, or without MuJoCo.
+        """
+        super().__init__('mujoco_arm', **node_arguments)
+        with destroyed_unless_made(self):
+            self._set_up()
+
+    def _set_up(self) -> None:
+        values = DeclaredParameters(
+            self, SPECS, _check, self._apply, _specs_of_other_nodes).values
+        if values['mjcf']:
+            model = load_mjcf(description_path(values['mjcf'], 'mjcf'))
+        else:
+            model = model_of_mjcf(arm_to_mjcf(load_arm(embedded_description())))
+        self._simulation = MujocoSimulation(
+            model, values['mjcf_joints'] or values['joints'], values['joints'],
+            values['initial_position'] or None)
+        arm = self._simulation.arm
+        plant = Plant(
+            self._simulation, DirectDrives(len(arm.joint_names)), values['brakes'],
+            np.random.default_rng(values['seed']))
+        self._begin(plant, arm.effort_limit, values)
+
+    def _wrench(self, message: WrenchStamped) -> ExternalWrench:
+        self._simulation.check_body(message.header.frame_id, 'header.frame_id')
+        return wrench_from_ros(message, '')
+
+
+def _check(values: Values) -> None:
+    if len(values['gravity']) not in (0, 3):
+        raise InvalidInputError(
+            f'gravity has {len(values["gravity"])} values, expected 3: x, y, z; or none')
+    check_pause(values)
+
+
+def _specs_of_other_nodes() -> Sequence[ParameterSpec]:
+    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+    return (*DYNAMICS_SPECS, *SIMULATED_ARM_SPECS)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run_node(MujocoArmNode, args, USAGE)
+
+
+if __name__ == '__main__':
+    leave(main())

@@ -1,0 +1,183 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+The base class of `simulated_arm` and `mujoco_arm`: the node around a `Plant`.
+
+It has the topics, the loops in wall time and in lock-step, the brakes, and the services and
+parameters of both nodes.
+"""
+
+from abc import abstractmethod
+import threading
+
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
+from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
+from robot_dynamics.simulation.plant import Plant
+from std_srvs.srv import Trigger
+
+LOOP_SPECS = (
+    ParameterSpec(
+        'rate', Type.DOUBLE, 500.0,
+        'Rate [Hz] of the joint states. The effort is constant between two states.',
+        read_only=True, minimum=1.0, maximum=10000.0),
+    ParameterSpec(
+        'lock_step', Type.BOOL, False,
+        'Advance simulated time only when the effort with the stamp of the newest joint state '
+        'arrives. Simulated time is published on /clock.', read_only=True),
+    ParameterSpec(
+        'real_time_factor', Type.DOUBLE, 0.0,
+        'Upper limit of the speed of simulated time with lock_step, as a multiple of real '
+        'time; 0 for no limit.',
+        read_only=True, minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'publish_clock', Type.BOOL, False,
+        'Count simulated time from 0 and publish it on /clock. With lock_step this is always '
+        'the case.', read_only=True),
+    ParameterSpec(
+        'paused', Type.BOOL, False,
+        'Stop simulated time and publish the same joint state every 0.1 s. Requires lock_step '
+        'or publish_clock.'),
+)
+BRAKE_SPECS = (
+    ParameterSpec(
+        'brakes', Type.BOOL, True,
+        'Engage the brakes until the first effort arrives, and after command_timeout until '
+        'the next effort. If false, the arm falls freely in these times.', read_only=True),
+    ParameterSpec(
+        'command_timeout', Type.DOUBLE, 0.2,
+        'Time [s] without a valid effort after which the brakes engage until the next effort; '
+        '0 disables this timeout. With lock_step, simulated time waits for the effort '
+        'instead.', minimum=0.0, maximum=3600.0),
+    ParameterSpec(
+        'clip_efforts', Type.BOOL, True,
+        'Clip each received effort to the effort limits of the model, as a drive does, and '
+        'log a warning that names joint, value and limit. If false, any effort acts on the arm.'),
+)
+NOISE_SPECS = (
+    ParameterSpec(
+        'position_noise', Type.DOUBLE, 0.0,
+        'Standard deviation [rad] or [m] of the noise on measured positions.',
+        minimum=0.0, maximum=1.0),
+    ParameterSpec(
+        'velocity_noise', Type.DOUBLE, 0.0,
+        'Standard deviation [rad/s] or [m/s] of the noise on measured velocities.',
+        minimum=0.0, maximum=10.0),
+    ParameterSpec(
+        'effort_noise', Type.DOUBLE, 0.0,
+        'Standard deviation of the noise on measured efforts, in the unit of measured_effort.',
+        minimum=0.0, maximum=1e6),
+    ParameterSpec(
+        'seed', Type.INTEGER, 0,
+        'Seed of the random number generator of the noise.', read_only=True,
+        minimum=0, maximum=2**31 - 1),
+)
+
+
+class PlantNode(GuardedCallbacks):
+    """Connects parameters, topics and services to a plant; computes nothing itself."""
+
+    _loop: WallTimeLoop | LockStepLoop | None = None
+    _effort_limit: FloatArray | None = None
+
+    def _begin(self, plant: Plant, effort_limit: FloatArray | None, values: Values) -> None:
+        """Simulate this plant from the first spin on; its drives clip efforts to limits (n,)."""
+        self._lock, self._plant, self._effort_limit = threading.Lock(), plant, effort_limit
+        arm = plant.simulation.arm
+        topics = ArmTopics(self, arm.joint_names, _has_own_time(values))
+        loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
+        self._loop = loop_type(self, plant, topics, self._lock, 1.0 / values['rate'])
+        if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:
+            self._loop.real_time_factor = values['real_time_factor']
+        self._apply(values)
+        self.create_subscription(WrenchStamped, '~/external_wrench', self._on_wrench, 10)
+        self.create_timer(
+            LOOK_PERIOD, GraphWatch(
+                self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
+            ).look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_service(Trigger, '~/reset', self._reset)
+        self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
+        self.get_logger().info(
+            f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first effort '
+            f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
+        self.call_when_spun(self._loop.start)
+
+    def request_shutdown(self) -> None:
+        """Log that the node ends."""
+        self.get_logger().info('Ending: the simulation stops.')
+
+    def destroy_node(self) -> None:
+        """Stop the simulation, then destroy the node."""
+        if self._loop is not None:
+            self._loop.stop()
+        super().destroy_node()
+
+    def _apply(self, values: Values) -> None:
+        plant = self._plant
+        with self._lock:
+            plant.commands.timeout = values['command_timeout']
+            plant.effort_limit = self._effort_limit if values['clip_efforts'] else None
+            plant.position_noise = values['position_noise']
+            plant.velocity_noise = values['velocity_noise']
+            plant.effort_noise = values['effort_noise']
+            if values['gravity']:
+                plant.set_gravity(np.array(values['gravity']))
+        if self._loop is not None:
+            self._loop.is_paused = values['paused']
+
+    def _on_wrench(self, message: WrenchStamped) -> None:
+        """Apply the wrench to its link from now on; zeros remove it."""
+        try:
+            wrench = self._wrench(message)
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self.get_logger().error(f'Rejected an external wrench: {describe_error(error)}')
+            return
+        with self._lock:
+            self._plant.wrenches[wrench.link] = wrench
+
+    @abstractmethod
+    def _wrench(self, message: WrenchStamped) -> ExternalWrench:
+        """Return the checked wrench of a message; raise RobotDynamicsError."""
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._plant.reset()
+        response.success, response.message = True, 'the arm is at its initial pose'
+        return response
+
+
+def check_pause(values: Values) -> None:
+    """Raise InvalidInputError if the clock cannot be paused."""
+    if values['paused'] and not _has_own_time(values):
+        raise InvalidInputError(
+            'paused is true, expected false, or lock_step or publish_clock as well: the clock of '
+            'the computer cannot be paused')
+
+
+def _before_efforts(values: Values) -> str:
+    if values['lock_step']:
+        return 'simulated time waits (lock_step)'
+    return 'the brakes hold the arm' if values['brakes'] else 'the arm falls freely (no brakes)'
+
+
+def _has_own_time(values: Values) -> bool:
+    return bool(values['publish_clock'] or values['lock_step'])

@@ -1,0 +1,43 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""docs/mujoco_arm.md from top to bottom: a Panda in MuJoCo holds, moves and touches a table."""
+
+from pathlib import Path
+import re
+import shutil
+
+from page_commands import files_and_commands, run_all, write_files
+import pytest
+from robots import robot_path
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'mujoco_arm.md'
+
+
+def final_errors(out: str) -> list[float]:
+    """Return the column `error` of the output of `dynamics move` [rad]."""
+    return [float(error) for error in re.findall(r'^panda_joint\d .* (\S+)$', out, re.MULTILINE)]
+
+
+def test_the_panda_moves_and_touches_the_table(tmp_path: Path) -> None:
+    pytest.importorskip('mujoco')
+    files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
+    write_files(files, tmp_path)
+    shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
+    moved, touched = [
+        out for command, out in run_all(commands, tmp_path) if ' dynamics move ' in command]
+    assert len(final_errors(moved)) == len(final_errors(touched)) == 7
+    assert max(map(abs, final_errors(moved))) < 0.04
+    assert max(map(abs, final_errors(touched))) > 0.1  # the table is 4 cm above the goal
+    assert 'a contact' in touched

@@ -1,0 +1,139 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The running node `mujoco_arm`, alone and in lock-step with `dynamics`."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from absent_libraries import environment_without
+from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
+import numpy as np
+import pytest
+from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, RosClient, running
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+NAMES = ['joint1', 'joint2']
+START = [0.4, 0.3]
+PUSHED_JOINT = 0.02
+"""[rad]"""
+
+
+@pytest.fixture(scope='module', autouse=True)
+def mujoco() -> Any:
+    return pytest.importorskip('mujoco')
+
+
+@pytest.fixture(scope='module')
+def loop() -> Iterator[NodeProcess]:
+    """Run both nodes in lock-step; the names of the joints are those of the URDF."""
+    arm = NodeProcess(
+        MUJOCO_ARM, {'lock_step': True, 'initial_position': START, 'joints': NAMES},
+        namespace='/mujoco')
+    with running(arm, NodeProcess(DYNAMICS, namespace='/mujoco')):
+        yield arm
+
+
+def wrench(body: str, z: float) -> WrenchStamped:
+    return WrenchStamped(
+        header=Header(frame_id=body), wrench=Wrench(force=Vector3(x=0.0, y=0.0, z=z)))
+
+
+def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) -> None:
+    with client.collect(JointState, '/mujoco/joint_states') as states:
+        first = states.wait_for(lambda state: state.header.stamp.sec >= 2)
+        assert list(first.name) == NAMES
+        assert np.abs(np.array(first.position) - START).max() < 0.005
+        assert np.abs(first.velocity).max() < 1e-3
+        assert np.abs(first.effort).min() > 1.0  # holds its weight
+        push = client.publisher(WrenchStamped, '/mujoco/mujoco_arm/external_wrench', 1)
+        push.publish(wrench('link2', 60.0))
+        states.wait_for(lambda state: np.abs(
+            np.array(state.position) - START).max() > PUSHED_JOINT)
+        push.publish(wrench('link2', 0.0))
+        states.wait_for(lambda state: np.abs(
+            np.array(state.position) - START).max() < 0.25 * PUSHED_JOINT)
+        client.node.destroy_publisher(push)
+    answer = client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request())
+    assert answer.success
+
+
+def test_invalid_messages_are_named_and_nothing_ends(
+    client: RosClient, loop: NodeProcess,
+) -> None:
+    push = client.publisher(WrenchStamped, '/mujoco/mujoco_arm/external_wrench', 1)
+    push.publish(wrench('elbow', 1.0))
+    loop.wait_for_log(
+        r"Rejected an external wrench: header.frame_id is 'elbow', expected a body of the MJCF")
+    push.publish(wrench('link1', float('nan')))
+    loop.wait_for_log(r'Rejected an external wrench: wrench.force\[2\] \(z\) is nan')
+    effort = client.publisher(JointState, '/mujoco/effort_command', 1)
+    effort.publish(JointState(name=NAMES, effort=[float('inf'), 0.0]))
+    loop.wait_for_log('Rejected an effort: .*inf')
+    for publisher in (push, effort):
+        client.node.destroy_publisher(publisher)
+    with client.collect(JointState, '/mujoco/joint_states') as states:
+        time = states.wait_for(lambda _: True).header.stamp
+        states.wait_for(lambda state: state.header.stamp.sec > time.sec + 1)
+
+
+def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
+    with NodeProcess(MUJOCO_ARM, {'initial_position': START}, namespace='/braked') as node:
+        efforts = client.publisher(JointState, '/braked/effort_command', 1)
+        with client.collect(JointState, '/braked/joint_states') as states:
+            assert list(states.wait_for(lambda _: True).position) == START
+            efforts.publish(JointState(name=NAMES, effort=[0.0, 0.0]))
+            states.wait_for(lambda state: list(state.position) != START)
+            node.wait_for_log('No valid effort for .*: the brakes hold the arm where it is')
+            states.wait_for(lambda state: not any(state.velocity))
+        efforts.publish(JointState(name=NAMES, effort=[900.0, 0.0]))
+        node.wait_for_log("Clipped the effort of 'joint1': received 900 N m, its effort limit is")
+        client.node.destroy_publisher(efforts)
+
+
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'mjcf': '/no/such.xml'}, "mjcf is '/no/such.xml', which is no such file"),
+    ({'mjcf': 'package://no_such_package/arm.xml'}, "no package 'no_such_package'"),
+    ({'joints': ['joint1', 'elbow']}, "mjcf_joints[1] is 'elbow', expected the name"),
+    ({'mjcf_joints': ['joint1'], 'joints': NAMES}, 'joints has 2 names, expected 1'),
+    ({'initial_position': [0.0]}, 'initial_position has 1 values, expected 2'),
+    ({'gravity': [0.0]}, 'gravity has 1 values, expected 3'),
+    ({'paused': True}, 'paused is true, expected false'),
+])
+def test_an_invalid_start_is_one_line(parameters: dict[str, Any], words: str) -> None:
+    node = NodeProcess(MUJOCO_ARM, parameters, ready=None).launch()
+    assert node.wait() == 1
+    line, = [line for line in node.log.splitlines() if line.startswith('robot_dynamics: ')]
+    assert words in line
+    assert 'Traceback' not in node.log
+
+
+def test_broken_xml_is_one_error(tmp_path: Path) -> None:
+    file = tmp_path / 'arm.xml'
+    file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
+    node = NodeProcess(MUJOCO_ARM, {'mjcf': str(file)}, ready=None).launch()
+    assert node.wait() == 1
+    assert 'robot_dynamics: mjcf: MuJoCo rejects' in node.log
+    assert 'Traceback' not in node.log
+
+
+def test_without_mujoco_the_extra_is_named(tmp_path: Path) -> None:
+    node = NodeProcess(
+        MUJOCO_ARM, ready=None, environment=environment_without(tmp_path, ['mujoco'])).launch()
+    assert node.wait() == 1
+    assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in node.log
+    assert 'Traceback' not in node.log

@@ -1,0 +1,179 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""An arm in MuJoCo behind the interface of `ArmSimulation`: against it, and its own laws."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.mjcf import arm_to_mjcf
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+
+pytest.importorskip('mujoco')
+from robot_dynamics.simulation.mujoco_simulation import (  # noqa: E402
+    load_mjcf,
+    model_of_mjcf,
+    MujocoSimulation,
+)
+
+START = [0.4, 0.3]
+ARM = """
+<mujoco model="lever"><option timestep="0.002"/><worldbody>
+  <body name="lever"><joint name="hinge" axis="0 1 0" armature="0.1" {joint}/>
+    <inertial pos="0.5 0 0" mass="2" diaginertia="0.1 0.1 0.1"/>
+    <geom type="box" size="0.5 0.1 0.02" pos="0.5 0 0"/>
+    <body name="jaw" pos="1 0 0"><joint name="jaw" type="slide" axis="0 0 1" range="0 0.1"/>
+      <inertial pos="0 0 0" mass="0.1" diaginertia="1e-3 1e-3 1e-3"/></body></body>{objects}
+</worldbody>{rest}</mujoco>"""
+SERVO = '<position name="servo" joint="hinge" kp="1000" forcerange="-30 30"/>'
+TENDON = ('<tendon><fixed name="grip"><joint joint="jaw" coef="1"/></fixed></tendon>'
+          '<actuator>{0}<position name="grip" tendon="grip" kp="100" kv="5"/></actuator>'
+          '<keyframe><key qpos="0.2 0.05" ctrl="{1}"/></keyframe>')
+
+
+def lever(joint: str = '', objects: str = '', rest: str = '', **more: Any) -> MujocoSimulation:
+    return MujocoSimulation(
+        model_of_mjcf(ARM.format(joint=joint, objects=objects, rest=rest)), **more)
+
+
+def pair() -> tuple[ArmSimulation, MujocoSimulation]:
+    arm = load_arm(default_arm_urdf())
+    arm = arm.with_friction(make_friction(arm.joint_names, viscous=[0.5, 0.2]))
+    ours = ArmSimulation(arm, START)
+    mujoco = MujocoSimulation(model_of_mjcf(arm_to_mjcf(arm)), position=START)
+    for simulation in (ours, mujoco):
+        simulation.release()
+    return ours, mujoco
+
+
+@pytest.mark.parametrize('wrenches', [
+    [], [ExternalWrench('link2', np.array([30.0, 0.0, -20.0]), np.array([0.0, 5.0, 0.0]))]])
+def test_the_motion_is_that_of_our_simulation(wrenches: list[ExternalWrench]) -> None:
+    ours, mujoco = pair()
+    assert mujoco.arm.joint_names == ours.arm.joint_names
+    assert mujoco.arm.effort_limit == pytest.approx(ours.arm.limits.effort)
+    tau = np.array([-40.0, -10.0])
+    for _ in range(100):
+        expected, found = (
+            each.step(tau, 0.002, wrenches) for each in (ours, mujoco))
+    assert np.abs(expected.position - START).max() > 0.03
+    assert found.position == pytest.approx(expected.position, abs=5e-3)
+    assert found.velocity == pytest.approx(expected.velocity, abs=0.05)
+
+
+def test_actuators_of_driven_joints_are_off_and_their_limits_known() -> None:
+    plain, driven = lever(), lever(rest=f'<actuator>{SERVO}</actuator>')
+    assert plain.arm.joint_names == ('hinge', 'jaw')  # no actuator: all joints
+    assert driven.arm.joint_names == ('hinge',)
+    assert driven.arm.effort_limit.tolist() == [30.0]
+    servo = lever(rest=f'<actuator>{SERVO}</actuator>', joints=['jaw'])  # not the driven joint
+    ends = []
+    for each in (driven, servo):
+        each.release()
+        each.step(np.zeros(1), 1.0)
+        ends.append(float(each.data.joint('hinge').qpos[0]))
+    assert ends[0] > 1.0  # falls
+    assert abs(ends[1]) < 0.1  # held by its servo
+    own = lever('actuatorfrcrange="-7 5"', rest=f'<actuator>{SERVO}</actuator>')
+    assert own.arm.effort_limit.tolist() == [7.0]
+
+
+def test_a_gripper_keeps_the_control_of_the_first_keyframe() -> None:
+    for control in (0.0, 0.08):
+        gripper = lever(rest=TENDON.format(SERVO, f'0 {control}'))
+        assert gripper.arm.joint_names == ('hinge',)
+        assert gripper.state.position.tolist() == [0.2]
+        gripper.step(np.zeros(1), 2.0)
+        assert float(gripper.data.joint('jaw').qpos[0]) == pytest.approx(control, abs=0.015)
+
+
+BALL = ('<body name="ball" pos="0.5 0 0.2"><freejoint/>'
+        '<geom type="sphere" size="0.05" mass="3"/></body>')
+
+
+def test_brakes_hold_exactly_and_carry_what_falls_on_the_arm() -> None:
+    arm = lever(objects=BALL, rest=f'<actuator>{SERVO}</actuator>')
+    assert arm.arm.joint_names == ('hinge',)
+    arm.step(np.array([50.0]), 2.0)
+    assert arm.state.position.tolist() == [0.0]
+    assert arm.effort.tolist() == [0.0]
+    assert arm.data.body('ball').xpos[2] == pytest.approx(0.07, abs=2e-3)
+    arm.release()
+    arm.step(np.zeros(1), 0.2)
+    assert arm.state.position[0] > 0.02
+    before = arm.state.position
+    arm.brake()
+    arm.step(np.zeros(1), 0.5)
+    assert arm.state.position.tolist() == before.tolist()
+    arm.reset()
+    assert arm.state.position.tolist() == [0.0]
+    assert arm.data.body('ball').xpos[2] == 0.2
+
+
+def test_gravity_changes_and_names_are_those_given() -> None:
+    arm = lever(joints=['hinge'], names=['elbow'], position=[0.1])
+    assert (arm.arm.name, arm.arm.joint_names) == ('lever', ('elbow',))
+    arm.set_gravity(np.zeros(3))
+    arm.release()
+    arm.step(np.zeros(1), 1.0)
+    assert arm.state.position == pytest.approx([0.1], abs=1e-3)
+    assert arm.arm.gravity.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_diverging_motion_is_an_error_and_reset_recovers() -> None:
+    arm = lever(joints=['hinge'])
+    arm.release()
+    with pytest.raises(RobotDynamicsError, match='diverges in MuJoCo'):
+        arm.step(np.array([1e9]), 0.1)
+    arm.reset()
+    assert arm.step(np.zeros(1), 0.002).position.tolist() == [0.0]
+
+
+def test_a_period_that_is_no_multiple_of_the_time_step_is_kept() -> None:
+    arm = lever()
+    for _ in range(30):
+        arm.step(np.zeros(2), 1.0 / 300.0)
+    assert arm.data.time == pytest.approx(0.1)
+    assert arm.model.opt.timestep <= 0.002
+
+
+@pytest.mark.parametrize(('make', 'words'), [
+    (lambda: lever(joints=['elbow']), "mjcf_joints[0] is 'elbow', expected the name"),
+    (lambda: lever(joints=['hinge', 'hinge']), "mjcf_joints[1] is 'hinge' again"),
+    (lambda: lever(names=['elbow']), 'joints has 1 names, expected 2, one for each of'),
+    (lambda: lever(position=[0.1]), 'initial_position has 1 values, expected 2'),
+    (lambda: model_of_mjcf('<mujoco><worldbody>'), 'MuJoCo rejects the MJCF'),
+    (lambda: load_mjcf('no/such.xml'), "mjcf is 'no/such.xml', which is no such file"),
+    (lambda: MujocoSimulation(model_of_mjcf('<mujoco/>')), 'no hinge or slide joint'),
+    (lambda: lever().check_body('arm', 'frame'),
+     "frame is 'arm', expected a body of the MJCF: ['world', 'lever', 'jaw']"),
+])
+def test_invalid_input_is_named(make: Any, words: str) -> None:
+    with pytest.raises(RobotDynamicsError) as caught:
+        make()
+    assert words in str(caught.value)
+
+
+def test_a_broken_file_is_named(tmp_path: Path) -> None:
+    file = tmp_path / 'arm.xml'
+    file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
+    with pytest.raises(RobotDynamicsError, match='mjcf: MuJoCo rejects .*arm.xml'):
+        load_mjcf(file)
