@@ -108,6 +108,9 @@ CASES = {
         ('condition', ERROR, '')),
     'dry friction above the limit': (
         arm_of(limit=f'{LIMIT}<dynamics friction="101"/>'), ('friction', ERROR, 'hinge')),
+    'a link without the rotor of its drive': (
+        arm_of(limit='<limit lower="-2" upper="2" effort="1e6" velocity="2"/>'),
+        ('rotors', WARNING, 'hinge')),
     'badly conditioned': (
         arm_of(inertial(1000.0, (50, 50, 2)), more=link_behind(inertial(1e-4, (0, 1e-7, 0)))),
         ('condition', WARNING, '')),

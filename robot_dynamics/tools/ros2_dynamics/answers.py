@@ -15,7 +15,8 @@
 """What the verbs of `ros2 dynamics` answer: each as data for JSON, and as text for people."""
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+import math
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -24,6 +25,7 @@ from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
+from robot_dynamics.ros.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
@@ -185,6 +187,19 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
                   f'{client.name}: {_describe_payloads(payloads)}')
 
 
+AT_REST = (
+    'At rest: stiffness of the feedback [N m/rad, N/m], and position error [rad, m] up to which '
+    'the\nknown dry friction can hold a joint')
+
+
+def values_at_rest(node: str, statuses: Iterable[DiagnosticStatus]) -> dict[str, dict[str, float]]:
+    """Return stiffness and error by joint in the diagnostics of a node with computed torque."""
+    pairs = [pair for status in statuses if status.name == f'{node}: reference'
+             for pair in status.values]
+    return {'stiffness': values_per_joint(pairs, STIFFNESS),
+            'friction_error': values_per_joint(pairs, FRICTION_ERROR)}
+
+
 def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return how the node is."""
     name = client.name
@@ -202,12 +217,19 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     facts |= {} if payloads is None else {'payload': _describe_payloads(payloads)}
     blocks = [f'{name}\n' + text_table([], list(facts.items())),
               text_table(['check', 'level', 'message'], rows)]
+    at_rest = values_at_rest(name, checks)
+    if any(at_rest.values()):
+        blocks.insert(1, AT_REST + '\n' + text_table(
+            ['joint', *at_rest], [
+                [joint, *(f'{values.get(joint, math.nan):.4g}' for values in at_rest.values())]
+                for joint in joints]))
     if arguments.verbose:
         blocks += [f'{row[0]}\n' + text_table([], [
             [pair.key, pair.value] for pair in status.values])
             for row, status in zip(rows, checks) if status.values]
     return Answer(
-        {'node': name, **facts, 'joints': joints, 'payload': payloads[-1] if payloads else None,
+        {'node': name, **facts, 'joints': joints,
+         'at_rest': at_rest, 'payload': payloads[-1] if payloads else None,
          'payloads': _loads(payloads or ()), 'checks': [
             {'check': row[0], 'level': row[1].lower(), 'message': row[2],
              'values': {pair.key: pair.value for pair in status.values}}
