@@ -29,7 +29,7 @@ class RestStiffness(NamedTuple):
     joint, with rotors as far as they are known and with scaled gains. `friction_error` [rad] or
     [m] is the position error up to which the known dry friction F_s can hold the joint against
     the feedback and against the compensation of F_s over the width w (`tracking_effort`), if it
-    acts at rest: F_s / (M_jj K_p + F_s / w). Friction or rotors that are not known change both.
+    acts at rest: F_s / (M_jj K_p + F_s / w). It is NaN if no dry friction is known.
     """
 
     stiffness: FloatArray
@@ -48,4 +48,4 @@ def rest_stiffness(controller: Controller) -> RestStiffness | None:
     F_s = friction.at_rest.static
     spring = F_s / friction.tracking_width if controller.compensates_friction_at_rest else 0.0
     with np.errstate(divide='ignore', invalid='ignore'):
-        return RestStiffness(K, np.where(F_s > 0.0, F_s / (K + spring), 0.0))
+        return RestStiffness(K, np.where(F_s > 0.0, F_s / (K + spring), np.nan))

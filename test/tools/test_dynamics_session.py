@@ -257,14 +257,40 @@ def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> Non
     M = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.mass_matrix(
         np.array(table['position']))
     np.testing.assert_allclose(table['stiffness'], 400.0 * np.diagonal(M), rtol=1e-2)
-    assert table['friction_error'] == [0.0, 0.0]  # this arm has no friction
+    assert 'friction_error' not in table  # this arm has no friction
     out = ask('watch', '--count', '1')[1]
-    assert 'stiffness [N m/rad]  error held by friction [rad]' in out
+    assert 'stiffness [N m/rad]' in out
+    assert 'held by friction' not in out
     status, out, _ = ask('status')
     assert status == 0
     assert 'At rest: stiffness of the feedback [N m/rad, N/m]' in out
     at_rest = json.loads(ask('status', '--json')[1])['at_rest']
     np.testing.assert_allclose(list(at_rest['stiffness'].values()), table['stiffness'], rtol=1e-2)
+
+
+def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask: Ask) -> None:
+    friction, rotors = [3.0, 2.0], [0.5, 0.2]
+    parameters = {
+        'joints': ['joint1', 'joint2'], 'friction.coulomb': friction,
+        'actuator.reflected_inertia': rotors, 'robot_description': default_arm_urdf().replace(
+            'effort="60.0"', 'effort="9999.0"')}
+    assert 'effort="9999.0"' in str(parameters['robot_description'])
+    with (NodeProcess(SIMULATED_ARM, parameters, namespace='/rubs'),
+          NodeProcess(DYNAMICS, parameters, namespace='/rubs'),
+          DynamicsClient('/rubs/dynamics', TIMEOUT) as client):
+        def at_rest() -> Any:
+            return json.loads(ask('status', '--json', client=client)[1])['at_rest']
+
+        wait_until(lambda: len(at_rest()['friction_error']) == 2, 'the errors')
+        found = at_rest()
+        K = np.array(list(found['stiffness'].values()))
+        expected = np.array(friction) / (K + np.array(friction) / 0.025)
+        np.testing.assert_allclose(list(found['friction_error'].values()), expected, rtol=1e-2)
+        assert (400.0 * np.array(rotors) < K).all()
+        assert 'error held by friction [rad]' in ask('watch', '--count', '1', client=client)[1]
+        findings = json.loads(ask('check', '--json', client=client)[1])['findings']
+        message, = (f['message'] for f in findings if f['check'] == 'rotors')
+        assert 'check actuator.reflected_inertia' in message
 
 
 def test_without_computed_torque_no_stiffness_is_shown(ask: Ask, ros: RosClient) -> None:

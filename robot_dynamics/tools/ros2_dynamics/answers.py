@@ -16,14 +16,13 @@
 
 from argparse import Namespace
 from collections.abc import Iterable, Mapping, Sequence
-import math
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import InertiaStamped
 from lifecycle_msgs.srv import GetState
 import numpy as np
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
 from robot_dynamics.ros.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -146,19 +145,27 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return what the model check finds in the URDF that the node uses."""
+    """Return what the model check finds in URDF, friction and motors of the node."""
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
     from robot_dynamics.model_check.finding import CHECKS, errors_of
     from robot_dynamics.model_check.report import (
         check_description,
         findings_as_data,
         findings_report,
     )
+    from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, FRICTION_SPECS
     from robot_dynamics.validation import check_choice
-    parameters = client.parameters(['joints', 'ignore_checks'])
+    parameters = client.parameters(['joints', 'ignore_checks', 'gravity', *(
+        spec.name for spec in (*ACTUATOR_SPECS, *FRICTION_SPECS))])
     ignored = arguments.ignore if arguments.ignore is not None else parameters['ignore_checks']
     for name in ignored:
         check_choice('--ignore', name, tuple(CHECKS))
-    checked = check_description(client.description(), list(parameters['joints'] or []))
+    xml = client.description()
+    try:
+        arm = arm_from_parameters(xml, parameters)
+    except ModelError:
+        arm = None  # a finding
+    checked = check_description(xml, list(parameters['joints'] or []), arm)
     return Answer(
         {'node': client.name, **findings_as_data(checked, ignored)},
         findings_report(client.name, checked, ignored),
@@ -221,7 +228,8 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     if any(at_rest.values()):
         blocks.insert(1, AT_REST + '\n' + text_table(
             ['joint', *at_rest], [
-                [joint, *(f'{values.get(joint, math.nan):.4g}' for values in at_rest.values())]
+                [joint, *(f'{values[joint]:.4g}' if joint in values else '-'
+                          for values in at_rest.values())]
                 for joint in joints]))
     if arguments.verbose:
         blocks += [f'{row[0]}\n' + text_table([], [

@@ -116,6 +116,7 @@ class JointTable:
         if 'stiffness' in data:
             pairs = zip(units.effort.split(', '), units.position.split(', '))
             columns[f'stiffness [{", ".join(map("/".join, pairs))}]'] = data['stiffness']
+        if 'friction_error' in data:
             columns[f'error held by friction [{units.position}]'] = data['friction_error']
         heads = ['joint', 'kind'] if units.kinds else ['joint']
         rows = [[*units.first(name), *(
