@@ -250,9 +250,7 @@ class MotionIntegrator:
 
 def _bound_of_damping_rate(dynamics: UncheckedArmDynamics) -> float:
     """Return a bound of the relaxation rates [1/s]: M is at least the inertia of the rotors."""
-    actuators, viscous = dynamics.arm.actuators, dynamics.friction.viscous
-    if actuators is None:
-        return np.inf
+    viscous, J = dynamics.friction.viscous, dynamics.arm.reflected_inertia
     with np.errstate(divide='ignore', invalid='ignore'):
-        rates = viscous / actuators.reflected_inertia
+        rates = viscous / J
     return float(np.where(viscous > 0.0, rates, 0.0).sum())
