@@ -65,7 +65,7 @@ _CREEP_TOLERANCE = 1e-5
 """The same for an exponential step in gear friction, estimated by its second-stage correction."""
 _FINEST = 2.0**-10
 """Smallest fraction of a step that such a piece has."""
-_FINEST_SPRING = 2.0**-6
+_FINEST_SPRING = 2.0**-5
 """The same if springs are integrated: their faster oscillations are exact, slips are late."""
 _MAX_PIECES = 10_000
 """Number of pieces of a step, including rejected ones, after which they are not divided."""
@@ -157,9 +157,10 @@ class MotionIntegrator:
         forces = self._forces
         if modes.springs is not None:
             M, free = forces.body_with(modes.open).mass_matrix(q), ~modes.joints.stuck
-            oscillation = np.sqrt(damping_rate(M, modes.springs.stiffness, free))
-            damping = damping_rate(M, forces.damping(q, np.zeros_like(q), modes), free)
-            return h * max(_SPRING_RATE * float(oscillation), damping)
+            compliance = np.diag(np.linalg.inv(M[np.ix_(free, free)]))
+            oscillation = np.sqrt(compliance @ modes.springs.stiffness[free])
+            damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
+            return h * float(max(_SPRING_RATE * oscillation, damping))
         in_gears = modes.is_steep and forces.friction.has_gear_terms
         if not (forces.is_damped or in_gears):
             return 0.0
