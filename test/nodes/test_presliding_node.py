@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 START, NAMES = [1.0, 0.5], ['joint1', 'joint2']
-COULOMB, DISTANCE = np.array([4.0, 1.5]), np.array([4e-3, 2e-3])
+COULOMB, DISTANCE = np.array([4.0, 1.5]), np.array([4e-4, 2e-4])
 PARAMETERS = {
     'lock_step': True, 'joints': NAMES, 'initial_position': START, 'gravity': [0.0, 0.0, 0.0],
     'friction.viscous': [0.2], 'friction.coulomb': COULOMB.tolist()}
