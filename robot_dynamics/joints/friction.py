@@ -102,7 +102,7 @@ FRICTION_FIELDS = (
         'Distance {unit} over which dry friction yields like a spring before it slides: after a '
         'velocity reversal it changes its sign over twice this distance. It acts in simulated_arm '
         'and where the whole motion is known, and sets the width of friction compensation. One '
-        'value for all joints or one per joint. If empty, {default:g}: the joint sticks rigidly.',
+        'value for all joints or one per joint. If empty, {default:g}.',
         'presliding', ('coulomb',)),
 )
 """The parameters of `JointFriction`, in its order."""

@@ -18,9 +18,10 @@ Presliding: the dry friction of a joint yields like a spring before it slides.
 A joint with the presliding distance d has the deflection z in [−1, 1] of its bristles. While it
 sticks, z follows the displacement, dz = dq / d, and its dry friction is
 
-    F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d),   ζ = 0.2
+    F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d) exp(−(v / v₀)²),   v₀ = ½ √(F_s d / M_jj)
 
-When z reaches ±1, the joint slides at the law of `friction`, with z = ±1, until it comes to rest.
+with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades with speed, so that a reversal in a
+motion has the friction F_s z; it is constant over a piece of a step. When z reaches ±1, the joint slides at the law of `friction`, with z = ±1, until it comes to rest.
 This is the force of the LuGre model (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky,
 IEEE Trans. Automatic Control 40(3), 1995, equation 3) with the elasto-plastic law of z of P.
 Dupont, V. Hayward, B. Armstrong, F. Altpeter, IEEE Trans. Automatic Control 47(5), 2002, in its
@@ -46,6 +47,8 @@ from robot_dynamics.joints.friction import JointFriction
 
 DAMPING_RATIO = 0.2
 """ζ of the bristles with the inertia M_jj of their joint."""
+_FADING = 0.5
+"""v₀ by the largest speed of an oscillation without slip."""
 
 
 class Springs(NamedTuple):
@@ -105,7 +108,8 @@ class Bristles:
         return np.where((np.abs(z) >= 1.0) & (z * v > 0.0), np.sign(z), 0.0)
 
     def springs(
-        self, q: FloatArray, z: FloatArray, direction: FloatArray, inertia: FloatArray,
+        self, q: FloatArray, v: FloatArray, z: FloatArray, direction: FloatArray,
+        inertia: FloatArray,
     ) -> Springs | None:
         """
         Return the springs of the joints that do not slide, None if all slide.
@@ -117,7 +121,10 @@ class Bristles:
             return None
         K = np.where(holds, self.static / self.distance, 0.0)
         anchor = np.where(holds, q - z * np.where(holds, self.distance, 0.0), 0.0)
-        return Springs(K, 2.0 * DAMPING_RATIO * np.sqrt(K * inertia), anchor, holds)
+        fastest = np.where(holds, self.static, 1.0) / np.sqrt(np.where(holds, K * inertia, 1.0))
+        ratio = v / (_FADING * fastest)
+        damping = 2.0 * DAMPING_RATIO * np.sqrt(K * inertia) * np.exp(-ratio * ratio)
+        return Springs(K, damping, anchor, holds)
 
     def after(self, z: FloatArray, moved: FloatArray, direction: FloatArray) -> FloatArray:
         """Return z (n,) after the displacement `moved` (n,) in a direction of sliding, or 0."""

@@ -16,7 +16,8 @@
 
 from typing import Any
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.joints.actuator import make_actuators
@@ -64,7 +65,7 @@ ranges = {
 # --- one joint: the laws -------------------------------------------------------------------------
 
 @settings(max_examples=40, deadline=None)
-@given(**ranges, part=st.floats(-0.6, 0.6), angle=st.floats(0.3, 300.0))
+@given(**ranges, part=st.floats(-0.02, 0.02), angle=st.floats(0.3, 300.0))
 def test_a_joint_that_sticks_is_a_damped_spring(
     mass: float, coulomb: float, distance: float, part: float, angle: float,
 ) -> None:
@@ -144,7 +145,7 @@ def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance: float) -> None:
 
     cycle(amplitude)
     X, heat, area = cycle(amplitude)
-    assert X > 2.0 * distance
+    assert distance < 0.5 * X
     assert heat == pytest.approx(4.0 * F_c * (X - distance), rel=0.02)
     assert area == pytest.approx(heat, rel=0.03)
     cycle(0.2 * F_c / 200.0)
@@ -182,18 +183,19 @@ def small_steps(
     d, F = friction.presliding_distance, friction.coulomb
     q, v, z = q.copy(), np.zeros_like(q), np.zeros_like(q)
 
-    def rates(q: Any, v: Any, z: Any) -> Any:
+    def rates(tau: Any, q: Any, v: Any, z: Any) -> Any:
         M = body.mass_matrix(q)
         sticks = ~((np.abs(z) >= 1.0) & (z * v > 0.0))
-        damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks
+        damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks * np.exp(
+            -v * v / (0.25 * F * d / np.diag(M)))
         effort = tau - body.nonlinear(q, v) - (
             F * z + (damping + friction.viscous) * v)
         return v, np.linalg.solve(M, effort), np.where(sticks, v / d, 0.0)
 
     for tau in efforts:
         for _ in range(round(seconds / h)):
-            middle = rates(*(x + 0.5 * h * rate for x, rate in zip(
-                (q, v, z), rates(q, v, z))))
+            middle = rates(tau, *(x + 0.5 * h * rate for x, rate in zip(
+                (q, v, z), rates(tau, q, v, z))))
             q, v, z = (x + h * rate for x, rate in zip((q, v, z), middle))
             z = np.clip(z, -1.0, 1.0)
     return q, z
