@@ -21,7 +21,9 @@ sticks, z follows the displacement, dz = dq / d, and its dry friction is
     F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d) exp(−(v / v₀)²),   v₀ = ½ √(F_s d / M_jj)
 
 with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades with speed, so that a reversal in a
-motion has the friction F_s z; it is constant over a piece of a step. When z reaches ±1, the joint slides at the law of `friction`, with z = ±1, until it comes to rest.
+motion has the friction F_s z. When z reaches ±1, the joint slides at the law of `friction`, with
+z = ±1, until it comes to rest.
+
 This is the force of the LuGre model (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky,
 IEEE Trans. Automatic Control 40(3), 1995, equation 3) with the elasto-plastic law of z of P.
 Dupont, V. Hayward, B. Armstrong, F. Altpeter, IEEE Trans. Automatic Control 47(5), 2002, in its
@@ -31,9 +33,10 @@ slip element.
 It was chosen instead of the LuGre law ż = v − |v| z σ₀ / g(v) for three reasons. z is that of the
 identification (`joints.presliding`), so that `identify` returns the distance of a simulated
 recording. A joint under a small vibrating load does not creep, as it does in LuGre. It is passive
-for every σ₁: while z changes, the power is that into the spring, plus σ₁ v² ≥ 0; LuGre bounds σ₁
-or fades it with speed. Between its events the force is linear in position and velocity: there is
-no additional state to integrate, and stiff springs have an exact solution (`spring_step`).
+for every σ₁: while z changes, the power is that into the spring, plus σ₁ v² ≥ 0; in LuGre σ₁ is
+bounded, or fades with speed. Between its events the force is a smooth function of position and
+velocity: there is no additional state to integrate, and stiff springs have an exponential step
+(`spring_step`).
 
 The spring stores ½ d (F_s z + F_o)² / F_s. Relaxed bristles, z = −F_o / F_s, have no force.
 """
@@ -55,12 +58,14 @@ class Springs(NamedTuple):
     """
     The bristles of joints that stick, each (n,): 0 for all other joints.
 
-    `stiffness` [N·m/rad] or [N/m], `damping` σ₁ [N·m·s/rad] or [N·s/m], and the positions
-    `anchor` without deflection; `holds` marks these joints.
+    `stiffness` [N·m/rad] or [N/m], `damping` σ₁ at rest [N·m·s/rad] or [N·s/m], `fading`
+    1/v₀ [s/rad] or [s/m], and the positions `anchor` without deflection; `holds` marks these
+    joints.
     """
 
     stiffness: FloatArray
     damping: FloatArray
+    fading: FloatArray
     anchor: FloatArray
     holds: BoolArray
 
@@ -70,7 +75,12 @@ class Springs(NamedTuple):
 
     def force(self, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the friction (..., n), without F_o, that resists the motion."""
-        return self.elastic(q) + self.damping * v
+        return self.elastic(q) + self.damping_at(v) * v
+
+    def damping_at(self, v: FloatArray) -> FloatArray:
+        """Return σ₁ (..., n) at v."""
+        ratio = v * self.fading
+        return np.asarray(self.damping * np.exp(-ratio * ratio))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +118,7 @@ class Bristles:
         return np.where((np.abs(z) >= 1.0) & (z * v > 0.0), np.sign(z), 0.0)
 
     def springs(
-        self, q: FloatArray, v: FloatArray, z: FloatArray, direction: FloatArray,
-        inertia: FloatArray,
+        self, q: FloatArray, z: FloatArray, direction: FloatArray, inertia: FloatArray,
     ) -> Springs | None:
         """
         Return the springs of the joints that do not slide, None if all slide.
@@ -121,10 +130,9 @@ class Bristles:
             return None
         K = np.where(holds, self.static / self.distance, 0.0)
         anchor = np.where(holds, q - z * np.where(holds, self.distance, 0.0), 0.0)
-        fastest = np.where(holds, self.static, 1.0) / np.sqrt(np.where(holds, K * inertia, 1.0))
-        ratio = v / (_FADING * fastest)
-        damping = 2.0 * DAMPING_RATIO * np.sqrt(K * inertia) * np.exp(-ratio * ratio)
-        return Springs(K, damping, anchor, holds)
+        root = np.sqrt(K * inertia)
+        fading = np.where(holds, root / (_FADING * np.where(holds, self.static, 1.0)), 0.0)
+        return Springs(K, 2.0 * DAMPING_RATIO * root, fading, anchor, holds)
 
     def after(self, z: FloatArray, moved: FloatArray, direction: FloatArray) -> FloatArray:
         """Return z (n,) after the displacement `moved` (n,) in a direction of sliding, or 0."""

@@ -118,8 +118,7 @@ class ContactModeSolver:
         if self._forces.bristles is None:
             return None
         inertia = np.diag(self._forces.body_with(opened).mass_matrix(state.q))
-        return self._forces.bristles.springs(
-            state.q, state.v, state.z, direction, inertia)
+        return self._forces.bristles.springs(state.q, state.z, direction, inertia)
 
     def _joint_modes(
         self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,

@@ -161,7 +161,7 @@ class JointForces:
         if self.friction.has_gear_terms:
             damping = self.friction_with(modes.open).damping(
                 v, self.after_friction(modes)(q, v))
-        return damping if modes.springs is None else damping + modes.springs.damping
+        return damping if modes.springs is None else damping + modes.springs.damping_at(v)
 
     def rubbing(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the friction (..., n) at q and v that is not stored in springs."""

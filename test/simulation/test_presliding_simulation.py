@@ -209,13 +209,18 @@ def test_two_links_move_as_small_steps_of_the_law_say(distance: list[float]) -> 
     gravity = ArmDynamics(ARM).rigid_body.gravity(q)
     efforts = gravity + np.array([[3.0, 1.0], [7.0, -1.2], [-2.0, 3.0], [-9.0, 0.0], [1.0, 1.0]])
     expected = small_steps(arm, q, efforts, 0.04, 2e-5)
-    simulation = released(arm, q)
-    for effort in efforts:
-        for _ in range(20):
-            simulation.step(effort, 2e-3)
+    ends = []
+    for max_step in (2e-3, 2e-4):
+        simulation = released(arm, q, max_step=max_step)
+        for effort in efforts:
+            for _ in range(20):
+                simulation.step(effort, 2e-3)
+        ends.append(simulation.q.copy())
     assert np.abs(simulation.q - q).max() > 0.01
-    assert simulation.q == pytest.approx(expected[0], abs=1e-5)
-    assert simulation.presliding_state == pytest.approx(expected[1], abs=1e-3)
+    assert ends[0] == pytest.approx(ends[1], abs=2e-8)
+    # the midpoint rule passes slips with an error of first order
+    assert simulation.q == pytest.approx(expected[0], abs=5e-5)
+    assert simulation.presliding_state == pytest.approx(expected[1], abs=2e-3)
 
 
 frictions = st.fixed_dictionaries({
@@ -308,11 +313,11 @@ def test_a_rigid_joint_beside_one_that_yields_does_not_move() -> None:
     q = np.array([0.4, -0.7])
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[0.0, 1e-3])
     simulation = released(arm, q)
-    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([2.0, 0.9])
+    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([2.0, 0.6])
     for _ in range(300):
         simulation.step(effort, 2e-3)
     assert simulation.q[0] == q[0]
-    assert simulation.q[1] - q[1] == pytest.approx(0.6e-3, rel=1e-2)
+    assert simulation.q[1] - q[1] == pytest.approx(0.4e-3, rel=1e-2)
     assert simulation.presliding_state[0] == 0.0
 
 
