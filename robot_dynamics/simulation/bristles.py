@@ -18,10 +18,10 @@ Presliding: the dry friction of a joint yields like a spring before it slides.
 A joint with the presliding distance d has the deflection z in [−1, 1] of its bristles. While it
 sticks, z follows the displacement, dz = dq / d, and its dry friction is
 
-    F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d) exp(−(v / v₀)²),   v₀ = ½ √(F_s d / M_jj)
+    F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d) exp(−(v / v₀)²),   v₀ = √(F_s d / M_jj)
 
-with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades with speed, so that a reversal in a
-motion has the friction F_s z. When z reaches ±1, the joint slides at the law of `friction`, with
+with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades at the largest speed v₀ of an oscillation without
+slip, so that a reversal in a motion has the friction F_s z. When z reaches ±1, the joint slides at the law of `friction`, with
 z = ±1, until it comes to rest.
 
 This is the force of the LuGre model (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky,
@@ -50,8 +50,6 @@ from robot_dynamics.joints.friction import JointFriction
 
 DAMPING_RATIO = 0.2
 """ζ of the bristles with the inertia M_jj of their joint."""
-_FADING = 0.5
-"""v₀ by the largest speed of an oscillation without slip."""
 
 
 class Springs(NamedTuple):
@@ -131,7 +129,7 @@ class Bristles:
         K = np.where(holds, self.static / self.distance, 0.0)
         anchor = np.where(holds, q - z * np.where(holds, self.distance, 0.0), 0.0)
         root = np.sqrt(K * inertia)
-        fading = np.where(holds, root / (_FADING * np.where(holds, self.static, 1.0)), 0.0)
+        fading = np.where(holds, root / np.where(holds, self.static, 1.0), 0.0)
         return Springs(K, 2.0 * DAMPING_RATIO * root, fading, anchor, holds)
 
     def after(self, z: FloatArray, moved: FloatArray, direction: FloatArray) -> FloatArray:

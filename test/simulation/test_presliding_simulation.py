@@ -187,7 +187,7 @@ def small_steps(
         M = body.mass_matrix(q)
         sticks = ~((np.abs(z) >= 1.0) & (z * v > 0.0))
         damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks * np.exp(
-            -v * v / (0.25 * F * d / np.diag(M)))
+            -v * v / (F * d / np.diag(M)))
         effort = tau - body.nonlinear(q, v) - (
             F * z + (damping + friction.viscous) * v)
         return v, np.linalg.solve(M, effort), np.where(sticks, v / d, 0.0)
