@@ -20,9 +20,9 @@ sticks, z follows the displacement, dz = dq / d, and its dry friction is
 
     F_s z + σ₁ v + F_o,   σ₁ = 2 ζ √(M_jj F_s / d) exp(−(v / v₀)²),   v₀ = √(F_s d / M_jj)
 
-with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades at the largest speed v₀ of an oscillation without
-slip, so that a reversal in a motion has the friction F_s z. When z reaches ±1, the joint slides at the law of `friction`, with
-z = ±1, until it comes to rest.
+with ζ = 0.2. σ₁ damps oscillations of the bristles, and fades at the largest speed v₀ of an
+oscillation without slip, so that a reversal in a motion has the friction F_s z. When z reaches ±1,
+the joint slides at the law of `friction`, with z = ±1, until it comes to rest.
 
 This is the force of the LuGre model (C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky,
 IEEE Trans. Automatic Control 40(3), 1995, equation 3) with the elasto-plastic law of z of P.
