@@ -42,6 +42,7 @@ from benchmarks.safe_motion_cases import (
     STREAM_PERIOD,
     trajectory_to,
 )
+from benchmarks.safe_motion_gearbox import GEARBOX, gearbox, given_friction
 from benchmarks.safe_motion_scene import AT_GOAL, Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -339,7 +340,7 @@ def start(scene: Scene) -> None:
 STREAM_END, START = 'stream end', 'start'
 DISTURBANCES: dict[str, Callable[[Scene], None]] = {
     'gap': gap, 'rate': rate, 'goals': goals, 'wrong velocity': wrong_velocity, 'stop': stop,
-    'payload': payload, STREAM_END: stream_end, 'push': push, START: start}
+    'payload': payload, STREAM_END: stream_end, 'push': push, START: start, GEARBOX: gearbox}
 
 
 def scene_of(case: Case) -> Scene:
@@ -354,5 +355,9 @@ def scene_of(case: Case) -> Scene:
         arm = replace(arm, limits=replace(
             arm.limits, lower=np.maximum(lower, arm.limits.lower),
             upper=np.minimum(upper, arm.limits.upper)))
+    if case.disturbance == GEARBOX:  # from the begin
+        scene = Scene(case, given_friction(arm), motion, None)
+        gearbox(scene)
+        return scene
     return Scene(
         case, arm, motion, DISTURBANCES.get(case.disturbance), case.disturbance == START)

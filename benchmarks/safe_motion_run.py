@@ -20,7 +20,9 @@ integrator with the default gains. Verdicts use the true state of the plant, not
 
 A run is bad for one of these reasons:
 
-- oscillates: in the last second the peak-to-peak amplitude of a joint exceeds AMPLITUDE;
+- oscillates: in the last second the peak-to-peak amplitude of a joint exceeds AMPLITUDE. With
+  gearboxes and without noise, from 100 Hz on, a joint is faster than REST_SPEED, or its effort
+  changes by more than REST_CHANGE F_c (`safe_motion_gearbox`);
 - overshoots: without a disturbance, a joint passes its goal by more than OVERSHOOT or by the share
   OVERSHOOT_FRACTION of its way. With a disturbance, a joint leaves the hull of all references so
   far by as much; runs with a push, an unknown load or wrong velocities have no such verdict;
@@ -28,7 +30,8 @@ A run is bad for one of these reasons:
   wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count;
 - past limit: a position limit is passed;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
-  plus the static sag of the feedback for an unknown load. After a push this distance is the width
+  plus the static sag of the feedback for an unknown load. Gearboxes, whose rotors the loop does
+  not know, have no such verdict. After a push this distance is the width
   in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an
   unknown load that causes a fault ends the motion;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
@@ -43,6 +46,7 @@ from typing import NamedTuple
 
 from benchmarks.safe_motion_cases import Case, PERIODS, PUSH
 from benchmarks.safe_motion_disturbances import scene_of, static_sag
+from benchmarks.safe_motion_gearbox import GearedPlant, SLOWEST
 from benchmarks.safe_motion_scene import Scene, STEP, Trace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -163,12 +167,15 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     is_pushed = scene.push is not None or scene.has_unknown_load
     goal, sag = scene.goal, static_sag(scene)
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
-    must_arrive = goal is not None and case.motion != PUSH and not (
+    is_geared = isinstance(scene.plant, GearedPlant)
+    must_arrive = goal is not None and case.motion != PUSH and not is_geared and not (
         is_pushed and PUSHED.intersection(trace.faults))
     farthest = DISTANCE if scene.push is None else max(DISTANCE, UNKNOWN_WIDTH)
     is_true, is_past = scene.velocities_are_true, (q > limits.upper) | (q < limits.lower)
+    vibrates = isinstance(scene.plant, GearedPlant) and not case.noisy and (
+        case.rate >= SLOWEST and not scene.plant.is_calm)
     return Outcome(
-        oscillates=trace.diverges or amplitude > AMPLITUDE + margin.amplitude,
+        oscillates=trace.diverges or vibrates or amplitude > AMPLITUDE + margin.amplitude,
         overshoots=bool(is_true and not is_pushed and (excess > allowed).any()),
         too_fast=bool((speed > fastest * limits.velocity + margin.velocity).any()),
         past_limit=bool(is_past[judged].any()),
