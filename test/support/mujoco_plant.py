@@ -178,7 +178,7 @@ def foreign_mjcf(
 
 
 def mjcf_with_masses_of_the_urdf(name: str) -> str:
-    """Return the MJCF of an arm of which only rotors, damping and friction are published figures."""
+    """Return the MJCF of an arm with the published figures of its joints, not of its masses."""
     return ElementTree.tostring(_with_published_joints(name)[0], encoding='unicode')
 
 
