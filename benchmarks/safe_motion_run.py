@@ -64,7 +64,7 @@ HULL_TOLERANCE = 1e-6
 RAMP_SPEED, END_TIME = 0.05, 5.0
 """[rad/s] when a ramp begins, and [s] until it has ended."""
 PUSH_SETTLING = 0.3
-"""[s] after a push in which an arm with wrong velocities may be fast."""
+"""[s] after a push in a motion, or with wrong velocities, in which an arm may be fast."""
 PUSHED = {'following_error', 'overspeed'}
 """Faults that a push or an unknown load may cause."""
 
@@ -155,6 +155,9 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     if motion.push is not None:
         settling = 0.0 if scene.velocities_are_true else PUSH_SETTLING
         after[:round((motion.push.end + settling) / STEP) + 1] = False
+    if scene.push is not None:
+        after[round(scene.push.begin / STEP):round(
+            (scene.push.end + PUSH_SETTLING) / STEP) + 1] = False
     speed = np.abs(trace.v[after]).max(axis=0, initial=0.0)
     fastest = SPEED if scene.velocities_are_true else WRONG_SPEED
     is_pushed = scene.push is not None or scene.has_unknown_load

@@ -30,8 +30,9 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.worst_gravity import THOROUGH, worst_gravity
 from robot_dynamics.model_check.checks import check_model, LARGEST_SURVEY
 from robot_dynamics.model_check.finding import Finding
-from robot_dynamics.model_check.mass_matrix_check import survey_inertia
+from robot_dynamics.model_check.mass_matrix_check import SMALLEST_INERTIA, survey_inertia
 from robot_dynamics.model_check.mesh_bounds import MeshReader
+from robot_dynamics.model_check.rotor_check import LARGEST_ACCELERATION
 
 PACKAGE = 'example-robot-data'
 PAGE = Path(__file__).parents[1] / 'model_check_robots.md'
@@ -46,14 +47,16 @@ A test compares four rows with the check; `scripts/test -m soak` compares all ro
 - *errors* and *warnings* are counts of findings per check.
 - *gravity* is the largest share of an effort limit that holding the arm at rest needs in any
   position, with the joint.
+- *effort limit / M_jj* is the largest effort limit divided by the smallest M_jj of the joint
+  [rad/s²], with the joint, without prismatic joints. The check `rotors` warns above {rotors:g}.
 - *condition* is the largest condition number of M(q). *singular (k)*: k joints move no mass.
 
 Run of {date} with Pinocchio {pinocchio}.
 
 """
 HEAD = (
-    '| robot | joints | errors | warnings | gravity | condition |\n'
-    '| --- | --- | --- | --- | --- | --- |\n')
+    '| robot | joints | errors | warnings | gravity | effort limit / M_jj | condition |\n'
+    '| --- | --- | --- | --- | --- | --- | --- |\n')
 
 
 def robot_directory() -> Path:
@@ -88,7 +91,8 @@ def row(name: str, path: Path) -> str:
     findings = check_model(xml, arm, meshes=MeshReader(path.parent))
     return (
         f'| {name} | {arm.joint_count} | {_counts(findings, "error")} | '
-        f'{_counts(findings, "warning")} | {_gravity(arm)} | {_condition(arm)} |\n')
+        f'{_counts(findings, "warning")} | {_gravity(arm)} | {_acceleration(arm)} | '
+        f'{_condition(arm)} |\n')
 
 
 def _counts(findings: list[Finding], level: str) -> str:
@@ -101,6 +105,16 @@ def _gravity(arm: ArmModel) -> str:
     if not np.isfinite(limit).any():
         return 'no limits'
     ratio = worst_gravity(arm, THOROUGH).effort / limit
+    return f'{ratio.max():.2g} ({arm.joint_names[int(ratio.argmax())]})'
+
+
+def _acceleration(arm: ArmModel) -> str:
+    M_jj = survey_inertia(arm, LARGEST_SURVEY).diagonal
+    judged = np.isfinite(arm.limits.effort) & (M_jj > SMALLEST_INERTIA) & (
+        np.array(arm.joint_kinds) != 'prismatic')
+    if not judged.any():
+        return 'no limits'
+    ratio = np.where(judged, arm.limits.effort, 0.0) / np.where(judged, M_jj, 1.0)
     return f'{ratio.max():.2g} ({arm.joint_names[int(ratio.argmax())]})'
 
 
@@ -118,7 +132,8 @@ def main() -> None:
         print(text, end='')
         return
     head = TEXT.format(
-        package=PACKAGE, date=f'{date.today():%Y-%m-%d}', pinocchio=metadata.version('pin'))
+        package=PACKAGE, date=f'{date.today():%Y-%m-%d}', pinocchio=metadata.version('pin'),
+        rotors=LARGEST_ACCELERATION)
     PAGE.write_text(f'{head}{BEGIN}{text}{END}', encoding='utf-8')
 
 

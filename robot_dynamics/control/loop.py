@@ -450,12 +450,12 @@ class ControlLoop:
 
     def _end_when_stopped(self, stamp: int, q: FloatArray, now: float) -> None:
         """Begin the ramp to zero if the arm has stopped."""
-        if self._rest is None or not 0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS:
+        if self._rest is None or not 0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS or not bool(
+                (np.abs(q - self._rest[1]) <= AT_REST).all()):
             self._rest = stamp, q
         elif stamp - self._rest[0] >= REST_TIME_NS:
-            has_rested = bool((np.abs(q - self._rest[1]) <= AT_REST).all())
             self._rest = stamp, q
-            if has_rested and self.controller.has_stopped:
+            if self.controller.has_stopped:
                 self.supervisor.deactivate(now)
                 self._follow_faults()
 

@@ -149,6 +149,7 @@ def _text(value: float) -> str:
 
 
 _DIGITS = 9
+_INERTIAS = ('actuator.rotor_inertia', 'actuator.reflected_inertia')
 _WIDTH = 99
 
 
@@ -175,8 +176,10 @@ def parameter_values(
     def rounded(found: Sequence[float]) -> list[float]:
         return [float(f'{value:.{_DIGITS}g}') for value in found]
 
+    replaced = ('friction.', 'robot_description', 'uncertainty.', *(
+        ('actuator.',) if arm.actuators is None else _INERTIAS))
     kept = {name: value for name, value in (given or {}).items()
-            if not name.startswith(('friction.', 'robot_description', 'uncertainty.'))}
+            if not name.startswith(replaced)}
     values: dict[str, Any] = {
         'command': 'none',
         'joints': list(arm.joint_names),
@@ -186,16 +189,12 @@ def parameter_values(
            if field.name in joints[0].friction},
     }
     rotors = rounded([joint.reflected_inertia for joint in joints])
-    if arm.actuators is not None and drive_gain is None:
-        values['actuator.rotor_inertia'] = [
-            float(f'{inertia / ratio**2:.{_DIGITS}g}')
-            for inertia, ratio in zip(rotors, arm.actuators.gear_ratio)]
-    elif any(rotors) or drive_gain is not None:
-        # Motor quantities on the joint side, N = 1: only N K_t and N² J_r were identified.
+    if any(rotors):
+        values['actuator.reflected_inertia'] = rotors
+    if drive_gain is not None:
+        # N = 1: only N K_t was identified.
         values['actuator.gear_ratio'] = [1.0]
-        values['actuator.torque_constant'] = [1.0] if drive_gain is None else [
-            float(f'{gain:.{_DIGITS}g}') for gain in drive_gain]
-        values['actuator.rotor_inertia'] = rotors
+        values['actuator.torque_constant'] = rounded(drive_gain)
     if arm.drive is not None:
         gain = 1.0 if drive_gain is None else np.asarray(drive_gain)
         values['effort.scale'] = rounded(arm.drive.scale.tolist())

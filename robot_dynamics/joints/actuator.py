@@ -72,21 +72,6 @@ class Actuators:
         """Return N² J_r, (n,) [kg·m²] or [kg], on the joint side."""
         return np.asarray(self.gear_ratio**2 * self.rotor_inertia)
 
-    @property
-    def has_only_rotors(self) -> bool:
-        """
-        Whether nothing but reflected inertia is known: K_t = 1 and N = 1, and no other value.
-
-        The identification of an arm without motor data writes such parameters. Currents and
-        voltages then have no meaning.
-        """
-        ones = (self.torque_constant, self.gear_ratio, self.efficiency, self.back_emf_constant)
-        limits = (self.current_limit, self.voltage_limit)
-        return bool(
-            all((each == 1.0).all() for each in ones)
-            and all(np.isinf(each).all() for each in limits)
-            and not (self.resistance.any() or self.inductance.any()))
-
     def motor_torque(self, effort: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return K_t i, (..., n) [N·m], for a joint effort at velocity v and acceleration a."""
         rotor = self.reflected_inertia * a
@@ -181,33 +166,44 @@ def make_actuators(
     current_time_constant: Any = (),
     backlash: Any = (),
     restitution: Any = (),
+    reflected_inertia: Any = (),
 ) -> Actuators:
     """
     Return checked actuators; each parameter is (n,), one value for all joints, or empty.
 
     Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
-    no limits, no backlash, e = 0. Raises InvalidInputError, naming field, joint and value, for
+    no limits, no backlash, e = 0. `reflected_inertia` N² J_r [kg·m²] or [kg] may replace
+    `rotor_inertia` J_r of a joint. Raises InvalidInputError, naming field, joint and value, for
     another number of values, N = 0, η outside (0, 1], e outside [0, 1], backlash of a rotor
-    without inertia, and a value that must not be negative or zero. Values below SMALLEST_DIVISOR
-    count as zero.
+    without inertia, both inertias of one rotor, and a value that must not be negative or zero.
+    Values below SMALLEST_DIVISOR count as zero.
     """
     n = len(joint_names)
+    nothing, unlimited = np.zeros(n), np.full(n, np.inf)
 
     def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
         return per_joint_values(f'actuator.{field}', value, joint_names, otherwise)
 
+    J_r = values('rotor_inertia', rotor_inertia, nothing)
+    J = make_reflected_inertia(joint_names, reflected_inertia)
+    for name, of_motor, of_joint in zip(joint_names, J_r, J):
+        if of_motor != 0.0 and of_joint != 0.0:
+            raise InvalidInputError(
+                f'actuator.rotor_inertia of {name!r} is {of_motor:g} and '
+                f'actuator.reflected_inertia is {of_joint:g}, expected one of them, the other '
+                '0 or not set')
     for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
         if len(value) == 0:
             raise InvalidInputError(
                 f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
-                'one value per joint')
-    nothing, unlimited = np.zeros(n), np.full(n, np.inf)
-    K_t = values('torque_constant', torque_constant, nothing)
+                'one value per joint; only actuator.reflected_inertia needs no motor data')
+    K_t, N = (values(field, value, nothing) for field, value in (
+        ('torque_constant', torque_constant), ('gear_ratio', gear_ratio)))
     actuators = Actuators(
-        K_t, values('gear_ratio', gear_ratio, nothing),
+        K_t, N,
         values('back_emf_constant', back_emf_constant, K_t),
         values('resistance', resistance, nothing), values('inductance', inductance, nothing),
-        values('rotor_inertia', rotor_inertia, nothing),
+        J_r + J / np.maximum(N * N, SMALLEST_DIVISOR**2),
         values('efficiency', efficiency, np.ones(n)),
         values('current_limit', current_limit, unlimited),
         values('voltage_limit', voltage_limit, unlimited),
@@ -216,6 +212,23 @@ def make_actuators(
         values('backlash', backlash, nothing), values('restitution', restitution, nothing))
     _check(joint_names, actuators)
     return actuators
+
+
+def make_reflected_inertia(joint_names: Sequence[str], value: Any) -> FloatArray:
+    """
+    Return checked reflected rotor inertias (n,) [kg·m²] or [kg] of joints; empty means 0.
+
+    `value` is (n,), one value for all joints, or empty. Raises InvalidInputError, naming the
+    joint and the value, for another number of values, and for a negative or non-finite value.
+    """
+    J = per_joint_values(
+        'actuator.reflected_inertia', value, joint_names, np.zeros(len(joint_names)))
+    if (J < 0.0).any():
+        joint = int(np.argmax(J < 0.0))
+        raise InvalidInputError(
+            f'actuator.reflected_inertia of {joint_names[joint]!r} is {J[joint]:g}, '
+            'expected a number >= 0')
+    return J
 
 
 def _check(names: Sequence[str], actuators: Actuators) -> None:
@@ -234,7 +247,7 @@ def _check(names: Sequence[str], actuators: Actuators) -> None:
         'rotor_inertia': (
             (actuators.rotor_inertia < 0.0) | (
                 (actuators.rotor_inertia < zero) & (actuators.backlash > 0.0)),
-            'a number > 0 where there is backlash, >= 0 elsewhere'),
+            'a number > 0 where there is backlash (or a reflected_inertia > 0), >= 0 elsewhere'),
         'resistance': (
             (actuators.resistance < 0.0) | (
                 (actuators.resistance < zero) & np.isfinite(actuators.voltage_limit)),

@@ -99,9 +99,10 @@ FRICTION_FIELDS = (
         'joints or one per joint. If empty, {default:g}.', 'offset'),
     ParameterField(
         'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
-        'Distance {unit} over which Coulomb friction changes its sign after a velocity reversal; '
-        'used if the whole motion is known, not in simulated_arm. One value for all joints or one '
-        'per joint. If empty, {default:g}.',
+        'Distance {unit} over which dry friction yields like a spring before it slides: after a '
+        'velocity reversal it changes its sign over twice this distance. It acts in simulated_arm '
+        'and where the whole motion is known, and sets the width of friction compensation. One '
+        'value for all joints or one per joint. If empty, {default:g}.',
         'presliding', ('coulomb',)),
 )
 """The parameters of `JointFriction`, in its order."""
@@ -234,16 +235,19 @@ class JointFriction:
         """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
         return self._load_behind_gears(v, effort - self._joint_effort(v, sign))
 
-    def without_dry(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+    def without_dry(
+        self, v: FloatArray, effort: FloatArray, direction: FloatArray | None = None,
+    ) -> FloatArray:
         """
         Return the part of an effort (n,) for rigid bodies and dry friction at the velocity v.
 
-        Dry friction of sliding joints counts as part of the effort that the gears transmit.
+        Dry friction of sliding joints counts as part of the effort that the gears transmit;
+        `direction` (n,) is that of sliding, the sign of v if it is not given.
         """
         left = effort - self.viscous * v - self.offset
         if not self.has_gear_terms:
             return left
-        transmitted = left - self.dry(v) * np.sign(v)
+        transmitted = left - self.dry(v) * (np.sign(v) if direction is None else direction)
         return left - transmitted + self._load_behind_gears(v, transmitted)
 
     def sliding(

@@ -24,7 +24,7 @@ import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.actuator import Actuators, make_reflected_inertia
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.joint_coordinates import JointCoordinates
@@ -134,6 +134,24 @@ class ArmModel:
         """Return this arm with these motors, whose reflected inertia becomes part of M(q)."""
         return replace(self._with_armature(actuators.reflected_inertia), actuators=actuators)
 
+    @property
+    def reflected_inertia(self) -> FloatArray:
+        """The reflected rotor inertias (n,) [kg·m²] or [kg] in M(q); 0 if not known."""
+        model = self.pinocchio_model
+        return np.array([model.armature[model.joints[model.getJointId(name)].idx_v]
+                         for name in self.joint_names])
+
+    def with_reflected_inertia(self, inertia: npt.ArrayLike) -> 'ArmModel':
+        """
+        Return this arm with these reflected rotor inertias [kg·m²] or [kg], without motors.
+
+        `inertia` is (n,) or one value for all joints; motors have their own (`make_actuators`).
+        Raises InvalidInputError for another number of values, and for a negative or non-finite
+        value.
+        """
+        J = make_reflected_inertia(self.joint_names, inertia)
+        return replace(self._with_armature(J), actuators=None)
+
     def with_drive(self, drive: DriveEffort | None) -> 'ArmModel':
         """
         Return this arm with these drives, None for drives whose effort is the torque.
@@ -153,9 +171,7 @@ class ArmModel:
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""
-        if self.actuators is None:
-            return self
-        return self._with_armature(np.where(apart, 0.0, self.actuators.reflected_inertia))
+        return self._with_armature(np.where(apart, 0.0, self.reflected_inertia))
 
     def _with_armature(self, inertias: FloatArray) -> 'ArmModel':
         models = self.pinocchio_model.copy(), self.unloaded_model.copy()

@@ -31,7 +31,11 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.joints.drive_effort import drive_quantities, make_drive_effort
-from robot_dynamics.joints.effort_convention import EffortConvention, make_effort_convention
+from robot_dynamics.joints.effort_convention import (
+    EffortConvention,
+    make_effort_convention,
+    MOTOR_SIDE,
+)
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
@@ -106,11 +110,26 @@ def arm_from_parameters(
             arm, values.get('uncertainty.parameters', ()),
             values.get('uncertainty.covariance', ()), of_joints('uncertainty.effort_noise'),
             values.get('uncertainty.noise_bandwidth', 0.0)))
+    reflected = of_joints('actuator.reflected_inertia')
+    if _has_no_motor_data(motors, values):
+        motors, reflected = {}, motors['rotor_inertia']
     if not any(len(value) for value in motors.values()):
-        return arm
+        return arm.with_reflected_inertia(reflected) if len(reflected) else arm
     if len(motors['torque_constant']) and not len(motors['gear_ratio']):
         motors['gear_ratio'] = _described_gear_ratios(arm)
-    return arm.with_actuators(make_actuators(names, **motors))
+    return arm.with_actuators(make_actuators(names, **motors, reflected_inertia=reflected))
+
+
+def _has_no_motor_data(motors: Mapping[str, Sequence[float]], values: Mapping[str, Any]) -> bool:
+    """
+    Return whether K_t = 1 and N = 1 only carry a rotor inertia.
+
+    `identify` wrote an arm without motor data so, before `actuator.reflected_inertia` existed.
+    """
+    given = {name: list(value) for name, value in motors.items() if len(value)}
+    return given.keys() == {'torque_constant', 'gear_ratio', 'rotor_inertia'} and (
+        given['torque_constant'] == given['gear_ratio'] == [1.0]) and (
+        values.get('measured_effort') not in MOTOR_SIDE)
 
 
 def _of_joints(

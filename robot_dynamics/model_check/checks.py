@@ -36,6 +36,7 @@ from robot_dynamics.model_check.body_checks import (
 from robot_dynamics.model_check.density_check import check_densities
 from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
+from robot_dynamics.model_check.rotor_check import check_rotors
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 
@@ -79,6 +80,7 @@ def check_model(
         *_check_inertia_matrix(arm, robot, moved, M, explained),
         *_check_limits(arm),
         *_check_friction(arm),
+        *check_rotors(arm, M.diagonal),
         *_check_gravity(arm, search)]
     return sorted(findings, key=lambda finding: finding.level != ERROR)
 

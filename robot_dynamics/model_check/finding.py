@@ -31,6 +31,7 @@ CHECKS = {
     'limits': 'joints without a position, velocity or effort limit',
     'gravity_capability': 'effort limits that cannot hold gravity somewhere',
     'friction': 'dry friction or effort offsets beyond the effort limit',
+    'rotors': 'joints whose inertia lacks the rotor of the drive',
     'condition': 'the condition number of M(q)',
 }
 """The name of every check, which is stable, and its subject."""

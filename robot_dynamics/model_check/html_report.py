@@ -31,6 +31,7 @@ NEXT_STEPS = {
     'limits': 'add the limit from the data sheet to <limit>',
     'gravity_capability': 'check masses and effort limits; `torque_map workspace` shows where',
     'friction': 'check friction and effort limit; `identify` needs motion in both directions',
+    'rotors': 'set `actuator.reflected_inertia` from the data sheet or with `identify`',
     'condition': 'check the masses and inertias along the chain for errors of unit',
 }
 """The next step after a finding, by its check."""

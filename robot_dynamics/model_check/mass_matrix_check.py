@@ -38,7 +38,8 @@ class InertiaMatrix(NamedTuple):
     """
     M(q) over many positions.
 
-    `idle` (n,) marks the joints that move no mass in any position; the other fields exclude them.
+    `idle` (n,) marks the joints that move no mass in any position; the other fields exclude them,
+    except `diagonal` (n,) [kg·m²] or [kg], the smallest M_jj of each joint over all positions.
     `smallest` is the smallest eigenvalue of the scaled matrix, at the position `singular_at` (n,),
     `condition` is the largest condition number, at the position `worst_at` (n,).
     """
@@ -48,6 +49,7 @@ class InertiaMatrix(NamedTuple):
     singular_at: FloatArray
     condition: float
     worst_at: FloatArray
+    diagonal: FloatArray
 
     @property
     def is_definite(self) -> bool:
@@ -61,13 +63,15 @@ def survey_inertia(arm: ArmModel, samples: int) -> InertiaMatrix:
     body = RigidBody(arm)
     M = np.array([body.mass_matrix(row) for row in q])
     diagonal = np.diagonal(M, axis1=1, axis2=2)
+    least_diagonal = np.asarray(diagonal.min(axis=0))
     idle = np.asarray(np.abs(diagonal).max(axis=0) <= SMALLEST_INERTIA)
     if idle.all():
-        return InertiaMatrix(idle, 1.0, q[0], 1.0, q[0])
+        return InertiaMatrix(idle, 1.0, q[0], 1.0, q[0], least_diagonal)
     M, diagonal = M[:, ~idle][:, :, ~idle], diagonal[:, ~idle]
     if np.any(diagonal <= 0.0):
         lowest = int(diagonal.min(axis=1).argmin())
-        return InertiaMatrix(idle, min(0.0, float(diagonal.min())), q[lowest], np.inf, q[lowest])
+        return InertiaMatrix(
+            idle, min(0.0, float(diagonal.min())), q[lowest], np.inf, q[lowest], least_diagonal)
     scale = 1.0 / np.sqrt(diagonal)
     smallest = np.asarray(np.linalg.eigvalsh(M * scale[:, :, None] * scale[:, None, :]))[:, 0]
     values = np.abs(np.asarray(np.linalg.eigvalsh(M)))
@@ -76,4 +80,5 @@ def survey_inertia(arm: ArmModel, samples: int) -> InertiaMatrix:
         values.max(axis=1), least, out=np.full(len(q), np.inf), where=least > 0.0)
     lowest, worst = int(smallest.argmin()), int(condition.argmax())
     return InertiaMatrix(
-        idle, float(smallest[lowest]), q[lowest], float(condition[worst]), q[worst])
+        idle, float(smallest[lowest]), q[lowest], float(condition[worst]), q[worst],
+        least_diagonal)

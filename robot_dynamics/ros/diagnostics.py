@@ -14,7 +14,7 @@
 
 """The publisher of `dynamics` on /diagnostics: once per second, and when a level changes."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -28,6 +28,10 @@ LOOK_PERIOD = 0.1
 """[s] between two checks for a changed level."""
 
 
+STIFFNESS, FRICTION_ERROR = 'stiffness of', 'error that known dry friction can hold at'
+"""Beginnings of the keys of values per joint; name and unit of the joint follow."""
+
+
 class Status(NamedTuple):
     """One status: name, level, message in one line, and values by key."""
 
@@ -35,6 +39,18 @@ class Status(NamedTuple):
     level: bytes
     message: str
     values: Mapping[str, object]
+
+
+def joint_key(beginning: str, joint: str, unit: str) -> str:
+    """Return the key of a value of a joint."""
+    return f'{beginning} {joint} [{unit}]'
+
+
+def values_per_joint(values: Iterable[KeyValue], beginning: str) -> dict[str, float]:
+    """Return the values per joint whose keys have this beginning."""
+    return {
+        pair.key.removeprefix(f'{beginning} ').rpartition(' [')[0]: float(pair.value)
+        for pair in values if pair.key.startswith(f'{beginning} ')}
 
 
 class Diagnostics:

@@ -162,10 +162,13 @@ STATUSES: dict[str, dict[str, StatusDescription]] = {
         'reference': StatusDescription(
             'Whether a reference is followed, which may be a stop or a held position; why the '
             'latest one ended early or was rejected, until the next one. `slowed down by` is the '
-            'factor of the last trajectory.',
+            'factor of the last trajectory. With computed torque, per joint: the stiffness '
+            'M_jj K_p of the feedback with scaled gains, and the position error at rest up to '
+            'which the known dry friction can hold the joint against feedback and compensation.',
             'the latest rejected; the last one ended early',
             '`refused`, `refusal of the latest`, `streams that paused`, `slowed down by`, '
-            '`share of the gains that the state rate allows`'),
+            '`share of the gains that the state rate allows`, `stiffness of JOINT`, '
+            '`error that known dry friction can hold at JOINT`'),
         'command': StatusDescription(
             'Mode of the command; name and description of an active fault; counters of published '
             'and limited commands, such as `held back by scaled gains`.',

@@ -86,6 +86,9 @@ ACTUATOR_SPECS = (
     _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
     _actuator_spec(
         'rotor_inertia', 'Rotor inertia J_r [kg m^2] about the motor axis', '0', 0, 1e6),
+    _actuator_spec(
+        'reflected_inertia', 'Reflected rotor inertia on the joint side, N^2 J_r [kg m^2] or '
+        '[kg]; needs no other actuator parameter and replaces rotor_inertia', 'N^2 J_r', 0, 1e6),
     _actuator_spec('efficiency', 'Efficiency of the gear, in (0, 1]', '1', 0, 1),
     _actuator_spec('current_limit', 'Largest motor current [A]', 'there is no limit', 0, 1e6),
     _actuator_spec('voltage_limit', 'Largest motor voltage [V]', 'there is no limit', 0, 1e6),
@@ -94,7 +97,7 @@ ACTUATOR_SPECS = (
         '0.0002', 0, 10),
     _actuator_spec(
         'backlash', 'Backlash of the gear on the joint side [rad] or [m], the whole gap, in '
-        'simulated_arm; requires rotor_inertia', '0', 0, 1),
+        'simulated_arm; requires rotor_inertia or reflected_inertia', '0', 0, 1),
     _actuator_spec(
         'restitution', 'Coefficient of restitution e of the gear teeth at contact, in [0, 1], in '
         'simulated_arm', '0', 0, 1),

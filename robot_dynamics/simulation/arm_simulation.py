@@ -31,6 +31,7 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.simulation.backlash import Backlash
+from robot_dynamics.simulation.bristles import Bristles
 from robot_dynamics.simulation.current_loop import Drive
 from robot_dynamics.simulation.integrator import MotionIntegrator
 from robot_dynamics.simulation.joint_forces import MotionState
@@ -113,12 +114,20 @@ class ArmSimulation:
         self._motor_acceleration = np.zeros_like(self._now.q)
 
     def place(self, position: FloatArray, velocity: FloatArray) -> None:
-        """Set position and velocity, (n,) each; gears with backlash are in contact under load."""
+        """
+        Set position and velocity, (n,) each; gears with backlash are in contact under load.
+
+        Joints that move slide. The bristles of dry friction of joints at rest are relaxed, so that
+        under the effort of gravity the arm stays at rest; without an effort it first moves by up
+        to the presliding distance.
+        """
         q, v = position.copy(), velocity.copy()
         backlash = Backlash.of(self.arm.actuators)
         theta = q if backlash is None else backlash.resting_side(
             q, self._dynamics.rigid_body.gravity(q))
-        self._now = MotionState(q, v, theta, v)
+        bristles = Bristles.of(self._dynamics.friction)
+        z = np.zeros_like(q) if bristles is None else bristles.initial(v)
+        self._now = MotionState(q, v, theta, v, z)
 
     def release(self) -> None:
         """Release the brakes."""
@@ -175,11 +184,15 @@ class ArmSimulation:
         """Motor-side state divided by the gear ratio; differs from the joints by the backlash."""
         return ArmState(self._now.theta.copy(), self._now.omega.copy())
 
+    @property
+    def presliding_state(self) -> FloatArray:
+        """The deflection z (n,) in [−1, 1] of dry friction; 0 for joints that stick rigidly."""
+        return self._now.z.copy()
+
     def energy(self) -> tuple[float, float]:
-        """Return the kinetic and the potential energy [J]."""
+        """Return the kinetic and the potential energy [J]; springs of presliding count."""
         now = self._now
-        return (self._integrator.kinetic_energy(now),
-                self._dynamics.rigid_body.potential_energy(now.q))
+        return self._integrator.kinetic_energy(now), self._integrator.potential_energy(now)
 
     def step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),

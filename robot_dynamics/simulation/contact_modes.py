@@ -23,7 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.joints.stiction import choose_modes, Modes
+from robot_dynamics.joints.stiction import choose_modes, hold, Modes
+from robot_dynamics.simulation.bristles import longest_undisturbed, Springs
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
 _BOUNCES = 40
@@ -53,7 +54,9 @@ class ContactModeSolver:
         friction = forces.friction
         n = len(friction.viscous)
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
-        self._rubs = friction.static > 0.0
+        yields = self._none if forces.bristles is None else forces.bristles.yields
+        self._rigid = np.where(yields, 0.0, friction.static)
+        self._rubs = self._rigid > 0.0
         self._stribeck_limit = np.where(
             friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
         self._sigmoid_limit = np.where(
@@ -67,20 +70,13 @@ class ContactModeSolver:
     def choose(self, state: MotionState) -> tuple[GearModes, FloatArray]:
         """Return the modes of the motion from a state, and the joint acceleration (n,)."""
         if self._forces.backlash is None:
-            joints = self._joint_modes(state, self._none)
-            is_steep = self.is_steep(joints, state.v, state.v)
-            modes = GearModes(joints, self._nowhere, self._none, is_steep)
-            return modes, self._forces.acceleration(modes)(state.q, state.v)
+            return self._modes(state, self._none, self._nowhere)
         touching = self._forces.backlash.touching(state.q, state.theta)
         parted = self._forces.backlash.exists & (touching == 0.0)
         opened = self._forces.backlash.exists & (touching * (state.omega - state.v) < 0.0) | parted
         J, tau, tried = self._forces.backlash.inertia, self._forces.tau, 0
         while True:
-            joints = self._joint_modes(state, opened)
-            modes = GearModes(
-                joints, np.where(opened, 0.0, touching), opened,
-                self.is_steep(joints, state.v, state.v))
-            a = self._forces.acceleration(modes)(state.q, state.v)
+            modes, a = self._modes(state, opened, np.where(opened, 0.0, touching))
             push = touching * (tau - J * a)
             wrong = np.where(opened, push, -push)
             wrong[state.omega != state.v] = 0.0  # teeth that separate
@@ -91,16 +87,69 @@ class ContactModeSolver:
             opened, tried = opened.copy(), tried + 1
             opened[worst] = not opened[worst]
 
-    def _joint_modes(self, state: MotionState, opened: BoolArray) -> Modes:
+    def _modes(
+        self, state: MotionState, opened: BoolArray, side: FloatArray,
+    ) -> tuple[GearModes, FloatArray]:
+        """Return the modes with these motors separated, and the joint acceleration (n,)."""
+        bristles, slides = self._forces.bristles, self._nowhere
+        if bristles is not None:
+            slides = bristles.sliding(state.z, state.v)
+        springs = self._springs(state, opened, slides)
+        joints = self._joint_modes(state, opened, slides, springs)
+        modes = GearModes(
+            joints, side, opened, self.is_steep(joints, state.v, state.v), springs)
+        a = self._forces.acceleration(modes)(state.q, state.v)
+        if springs is None:
+            return modes, a
+        # A joint at rest with its full deflection starts to slide, with the same acceleration.
+        full = springs.holds & (state.v == 0.0) & (np.abs(state.z) >= 1.0)
+        starts = full & (state.z * a > 0.0)
+        if starts.any():
+            joints = joints._replace(
+                direction=np.where(starts, np.sign(state.z), joints.direction))
+            modes = GearModes(
+                joints, side, opened, self.is_steep(joints, state.v, state.v),
+                self._springs(state, opened, joints.direction))
+        return modes, a
+
+    def _springs(
+        self, state: MotionState, opened: BoolArray, direction: FloatArray,
+    ) -> Springs | None:
+        if self._forces.bristles is None:
+            return None
+        inertia = np.diag(self._forces.body_with(opened).mass_matrix(state.q))
+        return self._forces.bristles.springs(state.q, state.z, direction, inertia)
+
+    def _joint_modes(
+        self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,
+    ) -> Modes:
         v = state.v
         if not self._forces.is_dry:
             return self.free.joints
-        if v.all():
-            return Modes(np.where(self._rubs, np.sign(v), 0.0), self._none)
+        if v.all() or v[self._rubs].all():
+            return Modes(np.where(self._rubs, np.sign(v), slides), self._none)
         forces = self._forces
-        return choose_modes(
-            forces.body_with(opened).mass_matrix(state.q), v, forces.effort(state.q, v, opened),
-            forces.friction.dry(v), forces.friction.static)
+        sliding = forces.friction.dry(v)
+        effort = forces.effort(
+            state.q, v, opened, springs, np.where(self._rubs, np.sign(v), slides))
+        modes = choose_modes(
+            forces.body_with(opened).mass_matrix(state.q), v, effort - slides * sliding, sliding,
+            self._rigid)
+        return modes._replace(direction=np.where(self._rubs, modes.direction, slides))
+
+    def undisturbed(self, state: MotionState, modes: GearModes) -> float:
+        """Return the time [s] after which events of the bristles must be looked for, or ∞."""
+        springs, direction, forces = modes.springs, modes.joints.direction, self._forces
+        if springs is None:
+            return np.inf
+        assert forces.bristles is not None
+        v = np.where(springs.holds, 0.0, state.v)
+        M = forces.body_with(modes.open).mass_matrix(state.q)
+        effort = forces.effort(state.q, v, modes.open, direction=direction)
+        held = springs.holds | modes.joints.stuck
+        needed = hold(M, effort - direction * forces.friction.dry(v), held).friction
+        return longest_undisturbed(
+            springs, state.z, state.v, M, needed, ~held, forces.bristles.static)
 
     def impact(self, state: MotionState, a: FloatArray | None, plastic: bool) -> ContactResult:
         """
@@ -109,7 +158,7 @@ class ContactModeSolver:
         `a` (n,) is the acceleration of the joints before the impacts, if it is known.
         """
         assert self._forces.backlash is not None
-        backlash, (q, v, theta, omega) = self._forces.backlash, state
+        backlash, (q, v, theta, omega, z) = self._forces.backlash, state
         side = backlash.touching(q, theta)
         closing = side * (omega - v)
         if closing.max() <= 0.0:
@@ -126,7 +175,7 @@ class ContactModeSolver:
             heat, impacts = heat + lost, impacts + 1
             closing = side * (omega - v)
         theta = np.where(side != 0.0, q + side * backlash.half_gap, theta)
-        return ContactResult(MotionState(q, v, theta, omega), heat, True)
+        return ContactResult(MotionState(q, v, theta, omega, z), heat, True)
 
     def is_steep(self, joints: Modes, v: FloatArray, after: FloatArray) -> bool:
         """Return whether friction changes fast with speed between the velocities v and `after`."""

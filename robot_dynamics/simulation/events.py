@@ -43,7 +43,7 @@ _AT_REST = 1e-10
 """[rad/s] or [m/s]"""
 _IMPACT_TOLERANCE = 0.1 * TOUCH
 _SLACK = 1e-9
-"""Fraction of an effort."""
+"""Fraction of an effort, or of a presliding distance."""
 _ROOT_ITERATIONS = 40
 _ROOT_ACCURACY = 1e-9
 
@@ -106,10 +106,13 @@ class EventFinder:
                 break
             early, late = (time, late) if worth > 0.0 else (early, time)
             before = time, worth
-        q, v, theta, omega = end.state
+        q, v, theta, omega, z = end.state
         stops = margins[_TURN] <= 1.0
+        if modes.springs is not None:
+            slips = modes.springs.holds & (margins[_SLIP] <= 1.0)
+            z = np.where(slips, np.sign(z), z)
         stopped = MotionState(
-            q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega))
+            q, np.where(stops, 0.0, v), theta, np.where(stops & ~modes.open, 0.0, omega), z)
         return Event(time, end._replace(state=stopped))
 
     def _first_guess(
@@ -139,7 +142,7 @@ class EventFinder:
     ) -> tuple[float, float, float]:
         """Return the distance of the teeth of joint j on that side, and its two derivatives."""
         assert self._forces.backlash is not None
-        q, v, theta, omega = (float(x[j]) for x in state)
+        q, v, theta, omega, _ = (float(x[j]) for x in state)
         spin_up = float(self._forces.tau[j] / self._forces.backlash.inertia[j])
         return (float(self._forces.backlash.half_gap[j]) - side * (theta - q), -side * (omega - v),
                 -side * (spin_up - float(a[j])))
@@ -150,6 +153,10 @@ class EventFinder:
         """Return the rate [1/s] of a margin, or None if it is not available."""
         if kind == _TURN:
             return float(modes.joints.direction[j] * a[j] / _AT_REST)
+        if kind == _SLIP and modes.springs is not None and modes.springs.holds[j]:
+            assert self._forces.bristles is not None
+            way = float(np.sign(state.z[j]) * state.v[j])
+            return -way / (_SLACK * float(self._forces.bristles.distance[j]))
         if kind == _IMPACT:
             side = np.sign(state.theta[j] - state.q[j])
             return self._distance(j, side, state, a)[1] / _IMPACT_TOLERANCE
@@ -157,14 +164,17 @@ class EventFinder:
 
     def _nudged(self, end: StepEnd, dt: float, modes: GearModes) -> StepEnd:
         """Return the motion a short time later or earlier, with constant accelerations."""
-        q, v, theta, omega = end.state
+        q, v, theta, omega, z = end.state
         spin_up = end.a
         if self._forces.backlash is not None:
             spin_up = np.where(modes.open, self._forces.tau / self._forces.backlash.inertia, end.a)
+        moved = v * dt + 0.5 * dt * dt * end.a
+        if self._forces.bristles is not None:
+            z = self._forces.bristles.after(z, moved, modes.joints.direction)
         state = MotionState(
             q + v * dt + 0.5 * dt * dt * end.a, v + end.a * dt,
-            theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt)
-        return StepEnd(state, end.heat + dt * float(self._forces.rubbing(v, modes) @ v), end.a)
+            theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt, z)
+        return StepEnd(state, end.heat + dt * float(self._forces.rubbing(q, v, modes) @ v), end.a)
 
     def _margins(self, end: StepEnd, modes: GearModes) -> FloatArray:
         """
@@ -172,15 +182,19 @@ class EventFinder:
 
         The unit is the tolerance: an event is reached between -1 and 1.
         """
-        forces, (q, v, theta, _), (direction, stuck) = self._forces, end.state, modes.joints
+        forces, (q, v, theta, _, z), (direction, stuck) = self._forces, end.state, modes.joints
         margins = np.full((4, len(v)), np.inf)
         if forces.is_dry:
             np.divide(direction * v, _AT_REST, out=margins[_TURN], where=direction != 0.0)
         if stuck.any():
             static = forces.friction.static[stuck]
-            effort = forces.effort(q, v, modes.open) - direction * forces.friction.dry(v)
+            effort = forces.effort(q, v, modes.open, modes.springs, direction) - (
+                direction * forces.friction.dry(v))
             needed = hold(forces.body_with(modes.open).mass_matrix(q), effort, stuck).friction
             margins[_SLIP, stuck] = (static - np.abs(needed[stuck])) / (_SLACK * static) + 2.0
+        if modes.springs is not None:
+            held = modes.springs.holds
+            margins[_SLIP, held] = (1.0 - np.abs(z[held])) / _SLACK + 2.0
         if forces.backlash is not None:
             touches = modes.side != 0.0
             clearance = forces.backlash.clearance(q, theta)

@@ -23,6 +23,11 @@ around rest), steps are divided into pieces for which the error estimate of the 
 The pieces are explicit steps even if friction is stiff; only if it is extremely stiff, the whole
 step is exponential. A joint that creeps in the friction of its gears is also integrated with
 exponential steps, while their estimated error is small.
+
+Joints that yield before they slide (`bristles`) are springs between events. Explicit steps
+integrate slow springs, and exponential steps stiff ones, halved until their estimated error is
+small. While a spring oscillates so far that its joint may slip, steps are divided so that the
+event is found.
 """
 
 from collections.abc import Sequence
@@ -43,9 +48,12 @@ from robot_dynamics.simulation.runge_kutta import (
     RungeKuttaStep,
     WEIGHTS,
 )
+from robot_dynamics.simulation.spring_step import sprung_step
 
 STIFF = 1.0
 """Relaxation rate × step from which viscous friction is integrated exponentially."""
+_SPRING_RATE = 2.0
+"""The relaxation rate that counts for the frequency [rad/s] of a spring."""
 _STIFFEST_IN_PIECES = 100.0
 """The same value from which a step is not divided into explicit pieces, which are too many."""
 _MAX_EVENTS = 60
@@ -57,6 +65,8 @@ _CREEP_TOLERANCE = 1e-5
 """The same for an exponential step in gear friction, estimated by its second-stage correction."""
 _FINEST = 2.0**-10
 """Smallest fraction of a step that such a piece has."""
+_FINEST_SPRING = 2.0**-5
+"""The same if springs are integrated: their faster oscillations are exact, slips are late."""
 _MAX_PIECES = 10_000
 """Number of pieces of a step, including rejected ones, after which they are not divided."""
 
@@ -85,23 +95,35 @@ class MotionIntegrator:
         """Return the kinetic energy of links and rotors [J]."""
         return self._forces.kinetic_energy(state)
 
+    def potential_energy(self, state: MotionState) -> float:
+        """Return the potential energy of the bodies and of the bristles [J]."""
+        return self._forces.potential_energy(state)
+
     def motor_inertia(self, state: MotionState) -> FloatArray:
         """Return the mass matrix (n, n) on the motor side; that of the rotors for open gears."""
         return self._forces.motor_inertia(state)
 
     def step(self, state: MotionState, h: float) -> StepResult:
-        """Return the state after h [s]; the same object if all joints stick."""
+        """Return the state after h [s]; the same object if all joints stick rigidly."""
         forces = self._forces
         if self._modes.can_be_steep:
             self._root_inertia = np.sqrt(np.diag(forces.body.mass_matrix(state.q)))
-        self._pieces = 0
+        self._pieces, self._shortest = 0, _FINEST_SPRING * h
+        if forces.bristles is None:
+            return self._through_events(state, h)
+        result = self._through_events(state, h)
+        return result._replace(state=result.state._replace(
+            z=np.clip(result.state.z, -1.0, 1.0)))
+
+    def _through_events(self, state: MotionState, h: float) -> StepResult:
+        forces = self._forces
         if forces.backlash is None and not forces.is_dry:
             free = self._modes.free
             end = self._advance(state, h, free._replace(
                 is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
             return StepResult(end.state, end.heat)
-        heat, had_impact, a = 0.0, False, None
-        for event_count in range(_MAX_EVENTS):
+        heat, had_impact, a, event_count = 0.0, False, None, 0
+        while event_count < _MAX_EVENTS:
             if forces.backlash is not None:
                 impact = self._modes.impact(state, a, plastic=event_count >= _MAX_BOUNCES)
                 state, heat = impact.state, heat + impact.heat
@@ -109,10 +131,12 @@ class MotionIntegrator:
             modes, a = self._modes.choose(state)
             if modes.joints.stuck.all() and not modes.open.any():
                 return StepResult(state, heat, had_impact)
-            end = self._advance(state, h, modes, a)
+            piece = self._undisturbed(state, h, modes)
+            end = self._advance(state, piece, modes, a)
             event = self._events.first(
-                state, h, modes, a, end, partial(self._advance, state, modes=modes, a=a))
-            passed, end = event if event is not None else (h, end)
+                state, piece, modes, a, end, partial(self._advance, state, modes=modes, a=a))
+            passed, end = event if event is not None else (piece, end)
+            event_count += event is not None
             state, heat, a, h = end.state, heat + end.heat, end.a, h - passed
             if h <= 0.0:
                 return StepResult(state, heat, had_impact)
@@ -121,9 +145,22 @@ class MotionIntegrator:
 
     # ------------------------------------------------------------------ integration
 
+    def _undisturbed(self, state: MotionState, h: float, modes: GearModes) -> float:
+        """Return the part of h [s] after which events must be looked for."""
+        if modes.springs is None or self._stiffness(state.q, h, modes) <= STIFF:
+            return h
+        piece = max(self._modes.undisturbed(state, modes), self._shortest)
+        return h if piece > 0.9 * h else piece
+
     def _stiffness(self, q: FloatArray, h: float, modes: GearModes) -> float:
         """Return a bound of (relaxation rate × h) of the moving joints."""
         forces = self._forces
+        if modes.springs is not None:
+            M, free = forces.body_with(modes.open).mass_matrix(q), ~modes.joints.stuck
+            compliance = np.diag(np.linalg.inv(M[np.ix_(free, free)]))
+            oscillation = np.sqrt(compliance @ modes.springs.stiffness[free])
+            damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
+            return h * float(max(_SPRING_RATE * oscillation, damping))
         in_gears = modes.is_steep and forces.friction.has_gear_terms
         if not (forces.is_damped or in_gears):
             return 0.0
@@ -132,7 +169,8 @@ class MotionIntegrator:
             return bound
         M = forces.body_with(modes.open).mass_matrix(q)
         # The friction of gears is stiffest at rest.
-        viscous = forces.damping(np.zeros_like(q), modes) if in_gears else forces.friction.viscous
+        viscous = (
+            forces.damping(q, np.zeros_like(q), modes) if in_gears else forces.friction.viscous)
         return h * damping_rate(M, viscous, ~modes.joints.stuck)
 
     def _advance(
@@ -153,6 +191,13 @@ class MotionIntegrator:
             q, v = np.concatenate((q, state.theta[alone])), np.concatenate((v, state.omega[alone]))
             a = None if a is None else np.concatenate((a, spin_up))
         stiffness = self._stiffness(state.q, h, modes)
+        if modes.springs is not None and stiffness > STIFF:
+            end, correction = self._damped(state, q, v, h, acceleration, modes)
+            if correction <= _CREEP_TOLERANCE or h <= self._shortest:
+                return end
+            first = self._advance(state, 0.5 * h, modes, None)
+            end = self._advance(first.state, 0.5 * h, modes, None)
+            return end._replace(heat=first.heat + end.heat)
         if modes.is_steep and self._forces.friction.has_gear_terms and stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
             if correction <= _CREEP_TOLERANCE:
@@ -163,7 +208,7 @@ class MotionIntegrator:
         if stiffness > STIFF:
             end, _ = self._damped(state, q, v, h, acceleration, modes)
         else:
-            end = self._end(state, runge_kutta_step(q, v, h, acceleration, a), h, modes)
+            end = self._end(state, q, runge_kutta_step(q, v, h, acceleration, a), h, modes)
         if modes.is_steep or not self._modes.is_steep(modes.joints, state.v, end.state.v):
             return end
         return self._advance(state, h, modes._replace(is_steep=True), None)
@@ -172,13 +217,15 @@ class MotionIntegrator:
         self, before: MotionState, q: FloatArray, v: FloatArray, modes: GearModes,
     ) -> MotionState:
         """Return the state of joints and motors from the coordinates of `_advance`."""
-        n = len(before.q)
+        n, z = len(before.q), before.z
+        if self._forces.bristles is not None:
+            z = self._forces.bristles.after(z, q[:n] - before.q, modes.joints.direction)
         if self._forces.backlash is None:
-            return MotionState(q, v, q, v)
+            return MotionState(q, v, q, v, z)
         joint_q, joint_v = q[:n], v[:n]
         theta, omega = joint_q + modes.side * self._forces.backlash.half_gap, joint_v.copy()
         theta[modes.open], omega[modes.open] = q[n:], v[n:]
-        return MotionState(joint_q, joint_v, theta, omega)
+        return MotionState(joint_q, joint_v, theta, omega, z)
 
     def _damped(
         self, state: MotionState, q: FloatArray, v: FloatArray, h: float,
@@ -188,11 +235,17 @@ class MotionIntegrator:
         n, alone = len(state.q), modes.open
         M, viscous, free = np.zeros((len(q), len(q))), np.zeros(len(q)), np.ones(len(q), bool)
         M[:n, :n] = self._forces.body_with(alone).mass_matrix(state.q)
-        viscous[:n], free[:n] = self._forces.damping(v[:n], modes), ~modes.joints.stuck
+        viscous[:n] = self._forces.damping(q[:n], v[:n], modes)
+        free[:n] = ~modes.joints.stuck
         if len(q) > n:
             assert self._forces.backlash is not None
             np.fill_diagonal(M[n:, n:], self._forces.backlash.inertia[alone])
-        q, v, correction = damped_step(q, v, h, acceleration, M, viscous, free)
+        if modes.springs is not None:
+            stiffness = np.zeros(len(q))
+            stiffness[:n] = modes.springs.stiffness
+            q, v, correction = sprung_step(q, v, h, acceleration, M, viscous, stiffness, free)
+        else:
+            q, v, correction = damped_step(q, v, h, acceleration, M, viscous, free)
         after = self._gather(state, q, v, modes)
         error = float(np.max(np.sqrt(np.diag(M)) * np.abs(correction)))
         return StepEnd(after, self._lost(state, after), acceleration(q, v)[:n]), error
@@ -216,7 +269,7 @@ class MotionIntegrator:
             if ratio < 0.9 and piece > _FINEST * h:
                 piece = max(piece * max(ratio, 0.1), _FINEST * h)
                 continue
-            end = self._end(state, step, piece, modes)
+            end = self._end(state, q, step, piece, modes)
             heat, rest = heat + end.heat, rest - piece
             if rest <= 1e-12 * h:
                 return end._replace(heat=heat)
@@ -224,9 +277,10 @@ class MotionIntegrator:
             piece = min(rest, max(piece * min(ratio, 5.0), _FINEST * h))
 
     def _end(
-        self, state: MotionState, step: RungeKuttaStep, h: float, modes: GearModes,
+        self, state: MotionState, q: FloatArray, step: RungeKuttaStep, h: float,
+        modes: GearModes,
     ) -> StepEnd:
-        """Return the end of a step of h [s], and the heat of friction during the step."""
+        """Return the end of a step of h [s] from q, and the heat of friction during the step."""
         n = len(state.q)
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, except for an error of order h⁵.
@@ -234,7 +288,9 @@ class MotionIntegrator:
         if self._forces.is_frictionless:
             return StepEnd(after, 0.0, a_end)
         v = step.velocities[:, :n]
-        friction = self._forces.rubbing(v, modes)
+        if modes.springs is not None:
+            q = step.positions(q, h)
+        friction = self._forces.rubbing(q[..., :n], v, modes)
         return StepEnd(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:
@@ -245,14 +301,12 @@ class MotionIntegrator:
             work -= 0.5 * float((after.q - before.q) @ sum(
                 body.external(state.q, forces.wrenches) for state in (before, after)))
         return work + forces.kinetic_energy(before) - forces.kinetic_energy(after) + (
-            body.potential_energy(before.q) - body.potential_energy(after.q))
+            forces.potential_energy(before) - forces.potential_energy(after))
 
 
 def _bound_of_damping_rate(dynamics: UncheckedArmDynamics) -> float:
     """Return a bound of the relaxation rates [1/s]: M is at least the inertia of the rotors."""
-    actuators, viscous = dynamics.arm.actuators, dynamics.friction.viscous
-    if actuators is None:
-        return np.inf
+    viscous, J = dynamics.friction.viscous, dynamics.arm.reflected_inertia
     with np.errstate(divide='ignore', invalid='ignore'):
-        rates = viscous / actuators.reflected_inertia
+        rates = viscous / J
     return float(np.where(viscous > 0.0, rates, 0.0).sum())

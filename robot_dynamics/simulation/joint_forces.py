@@ -15,8 +15,9 @@
 """
 The forces on the joints of an arm that slide, stick, or are separated from their motors.
 
-Sliding dry friction has one direction between two events. Motors in the gap of their gears do not
-act on their joints, and their rotors do not move with the joints.
+Sliding dry friction has one direction between two events. The bristles of joints that yield before
+they slide are springs (`bristles`). Motors in the gap of their gears do not act on their joints,
+and their rotors do not move with the joints.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,6 +32,7 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.simulation.backlash import Backlash
+from robot_dynamics.simulation.bristles import Bristles, Springs
 from robot_dynamics.simulation.runge_kutta import Acceleration
 
 
@@ -38,13 +40,15 @@ class MotionState(NamedTuple):
     """
     Position q and velocity v of the joints, θ and ω of their motors, all (n,), on the joint side.
 
-    Without backlash, motor and joint have the same position.
+    Without backlash, motor and joint have the same position. z (n,) is the deflection of the
+    bristles.
     """
 
     q: FloatArray
     v: FloatArray
     theta: FloatArray
     omega: FloatArray
+    z: FloatArray
 
 
 class GearModes(NamedTuple):
@@ -52,13 +56,15 @@ class GearModes(NamedTuple):
     The modes of an arm between two events.
 
     `joints` are the modes of the joints; `side` (n,) is the side on which teeth are in contact;
-    `open` marks separated motors; `is_steep` states whether friction changes fast with speed.
+    `open` marks separated motors; `is_steep` states whether friction changes fast with speed;
+    `springs` are the bristles of joints that stick elastically, None without such a joint.
     """
 
     joints: Modes
     side: FloatArray
     open: BoolArray
     is_steep: bool
+    springs: Springs | None = None
 
 
 class JointForces:
@@ -67,6 +73,7 @@ class JointForces:
     def __init__(self, dynamics: UncheckedArmDynamics) -> None:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.backlash = Backlash.of(dynamics.arm.actuators)
+        self.bristles = Bristles.of(self.friction)
         self.is_damped = bool(self.friction.viscous.any())
         self.is_dry = self.friction.is_dry
         self.is_frictionless = self.friction.is_zero
@@ -85,6 +92,11 @@ class JointForces:
             difference = self.backlash.inertia * (state.omega**2 - state.v**2)
             energy += 0.5 * float(difference @ self.backlash.exists)
         return energy
+
+    def potential_energy(self, state: MotionState) -> float:
+        """Return the potential energy of the bodies and of the bristles [J]."""
+        energy = self.body.potential_energy(state.q)
+        return energy if self.bristles is None else energy + self.bristles.stored(state.z)
 
     def motor_inertia(self, state: MotionState) -> FloatArray:
         """Return the mass matrix (n, n) on the motor side; that of the rotors for open gears."""
@@ -113,37 +125,61 @@ class JointForces:
                 self.friction, load=np.where(opened, 0.0, self.friction.load))
         return self._frictions[key]
 
-    def effort(self, q: FloatArray, v: FloatArray, opened: BoolArray) -> FloatArray:
-        """Return the effort that accelerates the joints, without dry friction."""
+    def effort(
+        self, q: FloatArray, v: FloatArray, opened: BoolArray, springs: Springs | None = None,
+        direction: FloatArray | None = None,
+    ) -> FloatArray:
+        """
+        Return the effort that accelerates the joints, without dry friction except `springs`.
+
+        `direction` (n,) is that of sliding, by default the sign of v.
+        """
         tau = np.where(opened, 0.0, self.tau)
-        effort = self.friction_with(opened).without_dry(v, tau) - self.body.nonlinear(q, v)
+        if springs is not None:
+            tau = tau - springs.force(q, v)
+        effort = self.friction_with(opened).without_dry(
+            v, tau, None if self.bristles is None else direction)
+        effort = effort - self.body.nonlinear(q, v)
         return effort - self.body.external(q, self.wrenches) if self.wrenches else effort
 
-    def after_friction(self, modes: GearModes) -> Callable[[FloatArray], FloatArray]:
-        """Return the efforts at the joints after sliding friction, (..., n), by v."""
+    def after_friction(
+        self, modes: GearModes,
+    ) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        """Return the efforts at the joints after friction, (..., n), by q and v."""
         tau = self.tau if self.backlash is None else np.where(modes.open, 0.0, self.tau)
-        return self.friction_with(modes.open).sliding(
-            tau, modes.joints.direction, modes.is_steep)
+        friction, springs = self.friction_with(modes.open), modes.springs
+        direction, is_steep = modes.joints.direction, modes.is_steep
+        if springs is not None:
+            return lambda q, v: friction.sliding(
+                tau - springs.force(q, v), direction, is_steep)(v)
+        sliding = friction.sliding(tau, direction, is_steep)
+        return lambda q, v: sliding(v)
 
-    def damping(self, v: FloatArray, modes: GearModes) -> FloatArray:
+    def damping(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the viscous friction (n,) that equals all smooth friction at v."""
-        if not self.friction.has_gear_terms:
-            return self.friction.viscous
-        return self.friction_with(modes.open).damping(v, self.after_friction(modes)(v))
+        damping = self.friction.viscous
+        if self.friction.has_gear_terms:
+            damping = self.friction_with(modes.open).damping(
+                v, self.after_friction(modes)(q, v))
+        return damping if modes.springs is None else damping + modes.springs.damping_at(v)
 
-    def rubbing(self, v: FloatArray, modes: GearModes) -> FloatArray:
-        """Return sliding friction (..., n) at the velocities v."""
-        return np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(v)
+    def rubbing(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
+        """Return the friction (..., n) at q and v that is not stored in springs."""
+        friction = np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(q, v)
+        if modes.springs is None:
+            return friction
+        return friction - np.where(
+            modes.springs.holds, modes.springs.elastic(q) + self.friction.offset, 0.0)
 
     def acceleration(self, modes: GearModes) -> Acceleration:
         """Return the joint acceleration (n,) in these modes as a function of q and v."""
         body, wrenches, stuck = self.body_with(modes.open), self.wrenches, modes.joints.stuck
         remaining = self.after_friction(modes)
         if not stuck.any():
-            return lambda q, v: body.acceleration(q, v, remaining(v), wrenches)
+            return lambda q, v: body.acceleration(q, v, remaining(q, v), wrenches)
 
         def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
-            effort = remaining(v) - body.nonlinear(q, v)
+            effort = remaining(q, v) - body.nonlinear(q, v)
             if wrenches:
                 effort = effort - body.external(q, wrenches)
             return hold(body.mass_matrix(q), effort, stuck).acceleration

@@ -58,6 +58,13 @@ class RungeKuttaStep(NamedTuple):
         error = _ERROR_WEIGHTS @ self.accelerations + _ERROR_WEIGHT_OF_END * end
         return h * float(np.abs(weights * error).max())
 
+    def positions(self, q: FloatArray, h: float) -> FloatArray:
+        """Return the positions (6, n) of the stages of this step of h [s] from q (n,)."""
+        stages = np.zeros((6, 6))
+        for i, row in enumerate(_tableau(h)[:-1], start=1):
+            stages[i, :i] = row
+        return np.asarray(q + stages @ self.velocities)
+
 
 def runge_kutta_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,

@@ -104,7 +104,7 @@ class _Search:
         """Return |value| / limit, (m, n), of all limited values."""
         arm = self._dynamics.arm
         by_limit: dict[str, FloatArray] = {'effort': np.abs(efforts) / arm.limits.effort}
-        if arm.actuators is not None and not arm.actuators.has_only_rotors:
+        if arm.actuators is not None:
             load = arm.actuators.load(efforts, motion.velocity, motion.acceleration)
             by_limit.update(current=load.current_ratio, voltage=load.voltage_ratio)
         return by_limit

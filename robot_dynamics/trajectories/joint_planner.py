@@ -54,6 +54,8 @@ _RESERVE = 0.03
 
 The arm follows with an error, which is larger at slow states: the reserve is divided by the scale.
 """
+_END_RESERVE = 0.005
+"""[rad] or [m] before a limit at which a joint stays that cannot follow a moving target."""
 _FOLLOWED = (1.0, 0.6, 0.3, 0.1, 0.0)
 """Fractions of the time for which a joint may follow its target."""
 
@@ -137,6 +139,13 @@ class JointPlanner:
         return [*self.stop, *to_rest(
             goal - q_stop, 0.0, 0.0, limits.lowered, max(earliest - T, 0.0))]
 
+    def to_rest_inside(self, goal: float) -> Phases:
+        """Return the motion to rest at a goal, or shortly before the limit if it is there."""
+        limits, reserve = self.limits, _END_RESERVE / self.limits.scale
+        lowest = max(limits.lower, min(limits.lower + reserve, self.q, limits.upper))
+        highest = min(limits.upper, max(limits.upper - reserve, self.q, limits.lower))
+        return self.to_rest(min(max(goal, lowest), highest))
+
     def in_stream(self, goal: float, horizon: float) -> Phases:
         """Return the motion to rest at a goal, after `horizon` [s] or later, and smoothly."""
         bounds = self.limits.lowered
@@ -210,12 +219,9 @@ class JointPlanner:
         return p - self.q, self.v - v, self.a - a, bounds
 
     def _stopped(self, moving: Phases) -> Phases:
-        """Return a motion and its earliest stop, with the whole limits at a limit of the joint."""
+        """Return a motion and its earliest stop."""
         _, v, a = end(moving, self.q, self.v, self.a)
-        phases = [*moving, *stop(v, a, self.limits.full)]
-        if self._is_inside(self._extremes(phases)):
-            return phases
-        return [*moving, *stop(v, a, self.limits.whole)]
+        return [*moving, *stop(v, a, self.limits.full)]
 
     def _extremes(self, phases: Phases) -> Extremes:
         return extremes(phases, self.q, self.v, self.a)

@@ -176,13 +176,13 @@ def plan_with_target(
 
     Joints follow until `follow_time` [s] after the time of the target, as far as they can stop
     within the position limits. A joint that cannot follow moves to rest at the position of the
-    target.
+    target, or shortly before a limit.
     """
     phases = []
     for j, joint in enumerate(_joints(start, limits)):
         following = joint.followed(target, j, target.time + follow_time)
-        goal = min(max(float(target.position[j]), joint.limits.lower), joint.limits.upper)
-        phases.append(joint.to_rest(goal) if following is None else following)
+        phases.append(
+            joint.to_rest_inside(float(target.position[j])) if following is None else following)
     return Plan(start, phases)
 
 

@@ -201,6 +201,18 @@ def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end: str) -> None:
     assert one.loop.supervisor.mode is Mode.INACTIVE
 
 
+def test_an_arm_that_swings_is_not_at_rest_when_it_returns() -> None:
+    """It is where it was 100 ms before, at each comparison."""
+    loop, q = ControlLoop.of_arm(arm_named('default')), Q.copy()
+    for k in range(1000):
+        phase = 2.0 * np.pi * k / 50
+        v = 0.01 * 2.0 * np.pi / 0.1 * np.cos(phase) * np.ones(2)
+        loop.answer(FIRST_STAMP + 2 * k * MS, q + 0.01 * np.sin(phase), v)
+        if k == 250:
+            loop.deactivate(1e-9 * (FIRST_STAMP + 2 * k * MS))
+        assert k < 250 or loop.supervisor.mode is Mode.BRAKING
+
+
 @ends
 def test_without_states_the_ramp_begins_at_once(end: str) -> None:
     one = in_motion()

@@ -18,6 +18,7 @@ Friction that yields before it slides: the arm comes to rest, and the command do
 The plant is a LuGre model in its simplest form: a bristle of stiffness F_c / d per joint, with 0.2
 of its critical damping, which slides at F_c (C. Canudas de Wit, H. Olsson, K. J. Åström,
 P. Lischinsky, IEEE Trans. Automatic Control 40(3), 1995). Its rotors are unknown to the loop.
+`ArmSimulation` with the same presliding distance is compared with it.
 """
 
 from collections import deque
@@ -28,9 +29,11 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 STEP, SUBSTEPS = 1e-3, 20
@@ -87,6 +90,34 @@ class Plant:
             self.q = self.q + dt * self.v
 
 
+class Simulated:
+    """The same arm in `ArmSimulation`."""
+
+    def __init__(self, arm: ArmModel, case: Case) -> None:
+        n = arm.joint_count
+        self.coulomb = np.array(COULOMB[case.arm])
+        self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
+        arm = arm.with_friction(make_friction(
+            arm.joint_names, self.viscous.tolist(), self.coulomb.tolist(),
+            presliding_distance=[case.distance]))
+        if case.has_rotors:
+            arm = arm.with_actuators(make_actuators(
+                arm.joint_names, [1.0], [1.0], rotor_inertia=ROTORS[case.arm]))
+        self._simulation = ArmSimulation(arm, middle(arm))
+        self._simulation.release()
+
+    @property
+    def q(self) -> FloatArray:
+        return self._simulation.q
+
+    @property
+    def v(self) -> FloatArray:
+        return self._simulation.v
+
+    def step(self, effort: FloatArray) -> None:
+        self._simulation.step(effort, STEP)
+
+
 class End(NamedTuple):
     """The last second: largest speed, change of effort by F_c, error [rad] or [m]."""
 
@@ -95,9 +126,11 @@ class End(NamedTuple):
     error: float
 
 
-def end_of_motion(case: Case, seconds: float = 5.5, **options: Any) -> End:
+def end_of_motion(
+    case: Case, seconds: float = 5.5, kind: type[Plant | Simulated] = Plant, **options: Any,
+) -> End:
     bare = smooth_arm(case.arm)
-    plant = Plant(bare, case)
+    plant = kind(bare, case)
     arm = bare.with_friction(make_friction(
         bare.joint_names, coulomb=(case.given * plant.coulomb).tolist(),
         viscous=plant.viscous.tolist()))
@@ -126,8 +159,8 @@ def end_of_motion(case: Case, seconds: float = 5.5, **options: Any) -> End:
         float(np.abs(plant.q - goal).max()))
 
 
-def check_calm(case: Case, seen: Any) -> None:
-    end = end_of_motion(case)
+def check_calm(case: Case, seen: Any, kind: type[Plant | Simulated] = Plant) -> None:
+    end = end_of_motion(case, kind=kind)
     seen(f'{end.speed:.2g} rad/s, {end.change:.2g} F_c, error {end.error:.4f} rad')
     assert end.speed < 1e-3
     assert end.change < 0.05
@@ -140,6 +173,39 @@ def check_calm(case: Case, seen: Any) -> None:
     ids=lambda case: f'{case.arm} {case.rate} Hz')
 def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: Any) -> None:
     check_calm(case, seen)
+
+
+@pytest.mark.parametrize('case', [
+    Case('default', 100, 8, 5e-3, 1.4), Case('panda', 125, 8, 1e-3),
+    Case('ur10', 125, 8, 4e-3, has_rotors=True)], ids=lambda case: f'{case.arm} {case.rate} Hz')
+def test_the_simulated_arm_comes_to_rest_too(case: Case, seen: Any) -> None:
+    check_calm(case, seen, Simulated)
+
+
+@pytest.mark.parametrize(('name', 'distance'), [('default', 4e-3), ('panda', 2e-3)])
+def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, seen: Any) -> None:
+    """
+    A slow effort deflects LuGre bristles by −d ln(1 − share), elastic ones by share d.
+
+    Ended slides, over many d, agree.
+    """
+    case = Case(name, 1000, 0, distance)
+    bare = smooth_arm(name).with_gravity(np.zeros(3))
+    both = [kind(bare, case) for kind in (Plant, Simulated)]
+    q, moved, last = both[0].q.copy(), [], 0.0
+    first = both[0].coulomb * (np.arange(len(q)) < 1)
+    for share, steps in ((0.1, 1500), (0.6, 1500), (1.5, 300), (1.5, 900), (0.0, 3000)):
+        for part in np.linspace(last, share, steps):
+            for plant in both:
+                plant.step(part * first)
+        last = share
+        moved.append([float(plant.q[0] - q[0]) / distance for plant in both])
+    lugre, ours = np.array(moved).T
+    seen(f'{lugre} d, {ours} d')
+    assert ours[:2] == pytest.approx([0.1, 0.6], rel=0.05)
+    assert lugre[:2] == pytest.approx(-np.log1p([-0.1, -0.6]), rel=0.05)
+    assert ours[4] > 50.0
+    assert lugre[4] == pytest.approx(ours[4], rel=0.1)
 
 
 @pytest.mark.soak

@@ -17,7 +17,7 @@
 from pathlib import Path
 import re
 
-from page_commands import files_and_commands, NODES, printed_by, run_all, write_files
+from page_commands import files_and_commands, printed_by, run_all, write_files
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
 DATA_SHEET_LEAVES = (4.1, 1.8)
@@ -42,7 +42,7 @@ def test_the_tutorial(tmp_path: Path) -> None:
     printed = run_all(commands, tmp_path)
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
     used = {command[3] for command in commands if command[0] == 'ros2'}
-    assert used >= {'excite', 'demo', 'analyze_bag', 'identify', *NODES}
+    assert used >= {'excite', 'demo', 'analyze_bag', 'identify', 'dynamics_node', 'simulated_arm'}
     analyze = 'ros2 run robot_dynamics analyze_bag '
     before = relative_residuals(printed_by(printed, analyze, '--output before'))
     after = relative_residuals(printed_by(printed, analyze, '--no-report'))

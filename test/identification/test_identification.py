@@ -151,6 +151,23 @@ def test_drives_stay_in_the_parameters(found):
     assert not any(name.startswith('effort.') for name in parameter_values(ARM, fit))
 
 
+def test_rotors_are_written_on_the_joint_side(found):
+    """Motor data stay; inertias that were given, also in the form of older files, do not."""
+    fit = found.models.consistent
+    motor = {'torque_constant': [0.1], 'gear_ratio': [50.0], 'rotor_inertia': [1e-4]}
+    older = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
+    inertia = parameter_values(ARM, fit)['actuator.reflected_inertia']
+    for given, kept in ((motor, {'torque_constant', 'gear_ratio'}), (older, set())):
+        values = {'joints': list(ARM.joint_names), **{
+            f'actuator.{name}': value for name, value in given.items()}}
+        arm = arm_from_parameters(default_arm_urdf(), values)
+        written = parameter_values(arm, fit, given=values)
+        assert {name for name in written if name.startswith('actuator.')} == {
+            'actuator.reflected_inertia', *(f'actuator.{name}' for name in kept)}
+        again = arm_from_parameters(default_arm_urdf(), written)
+        assert again.reflected_inertia == pytest.approx(inertia, rel=1e-12)
+
+
 def test_four_recordings_halve_the_deviations(planar):
     motions = [recorded(ARM, *planar[:2], 1.0, seed) for seed in range(4)]
     one, four = (

@@ -28,7 +28,6 @@ import numpy as np
 import pytest
 from recordings import KnownMotion, START_NS, write_recording
 from report_page import ReportPage
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -111,9 +110,9 @@ def test_the_parameter_file_needs_no_other_file(output):
     assert '# The offset F_b is part of every commanded effort: joint1 ' in text
     # reflected inertia without motor data: no currents
     arm = arm_from_parameters(values['robot_description'], values)
-    assert arm.actuators.has_only_rotors
-    other = make_actuators(arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-5])
-    assert not other.has_only_rotors
+    assert arm.actuators is None
+    assert arm.reflected_inertia.tolist() == values['actuator.reflected_inertia']
+    assert not any(name.startswith(('actuator.torque', 'actuator.gear')) for name in values)
 
 
 def test_the_report_needs_no_other_file(output):

@@ -149,6 +149,11 @@ def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
     ('inductance', [-1.0], "actuator.inductance of 'joint1' is -1, expected a number >= 0"),
     ('resistance', [float('nan')], r'actuator.resistance\[0\] is nan'),
     ('rotor_inertia', [1.0, 2.0], r'actuator.rotor_inertia has 2 values, expected 1'),
+    ('reflected_inertia', [0.2], "actuator.rotor_inertia of 'joint1' is 2e-05 and "
+     'actuator.reflected_inertia is 0.2, expected one of them'),
+    ('reflected_inertia', [-0.2],
+     "actuator.reflected_inertia of 'joint1' is -0.2, expected a number >= 0"),
+    ('reflected_inertia', [float('nan')], r'actuator.reflected_inertia\[0\] is nan'),
 ])
 def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
@@ -168,6 +173,38 @@ def test_reflected_inertia_is_part_of_the_mass_matrix_and_of_the_energy() -> Non
         0.5 * reflected * 4.0)
     tau = with_rotor.inverse_dynamics(q, v, np.array([1.5]))
     assert with_rotor.forward_dynamics(q, v, tau) == pytest.approx([1.5])
+
+
+positive = st.floats(0.0, 5.0)
+
+
+@laws
+@given(st.lists(positive, min_size=2, max_size=2), st.lists(
+    st.floats(1.0, 200.0), min_size=2, max_size=2), st.lists(numbers, min_size=6, max_size=6))
+def test_a_reflected_inertia_needs_no_motor(
+        J: list[float], N: list[float], state: list[float]) -> None:
+    """M grows by diag(J), as with the motors of this inertia, and dynamics stay consistent."""
+    bare = load_arm(planar_arm_urdf([2.0, 1.0], [1.0, 0.8], [0.5, 0.3], [0.1, 0.05]))
+    arm = bare.with_reflected_inertia(J)
+    q, v, a = np.array(state).reshape(3, 2)
+    dynamics = ArmDynamics(arm)
+    assert arm.actuators is None
+    assert arm.reflected_inertia.tolist() == J
+    assert dynamics.rigid_body.mass_matrix(q) - ArmDynamics(bare).rigid_body.mass_matrix(q) == (
+        pytest.approx(np.diag(J), abs=1e-12))
+    tau = dynamics.inverse_dynamics(q, v, a)
+    assert dynamics.forward_dynamics(q, v, tau) == pytest.approx(a, abs=1e-9)
+    at_motor = [inertia / ratio**2 for inertia, ratio in zip(J, N)]
+    for inertias in ({'rotor_inertia': at_motor}, {'reflected_inertia': J}):
+        geared = bare.with_actuators(make_actuators(bare.joint_names, [0.1], N, **inertias))
+        assert ArmDynamics(geared).inverse_dynamics(q, v, a) == pytest.approx(tau, rel=1e-12)
+
+
+def test_each_joint_has_one_of_both_inertias() -> None:
+    motors = make_actuators(
+        ('a', 'b', 'c'), [0.1], [10.0, 20.0, 5.0], rotor_inertia=[1e-3, 0.0, 0.0],
+        reflected_inertia=[0.0, 0.4, 0.0])
+    assert motors.reflected_inertia == pytest.approx([0.1, 0.4, 0.0])
 
 
 def step_response(step: float, duration: float) -> tuple[float, float]:

@@ -91,6 +91,15 @@ def test_mujoco_computes_the_same_efforts(name: str) -> None:
     check_inverse_dynamics(arm, Exported(arm))
 
 
+def test_a_reflected_inertia_is_armature() -> None:
+    bare = load_arm(default_arm_urdf())
+    arm = bare.with_reflected_inertia([0.3, 0.1])
+    exported = Exported(arm)
+    assert exported.model.dof_armature[exported.index].tolist() == [0.3, 0.1]
+    assert exported.model.actuator_ctrlrange[:, 1].tolist() == bare.limits.effort.tolist()
+    check_inverse_dynamics(arm, exported)
+
+
 @pytest.mark.parametrize('name', ['panda', 'so100'])  # so100: a link has the name of a joint
 def test_locked_joints_become_fixed_bodies(name: str) -> None:
     urdf = robot_urdf(name)

@@ -108,6 +108,9 @@ CASES = {
         ('condition', ERROR, '')),
     'dry friction above the limit': (
         arm_of(limit=f'{LIMIT}<dynamics friction="101"/>'), ('friction', ERROR, 'hinge')),
+    'a link without the rotor of its drive': (
+        arm_of(limit='<limit lower="-2" upper="2" effort="1e6" velocity="2"/>'),
+        ('rotors', WARNING, 'hinge')),
     'badly conditioned': (
         arm_of(inertial(1000.0, (50, 50, 2)), more=link_behind(inertial(1e-4, (0, 1e-7, 0)))),
         ('condition', WARNING, '')),
@@ -154,7 +157,8 @@ def test_friction_parameters_are_compared_with_the_effort_limit(parameter, value
 
 @pytest.mark.parametrize('moments', [(0.02, 0.03, 0.05), (0.02, 0.03, 0.0503), (0.0, 0.05, 0.05)])
 def test_plates_rods_and_rounding_obey_the_triangle_inequality(moments):
-    assert check_model(arm_of(inertial(moments=moments), geometry='')) == []
+    weak = LIMIT.replace('100', '9')  # for a link without a rotor
+    assert check_model(arm_of(inertial(moments=moments), weak, geometry='')) == []
 
 
 def test_rotors_are_inertia_too():
@@ -275,6 +279,7 @@ def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path: Path):
     meshes.mkdir(parents=True)
     (meshes / 'arm.stl').write_bytes(binary_stl())
     urdf = arm_of(inertial(moments=(0.4, 0.4, 0.4), xyz='0.05 0.1 0.15'),
+                  LIMIT.replace('100', '9'),
                   geometry=MESH.format('package://my_robot/meshes/arm.stl'))
     expected = {('radius_of_gyration', WARNING, 'arm')}
     assert found(urdf, meshes=MeshReader(tmp_path / 'my_robot' / 'urdf')) == expected

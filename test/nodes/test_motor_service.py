@@ -127,13 +127,32 @@ def test_the_urdfs_transmissions_are_the_gear_ratios(
     assert list(answer.motor_current) == pytest.approx(actuators.load(effort, v, a).current)
 
 
+def test_a_reflected_inertia_alone_is_no_motor(
+        client: RosClient, dynamics: ArmDynamics) -> None:
+    parameters = {'joints': NAMES, 'actuator.reflected_inertia': [0.1, 0.05]}
+    with NodeProcess(DYNAMICS, parameters, namespace='/rotors'):
+        answer = client.call(
+            InverseDynamics, '/rotors/dynamics/inverse_dynamics',
+            InverseDynamics.Request(position=Q, velocity=V, acceleration=A))
+        result, = client.set_parameters(
+            '/rotors/dynamics', {'actuator.reflected_inertia': [0.2]})
+    # the motors of this test have the same reflected inertia
+    assert list(answer.effort) == pytest.approx(
+        dynamics.inverse_dynamics(*(np.array(x) for x in (Q, V, A))))
+    assert len(answer.motor_current) == len(answer.current_ratio) == 0
+    assert not result.successful
+
+
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100)},
      "no <transmission> of the URDF states a mechanicalReduction for ['joint2']"),
+    ({'actuator.reflected_inertia': [0.0, 0.3]},
+     "actuator.rotor_inertia of 'joint2' is 2e-05 and actuator.reflected_inertia is 0.3, expected "
+     'one of them'),
     ({'actuator.gear_ratio': [], 'robot_description': with_transmissions(100, 'fifty')},
      "transmission of joint 'joint2': mechanicalReduction is 'fifty', expected a number"),
 ])
-def test_transmissions_that_give_no_ratio_are_refused(
+def test_contradicting_or_missing_motor_data_are_refused(
         changes: dict[str, Any], words: str) -> None:
     parameters = {**PARAMETERS, **changes}
     node = NodeProcess(DYNAMICS, parameters, node_name='refused', ready=None).start()

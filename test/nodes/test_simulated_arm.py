@@ -104,6 +104,27 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.effort) == effort
 
 
+def test_a_reflected_inertia_slows_the_joints(client: RosClient) -> None:
+    parameters = {'lock_step': True, 'rate': RATE, 'initial_position': START, 'joints': NAMES,
+                  'actuator.reflected_inertia': [0.4, 0.2]}
+    twin = ArmSimulation(ARM.with_reflected_inertia([0.4, 0.2]), START)
+    twin.release()
+    with NodeProcess(SIMULATED_ARM, parameters, namespace='/rotors') as node:
+        rotors = LockStepped(client, node, '/rotors')
+        for _ in range(10):
+            effort = [30.0, 10.0]
+            state = rotors.step(effort)
+            twin.step(np.array(effort), 1.0 / RATE)
+            assert list(state.velocity) == twin.v.tolist()
+        result, = client.set_parameters(
+            '/rotors/simulated_arm', {'actuator.reflected_inertia': [0.1]})
+        assert not result.successful
+    M = ArmDynamics(ARM).rigid_body.mass_matrix(np.array(START)) + np.diag([0.4, 0.2])
+    tau = np.array([30.0, 10.0]) - ArmDynamics(ARM).rigid_body.gravity(np.array(START))
+    # over 20 ms from rest, the acceleration of the start
+    assert np.array(state.velocity) / 0.02 == pytest.approx(np.linalg.solve(M, tau), rel=0.05)
+
+
 def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
     parameters = {'lock_step': True, 'rate': 100.0, 'real_time_factor': 0.5}
     with NodeProcess(

@@ -78,7 +78,8 @@ def test_the_log_of_the_default_arm(client: RosClient) -> None:
 
 def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
     dynamics, arm = started({
-        'robot_description_file': str(robot_path('ur10')), 'command': 'none'})
+        'robot_description_file': str(robot_path('ur10')), 'command': 'none',
+        'actuator.reflected_inertia': [0.1]})
     with running(dynamics, arm):
         dynamics.wait_for_log('Effort check', LONG)
         check_lines(

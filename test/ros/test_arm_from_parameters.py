@@ -108,6 +108,31 @@ def test_defaults_are_the_same(tmp_path: Path) -> None:
     assert 'motors.gear_ratio' not in offline
 
 
+def test_a_reflected_inertia_needs_no_motor(tmp_path: Path) -> None:
+    for values in both_values(tmp_path, {
+            'joints': ['joint2', 'joint1'], 'actuator': {'reflected_inertia': [0.05, 0.1]}}):
+        arm = arm_from_parameters(GEARED, values)
+        assert arm.actuators is None
+        assert arm.reflected_inertia.tolist() == [0.05, 0.1]
+        part = arm_from_parameters(GEARED, values, ['joint1'])
+        assert part.reflected_inertia.tolist() == [0.1]
+
+
+def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path: Path) -> None:
+    """K_t = 1 and N = 1 have no meaning then, but for a measured current they have."""
+    motor = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
+    parameters = {'joints': ['joint1', 'joint2'], 'actuator': motor}
+    for values in both_values(tmp_path, parameters):
+        arm = arm_from_parameters(default_arm_urdf(), values)
+        assert arm.actuators is None
+        assert arm.reflected_inertia.tolist() == [0.2, 0.1]
+    for changes in ({'measured_effort': 'motor_current'},
+                    {'actuator': {**motor, 'resistance': [0.5]}},
+                    {'actuator': {**motor, 'gear_ratio': [2.0]}}):
+        for values in both_values(tmp_path, {**parameters, **changes}):
+            assert arm_from_parameters(default_arm_urdf(), values).actuators is not None
+
+
 @pytest.mark.parametrize('text', ['1e-3', '1E3', '-.5e+1', '0.5', '1.e2'])
 def test_a_tool_and_a_node_read_the_same_number(tmp_path: Path, text: str) -> None:
     path = tmp_path / 'dynamics.yaml'
@@ -124,6 +149,15 @@ REFUSED = {
         r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
     'backlash without a motor': (
         {'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
+    'a rotor without a motor': (
+        {'actuator': {'rotor_inertia': [1e-4]}},
+        r'actuator\.torque_constant is empty, .* only actuator\.reflected_inertia needs no motor'),
+    'two inertias of a rotor': (
+        {'actuator': {'rotor_inertia': [1e-4], 'reflected_inertia': [0.5]}},
+        r"rotor_inertia of 'joint1' is 0\.0001 and actuator\.reflected_inertia is 0\.5"),
+    'three reflected inertias': (
+        {'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
+        r'actuator\.reflected_inertia has 3 values, expected 2'),
     'no order': ({'friction': {'load': [0.1, 0.2]}}, r'friction\.load has 2 values, .* joints'),
     'another number of values': (
         {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},

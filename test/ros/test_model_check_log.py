@@ -35,9 +35,9 @@ def test_tool_and_node_report_what_their_counts_cover():
     tool = check_description(xml, meshes=MeshReader(path.parent))
     log = Log()
     check_or_refuse(xml, load_arm(xml), {'ignore_checks': []}, log)
-    assert (tool.counts, len(log)) == ('0 errors, 5 warnings', 3)
+    assert (tool.counts, len(log)) == ('0 errors, 8 warnings', 6)
     assert log[-1].startswith(
-        'Model check: 0 errors, 2 warnings. Scope: links compared with their shapes only, meshes '
+        'Model check: 0 errors, 5 warnings. Scope: links compared with their shapes only, meshes '
         'are not read (not compared: 7 links); largest gravity torque searched from 128 positions')
     assert 'The tool check_model also reads meshes' in log[-1]
     assert 'shapes and meshes; largest gravity torque searched from 512 positions' in tool.scope

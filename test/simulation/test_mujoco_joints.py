@@ -99,12 +99,12 @@ def test_reflected_inertia_is_armature(name: str) -> None:
     random = np.random.default_rng(0)
     N, J_r = random.uniform(-120.0, 120.0, arm.joint_count), random.uniform(
         1e-6, 1e-4, arm.joint_count)
-    arm = arm.with_actuators(
-        make_actuators(arm.joint_names, [0.1], N.tolist(), rotor_inertia=J_r.tolist()))
+    motors = make_actuators(arm.joint_names, [0.1], N.tolist(), rotor_inertia=J_r.tolist())
     before = mujoco.mass_matrix(np.zeros(arm.joint_count))
     mujoco.model.dof_armature[mujoco.velocity] = N**2 * J_r
     assert np.abs(mujoco.mass_matrix(np.zeros(arm.joint_count)) - before).max() > 1e-3
-    check_dynamics(arm, mujoco)
+    check_dynamics(arm.with_actuators(motors), mujoco)
+    check_dynamics(arm.with_reflected_inertia(N**2 * J_r), mujoco)
 
 
 @on_arms

@@ -32,6 +32,9 @@ import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.arrays import wrap_to_pi
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
@@ -244,6 +247,61 @@ def test_watch_shows_the_values_of_the_node(ask: Ask) -> None:
     np.testing.assert_allclose(
         table['effort_share'], np.abs(table['effort_command']) / [150.0, 60.0])
     np.testing.assert_allclose(table['external_effort'], 0.0, atol=0.5)
+
+
+def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> None:
+    ask('move', '0.7', '0.3', '--duration', '1')
+    wait_until(lambda: 'stiffness' in json.loads(ask('watch', '--count', '1', '--json')[1]),
+               'the stiffness')
+    table = json.loads(ask('watch', '--count', '1', '--json')[1])
+    M = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.mass_matrix(
+        np.array(table['position']))
+    np.testing.assert_allclose(table['stiffness'], 400.0 * np.diagonal(M), rtol=1e-2)
+    assert 'friction_error' not in table  # this arm has no friction
+    out = ask('watch', '--count', '1')[1]
+    assert 'stiffness [N m/rad]' in out
+    assert 'held by friction' not in out
+    status, out, _ = ask('status')
+    assert status == 0
+    assert 'At rest: stiffness of the feedback [N m/rad, N/m]' in out
+    at_rest = json.loads(ask('status', '--json')[1])['at_rest']
+    np.testing.assert_allclose(list(at_rest['stiffness'].values()), table['stiffness'], rtol=1e-2)
+
+
+def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask: Ask) -> None:
+    friction, rotors = [3.0, 2.0], [0.5, 0.2]
+    parameters = {
+        'joints': ['joint1', 'joint2'], 'friction.coulomb': friction,
+        'actuator.reflected_inertia': rotors, 'robot_description': default_arm_urdf().replace(
+            'effort="60.0"', 'effort="9999.0"')}
+    assert 'effort="9999.0"' in str(parameters['robot_description'])
+    with (NodeProcess(SIMULATED_ARM, parameters, namespace='/rubs'),
+          NodeProcess(DYNAMICS, parameters, namespace='/rubs'),
+          DynamicsClient('/rubs/dynamics', TIMEOUT) as client):
+        def at_rest() -> Any:
+            return json.loads(ask('status', '--json', client=client)[1])['at_rest']
+
+        wait_until(lambda: len(at_rest()['friction_error']) == 2, 'the errors')
+        found = at_rest()
+        K = np.array(list(found['stiffness'].values()))
+        expected = np.array(friction) / (K + np.array(friction) / 0.025)
+        np.testing.assert_allclose(list(found['friction_error'].values()), expected, rtol=1e-2)
+        assert (400.0 * np.array(rotors) < K).all()
+        assert 'error held by friction [rad]' in ask('watch', '--count', '1', client=client)[1]
+        findings = json.loads(ask('check', '--json', client=client)[1])['findings']
+        message, = (f['message'] for f in findings if f['check'] == 'rotors')
+        assert 'check actuator.reflected_inertia' in message
+
+
+def test_without_computed_torque_no_stiffness_is_shown(ask: Ask, ros: RosClient) -> None:
+    ros.set_parameters('/dynamics', {'command': 'gravity_compensation'})
+    try:
+        wait_until(lambda: not any(
+            json.loads(ask('status', '--json')[1])['at_rest'].values()), 'no stiffness')
+        assert 'At rest' not in ask('status')[1]
+        assert 'stiffness' not in ask('watch', '--count', '1')[1]
+    finally:
+        ros.set_parameters('/dynamics', {'command': 'computed_torque'})
 
 
 def test_a_terminal_shows_one_table() -> None:

@@ -15,6 +15,7 @@
 """The node `dynamics`: commands for joint states, and services of robot dynamics."""
 
 from collections.abc import Sequence
+import math
 import re
 from typing import Any
 
@@ -24,6 +25,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.loop_warnings import loop_warnings
+from robot_dynamics.control.rest_stiffness import rest_stiffness
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
@@ -32,7 +34,15 @@ from robot_dynamics.monitoring.state_plausibility import StateMonitor
 from robot_dynamics.ros.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
-from robot_dynamics.ros.diagnostics import Diagnostics, OK, Status, WARN
+from robot_dynamics.ros.diagnostics import (
+    Diagnostics,
+    FRICTION_ERROR,
+    joint_key,
+    OK,
+    Status,
+    STIFFNESS,
+    WARN,
+)
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
@@ -336,7 +346,21 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'streams that paused': 0 if loop is None else loop.paused_streams,
             'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
             'share of the gains that the state rate allows':
-                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3)})
+                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
+            **({} if loop is None else _stiffness_values(loop.controller))})
+
+
+def _stiffness_values(controller: Controller) -> dict[str, str]:
+    """Return stiffness and error at rest of each joint for the diagnostics."""
+    found, arm = rest_stiffness(controller), controller.arm
+    if found is None:
+        return {}
+    units = [('N/m', 'm') if kind == 'prismatic' else ('N m/rad', 'rad')
+             for kind in arm.joint_kinds]
+    return {
+        joint_key(beginning, name, unit[i]): f'{value:.4g}'
+        for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))
+        for name, unit, value in zip(arm.joint_names, units, values) if math.isfinite(value)}
 
 
 def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:

@@ -246,7 +246,7 @@ def _fill_motors(
     a: FloatArray,
 ) -> list[str]:
     """Fill in currents and voltages for an effort, if motors are known; return warnings."""
-    if arm.actuators is None or arm.actuators.has_only_rotors:
+    if arm.actuators is None:
         return []
     load = arm.actuators.load(effort, v, a)
     response.motor_current = floats_to_ros(order.answer(load.current))

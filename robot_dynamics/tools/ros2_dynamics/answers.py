@@ -15,15 +15,16 @@
 """What the verbs of `ros2 dynamics` answer: each as data for JSON, and as text for people."""
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import InertiaStamped
 from lifecycle_msgs.srv import GetState
 import numpy as np
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
+from robot_dynamics.ros.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
@@ -144,19 +145,27 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 
 def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Return what the model check finds in the URDF that the node uses."""
+    """Return what the model check finds in URDF, friction and motors of the node."""
+    from robot_dynamics.model.arm_parameters import arm_from_parameters
     from robot_dynamics.model_check.finding import CHECKS, errors_of
     from robot_dynamics.model_check.report import (
         check_description,
         findings_as_data,
         findings_report,
     )
+    from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, FRICTION_SPECS
     from robot_dynamics.validation import check_choice
-    parameters = client.parameters(['joints', 'ignore_checks'])
+    parameters = client.parameters(['joints', 'ignore_checks', 'gravity', *(
+        spec.name for spec in (*ACTUATOR_SPECS, *FRICTION_SPECS))])
     ignored = arguments.ignore if arguments.ignore is not None else parameters['ignore_checks']
     for name in ignored:
         check_choice('--ignore', name, tuple(CHECKS))
-    checked = check_description(client.description(), list(parameters['joints'] or []))
+    xml = client.description()
+    try:
+        arm = arm_from_parameters(xml, parameters)
+    except ModelError:
+        arm = None  # a finding
+    checked = check_description(xml, list(parameters['joints'] or []), arm)
     return Answer(
         {'node': client.name, **findings_as_data(checked, ignored)},
         findings_report(client.name, checked, ignored),
@@ -185,6 +194,19 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
                   f'{client.name}: {_describe_payloads(payloads)}')
 
 
+AT_REST = (
+    'At rest: stiffness of the feedback [N m/rad, N/m], and position error [rad, m] up to which '
+    'the\nknown dry friction can hold a joint')
+
+
+def values_at_rest(node: str, statuses: Iterable[DiagnosticStatus]) -> dict[str, dict[str, float]]:
+    """Return stiffness and error by joint in the diagnostics of a node with computed torque."""
+    pairs = [pair for status in statuses if status.name == f'{node}: reference'
+             for pair in status.values]
+    return {'stiffness': values_per_joint(pairs, STIFFNESS),
+            'friction_error': values_per_joint(pairs, FRICTION_ERROR)}
+
+
 def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return how the node is."""
     name = client.name
@@ -202,12 +224,20 @@ def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
     facts |= {} if payloads is None else {'payload': _describe_payloads(payloads)}
     blocks = [f'{name}\n' + text_table([], list(facts.items())),
               text_table(['check', 'level', 'message'], rows)]
+    at_rest = values_at_rest(name, checks)
+    if any(at_rest.values()):
+        blocks.insert(1, AT_REST + '\n' + text_table(
+            ['joint', *at_rest], [
+                [joint, *(f'{values[joint]:.4g}' if joint in values else '-'
+                          for values in at_rest.values())]
+                for joint in joints]))
     if arguments.verbose:
         blocks += [f'{row[0]}\n' + text_table([], [
             [pair.key, pair.value] for pair in status.values])
             for row, status in zip(rows, checks) if status.values]
     return Answer(
-        {'node': name, **facts, 'joints': joints, 'payload': payloads[-1] if payloads else None,
+        {'node': name, **facts, 'joints': joints,
+         'at_rest': at_rest, 'payload': payloads[-1] if payloads else None,
          'payloads': _loads(payloads or ()), 'checks': [
             {'check': row[0], 'level': row[1].lower(), 'message': row[2],
              'values': {pair.key: pair.value for pair in status.values}}

@@ -22,16 +22,17 @@ import sys
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.reporting.text_table import percent, text_table
 from robot_dynamics.ros.conversions import stamp_from_ros
-from robot_dynamics.tools.ros2_dynamics.answers import Units
+from robot_dynamics.tools.ros2_dynamics.answers import Units, values_at_rest
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.validation import check_scalar
 from sensor_msgs.msg import JointState
 
-COMMAND_TIME = 0.5
-"""[s] that the first table waits for a command and for external efforts."""
+COMMAND_TIME = 1.5
+"""[s] that the first table waits for a command, external efforts, and diagnostics (1 Hz)."""
 STALE_TIME = 1.0
 """[s] without joint states after which the table reports their age."""
 
@@ -49,6 +50,7 @@ class JointTable:
             joints[name].effort_limit if name in joints else math.inf for name in self._names]
         self._values: dict[str, dict[str, float]] = {
             field: {} for field in ('position', 'velocity', 'effort_command', 'external_effort')}
+        self._at_rest: dict[str, dict[str, float]] = {}
         self.stamp_ns: int | None = None
         """Stamp [ns] of the newest joint state, None before the first."""
         self._received = time.monotonic()
@@ -57,6 +59,7 @@ class JointTable:
         """Return the topics to subscribe to, with their callbacks."""
         client = self._client
         return [
+            (DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)] + [
             (JointState, topic, take, qos_profile_sensor_data) for topic, take in (
                 (client.joint_state_topic(), self._on_state),
                 (client.resolve('effort_command'), lambda m: self._keep(m, 'effort_command')),
@@ -68,12 +71,17 @@ class JointTable:
         self._values['position'] |= zip(message.name, message.position)
         self._values['velocity'] |= zip(message.name, message.velocity)
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        name = self._client.name
+        if any(status.name.startswith(f'{name}: ') for status in message.status):
+            self._at_rest = values_at_rest(name, message.status)
+
     def _keep(self, message: JointState, field: str) -> None:
         self._values[field] |= zip(message.name, message.effort)
 
     def is_complete(self) -> bool:
         """Return whether all topics have arrived."""
-        return all(self._values.values())
+        return all(self._values.values()) and bool(self._at_rest)
 
     def data(self) -> dict[str, Any]:
         """Return the values in the order of the node, null for those that did not arrive."""
@@ -81,6 +89,9 @@ class JointTable:
             values = (self._values[field].get(name, math.nan) for name in self._names)
             return [value if math.isfinite(value) else None for value in values]
 
+        at_rest = {
+            field: [values.get(name) for name in self._names]
+            for field, values in self._at_rest.items() if values}
         shares = [
             None if effort is None or not math.isfinite(limit) else abs(effort) / limit
             for effort, limit in zip(column('effort_command'), self._limits)]
@@ -88,7 +99,8 @@ class JointTable:
             'node': self._client.name, 'stamp': 1e-9 * (self.stamp_ns or 0),
             'joint_names': self._names, 'position': column('position'),
             'velocity': column('velocity'), 'effort_command': column('effort_command'),
-            'effort_share': shares, 'external_effort': column('external_effort')}
+            'effort_share': shares, 'external_effort': column('external_effort'),
+            **at_rest}
 
     def text(self) -> str:
         """Return the table under a line with the age of the values."""
@@ -101,6 +113,11 @@ class JointTable:
             'share of limit': data['effort_share']}
         if self._values['external_effort']:
             columns[f'external [{units.effort}]'] = data['external_effort']
+        if 'stiffness' in data:
+            pairs = zip(units.effort.split(', '), units.position.split(', '))
+            columns[f'stiffness [{", ".join(map("/".join, pairs))}]'] = data['stiffness']
+        if 'friction_error' in data:
+            columns[f'error held by friction [{units.position}]'] = data['friction_error']
         heads = ['joint', 'kind'] if units.kinds else ['joint']
         rows = [[*units.first(name), *(
             _cell(value, heading) for value, heading in zip(values, columns))]
@@ -127,7 +144,7 @@ def answer_watch(client: DynamicsClient, arguments: Namespace) -> None:
     try:
         with client.subscribed(*topics):
             if not client.wait(lambda: table.stamp_ns is not None):
-                raise NoAnswerError(f'no joint states on {topics[0][1]} in {client.timeout:g} s')
+                raise NoAnswerError(f'no joint states on {topics[1][1]} in {client.timeout:g} s')
             client.wait(table.is_complete, COMMAND_TIME)
             rewrites, lines, printed = sys.stdout.isatty() and not arguments.json, 0, 0
             while True:

@@ -1,0 +1,51 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The stiffness of the closed loop at rest, and the error at which friction can hold a joint."""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+
+
+class RestStiffness(NamedTuple):
+    """
+    The closed loop of computed torque at rest, each (n,).
+
+    `stiffness` M_jj K_p [N·m/rad] or [N/m] is the effort of the feedback per position error of the
+    joint, with rotors as far as they are known and with scaled gains. `friction_error` [rad] or
+    [m] is the position error up to which the known dry friction F_s can hold the joint against
+    the feedback and against the compensation of F_s over the width w (`tracking_effort`), if it
+    acts at rest: F_s / (M_jj K_p + F_s / w). It is NaN if no dry friction is known.
+    """
+
+    stiffness: FloatArray
+    friction_error: FloatArray
+
+
+def rest_stiffness(controller: Controller) -> RestStiffness | None:
+    """Return the stiffness at the last state, None without a state or computed torque."""
+    with controller.lock:
+        state = controller.state
+        if state is None or controller.options.command != 'computed_torque':
+            return None
+        K_p = controller.feedback_gains[0]
+        K = np.diagonal(controller.rigid_body.mass_matrix(state[1])) * K_p
+    friction = controller.loaded_arm.friction
+    F_s = friction.at_rest.static
+    spring = F_s / friction.tracking_width if controller.compensates_friction_at_rest else 0.0
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return RestStiffness(K, np.where(F_s > 0.0, F_s / (K + spring), np.nan))

@@ -1,0 +1,91 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The check `rotors`: effort limits that no drive could turn into acceleration."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model_check.checks import check_model
+from robot_dynamics.model_check.rotor_check import check_rotors, LARGEST_ACCELERATION
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import robot_urdf
+
+HINGE = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+  <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+  <limit lower="-2" upper="2" effort="{effort}" velocity="2"/></joint></robot>"""
+WRISTS = {
+    'ur10': ['wrist_1_joint', 'wrist_2_joint', 'wrist_3_joint'], 'ur5': [], 'panda': [],
+    'z1': ['joint6', 'jointGripper'], 'xarm7': ['joint5', 'joint7'], 'talos_left_arm': []}
+
+
+def named(urdf, arm=None):
+    return [finding.where for finding in check_model(urdf, arm) if finding.check == 'rotors']
+
+
+@pytest.mark.parametrize('robot', WRISTS)
+def test_the_wrists_of_robots_without_rotors_are_named(robot):
+    assert named(robot_urdf(robot)) == WRISTS[robot]
+
+
+def test_the_message_has_both_figures_and_their_ratio():
+    finding, = (f for f in check_model(HINGE.format(kind='revolute', effort=40))
+                if f.check == 'rotors')
+    assert (finding.level, finding.where) == ('warning', 'hinge')
+    assert finding.message == (
+        "effort limit of joint 'hinge', 40 N m, divided by its smallest inertia M_jj, "
+        '0.01 kg m^2, is 4e+03 rad/s^2, expected at most 2500: no drive with a gearbox '
+        'accelerates so; set the reflected inertia of the rotor with actuator.reflected_inertia '
+        '(data sheet, or ros2 run robot_dynamics identify)')
+
+
+@settings(deadline=None, derandomize=True, max_examples=50)
+@given(st.floats(0.0, 0.1), st.floats(1.0, 500.0))
+def test_a_rotor_that_is_known_counts(rotor, effort):
+    """The bound is on the effort limit divided by the inertia of link and rotor."""
+    urdf = HINGE.format(kind='continuous', effort=effort)
+    arm = load_arm(urdf).with_reflected_inertia([rotor])
+    is_named = effort > LARGEST_ACCELERATION * (0.01 + rotor)
+    findings = list(check_rotors(arm, 0.01 + arm.reflected_inertia))
+    assert named(urdf, arm) == ['hinge'] * len(findings) == ['hinge'] * is_named
+    if is_named and rotor:
+        assert 'check actuator.reflected_inertia' in findings[0].message
+
+
+def test_the_rotors_of_a_ur10_silence_the_check():
+    urdf = robot_urdf('ur10')
+    arm = load_arm(urdf).with_reflected_inertia([1.0, 1.0, 0.6, 0.1, 0.1, 0.1])
+    assert named(urdf, arm) == []
+
+
+def test_joints_without_limit_or_mass_and_slides_are_skipped():
+    for kind, effort in (('revolute', 0), ('prismatic', 1e6)):
+        assert named(HINGE.format(kind=kind, effort=effort)) == []
+    massless = HINGE.format(kind='revolute', effort=40).replace('izz="0.01"', 'izz="0"')
+    assert {f.check for f in check_model(massless) if f.level == 'error'} == {'inertia'}
+    assert named(massless) == []
+
+
+def test_a_mimic_joint_counts_at_its_leader():
+    """Its inertia is part of that of the leader; it has no effort limit of its own."""
+    urdf = robot_urdf('panda')
+    arm = load_arm(urdf)
+    assert arm.mimic_joints
+    assert not set(named(urdf)) & {mimic.name for mimic in arm.mimic_joints}
+
+
+def test_the_default_arm_has_no_finding():
+    assert named(default_arm_urdf()) == []

@@ -1,0 +1,389 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Dry friction of the simulated arm that yields over the presliding distance before it slides."""
+
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.bristles import DAMPING_RATIO
+from robots import robot_urdf
+
+ARM = load_arm(default_arm_urdf())
+PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
+POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
+
+
+def block(mass: float, **friction: Any) -> ArmModel:
+    """Return a mass on a horizontal rail."""
+    arm = load_arm(f"""<robot name="rail"><link name="base"/><link name="slide"><inertial>
+<mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><joint name="slide" type="prismatic"><parent link="base"/><child link="slide"/>
+<axis xyz="1 0 0"/><limit lower="-9" upper="9" velocity="9" effort="99"/></joint></robot>""")
+    return rubbing(arm, **friction)
+
+
+def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
+    return arm.with_friction(make_friction(arm.joint_names, **{'viscous': [0.0], **friction}))
+
+
+def released(arm: ArmModel, *start: Any, max_step: float = 2e-3) -> ArmSimulation:
+    simulation = ArmSimulation(arm, *start, max_step=max_step)
+    simulation.release()
+    return simulation
+
+
+ranges = {
+    'mass': st.floats(-4.0, 1.0).map(lambda x: 10.0**x),
+    'coulomb': st.floats(-2.0, 1.7).map(lambda x: 10.0**x),
+    'distance': st.floats(-5.0, -1.7).map(lambda x: 10.0**x)}
+
+
+# --- one joint: the laws -------------------------------------------------------------------------
+
+@settings(max_examples=40, deadline=None)
+@given(**ranges, part=st.floats(-0.02, 0.02), angle=st.floats(0.3, 300.0))
+def test_a_joint_that_sticks_is_a_damped_spring(
+    mass: float, coulomb: float, distance: float, part: float, angle: float,
+) -> None:
+    """Under a step of effort: exact at steps of `angle`/ω, at rest at the effort × d / F_c."""
+    rate = np.sqrt(coulomb / distance / mass)
+    h, steps = angle / rate, int(np.ceil(120.0 / angle))
+    simulation = released(
+        block(mass, coulomb=[coulomb], presliding_distance=[distance]), max_step=h)
+    damped = rate * np.sqrt(1.0 - DAMPING_RATIO**2)
+    for k in range(1, steps + 1):
+        simulation.step(np.array([part * coulomb]), h)
+        decay = np.exp(-DAMPING_RATIO * rate * k * h)
+        expected = part * (1.0 - decay * (
+            np.cos(damped * k * h) + DAMPING_RATIO * rate / damped * np.sin(damped * k * h)))
+        assert simulation.q[0] == pytest.approx(expected * distance, abs=2e-5 * distance)
+        assert simulation.presliding_state == pytest.approx([expected], abs=2e-5)
+    assert simulation.q[0] * coulomb / distance == pytest.approx(
+        part * coulomb, abs=1e-6 * coulomb)
+
+
+@pytest.mark.parametrize('static', [1.0, 1.5])
+@pytest.mark.parametrize('distance', [1e-5, 1e-3, 0.02])
+def test_it_breaks_away_at_its_static_friction(static: float, distance: float) -> None:
+    F_s = 4.0 * static
+    simulation = released(block(
+        0.05, coulomb=[4.0], static=[F_s], stribeck_velocity=[1e-3],
+        presliding_distance=[distance]))
+    for part in np.linspace(0.0, 0.99, 400):
+        state = simulation.step(np.array([part * F_s]), 2e-3)
+        assert abs(state.position[0]) <= distance
+        assert simulation.presliding_state == pytest.approx([part], abs=0.05)
+    for _ in range(200):
+        state = simulation.step(np.array([1.01 * F_s]), 2e-3)
+    assert simulation.presliding_state == [1.0]
+    v = state.velocity[0]
+    state = simulation.step(np.array([1.01 * F_s]), 2e-3)
+    assert state.velocity[0] - v == pytest.approx((1.01 * F_s - 4.0) / 0.05 * 2e-3, rel=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(**ranges, speed=st.floats(0.05, 5.0), forward=st.booleans())
+def test_sliding_friction_is_coulomb_friction(
+    mass: float, coulomb: float, distance: float, speed: float, forward: bool,
+) -> None:
+    """The joint decelerates at F_c / m until it stops, after v² / (2 F_c / m)."""
+    v = speed if forward else -speed
+    simulation = released(
+        block(mass, coulomb=[coulomb], presliding_distance=[distance]), [0.0], [v],
+        max_step=0.1 * mass * speed / coulomb)
+    time = mass * speed / coulomb
+    for k in range(1, 10):
+        state = simulation.step(np.zeros(1), 0.1 * time)
+        assert state.velocity[0] == pytest.approx(v * (1.0 - 0.1 * k), rel=1e-6)
+        assert simulation.presliding_state == [np.sign(v)]
+    way = 0.5 * speed * time
+    ends = [simulation.step(np.zeros(1), 0.1 * time).position[0] for _ in range(10)]
+    assert np.abs(ends).max() <= way * (1.0 + 1e-6)
+    assert min(np.sign(v) * np.array(ends)) >= way - 2.0 * distance * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize('distance', [1e-4, 1e-3, 0.01])
+def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance: float) -> None:
+    """Pulled slowly to and fro by a spring: 4 F_c (X − d) per cycle, none below F_c."""
+    F_c, mass, amplitude, period, h = 3.0, 0.1, 0.05, 2.0, 2e-3
+    simulation = released(block(mass, coulomb=[F_c], presliding_distance=[distance]))
+
+    def cycle(pull: float) -> tuple[float, float, float]:
+        positions, heat, area = [], simulation.heat, 0.0
+        for k in range(round(period / h)):
+            target = pull * np.sin(2.0 * np.pi * (k + 0.5) * h / period)
+            before = simulation.q[0]
+            effort = 200.0 * (target - before) - 2.0 * simulation.v[0]
+            position = simulation.step(np.array([effort]), h).position[0]
+            positions.append(position)
+            area += F_c * simulation.presliding_state[0] * (position - before)
+        return 0.5 * float(np.ptp(positions)), simulation.heat - heat, area
+
+    cycle(amplitude)
+    X, heat, area = cycle(amplitude)
+    assert distance < 0.5 * X
+    assert heat == pytest.approx(4.0 * F_c * (X - distance), rel=0.02)
+    assert area == pytest.approx(heat, rel=0.03)
+    cycle(0.2 * F_c / 200.0)
+    X, heat, _ = cycle(0.2 * F_c / 200.0)
+    assert 0.0 < X < distance
+    assert heat < 0.03 * F_c * distance
+
+
+def test_it_does_not_creep_under_a_vibrating_load() -> None:
+    simulation = released(block(0.1, coulomb=[2.0], presliding_distance=[1e-3]))
+    positions = [simulation.step(
+        np.array([1.2 + 0.6 * np.sin(0.1 * k)]), 2e-3).position[0] for k in range(6000)]
+    assert np.ptp(positions[1000:]) > 5e-4
+    assert max(positions[-2000:]) == pytest.approx(max(positions[1000:3000]), abs=1e-7)
+
+
+def test_the_offset_between_the_directions_remains() -> None:
+    """F_c + F_o = 2.5 N forward, 1.5 N backward, also for the break-away."""
+    arm = block(0.1, coulomb=[2.0], offset=[0.5], presliding_distance=[1e-3])
+    for effort, z in ((2.49, 0.995), (2.51, 1.0), (-1.49, -0.995), (-1.51, -1.0), (0.0, -0.25)):
+        simulation = released(arm)
+        for part in [*np.linspace(0.0, 1.0, 500), *np.ones(200)]:
+            simulation.step(np.array([part * effort]), 2e-3)
+        assert simulation.presliding_state == pytest.approx([z], abs=1e-4)
+        assert (abs(simulation.v[0]) > 1e-3) == (abs(z) == 1.0)
+
+
+# --- arms ----------------------------------------------------------------------------------------
+
+def small_steps(
+    arm: ArmModel, q: np.ndarray, efforts: np.ndarray, seconds: float, h: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate the law of `bristles` with the midpoint rule in steps of h [s]; return q, z."""
+    body, friction = ArmDynamics(arm).rigid_body, arm.friction
+    d, F = friction.presliding_distance, friction.coulomb
+    q, v, z = q.copy(), np.zeros_like(q), np.zeros_like(q)
+
+    def rates(tau: Any, q: Any, v: Any, z: Any) -> Any:
+        M = body.mass_matrix(q)
+        sticks = ~((np.abs(z) >= 1.0) & (z * v > 0.0))
+        damping = 2.0 * DAMPING_RATIO * np.sqrt(F / d * np.diag(M)) * sticks * np.exp(
+            -v * v / (F * d / np.diag(M)))
+        effort = tau - body.nonlinear(q, v) - (
+            F * z + (damping + friction.viscous) * v)
+        return v, np.linalg.solve(M, effort), np.where(sticks, v / d, 0.0)
+
+    for tau in efforts:
+        for _ in range(round(seconds / h)):
+            middle = rates(tau, *(x + 0.5 * h * rate for x, rate in zip(
+                (q, v, z), rates(tau, q, v, z))))
+            q, v, z = (x + h * rate for x, rate in zip((q, v, z), middle))
+            z = np.clip(z, -1.0, 1.0)
+    return q, z
+
+
+@pytest.mark.parametrize('distance', [[2e-3, 2e-3], [5e-4, 0.01]])
+def test_two_links_move_as_small_steps_of_the_law_say(distance: list[float]) -> None:
+    """With stick and slip of both joints, under efforts around gravity compensation."""
+    arm = rubbing(ARM, viscous=[0.2, 0.1], coulomb=[4.0, 1.5], presliding_distance=distance)
+    q = np.array([0.6, -0.8])
+    gravity = ArmDynamics(ARM).rigid_body.gravity(q)
+    efforts = gravity + np.array([[3.0, 1.0], [7.0, -1.2], [-2.0, 3.0], [-9.0, 0.0], [1.0, 1.0]])
+    expected = small_steps(arm, q, efforts, 0.04, 2e-5)
+    ends = []
+    for max_step in (2e-3, 2e-4):
+        simulation = released(arm, q, max_step=max_step)
+        for effort in efforts:
+            for _ in range(20):
+                simulation.step(effort, 2e-3)
+        ends.append(simulation.q.copy())
+    assert np.abs(simulation.q - q).max() > 0.01
+    assert ends[0] == pytest.approx(ends[1], abs=5e-8)
+    # the midpoint rule passes slips with an error of first order
+    assert simulation.q == pytest.approx(expected[0], abs=5e-5)
+    assert simulation.presliding_state == pytest.approx(expected[1], abs=2e-3)
+
+
+frictions = st.fixed_dictionaries({
+    'viscous': st.sampled_from([0.0, 0.01, 1.0]), 'coulomb': ranges['coulomb'],
+    'static': st.sampled_from([1.0, 1.6]), 'offset': st.sampled_from([0.0, -0.4, 0.3]),
+    'sigmoid': st.sampled_from([0.0, 0.0, 0.5]), 'load': st.sampled_from([0.0, 0.0, 0.1]),
+    'presliding_distance': st.one_of(st.just(0.0), ranges['distance'])})
+
+
+def random_friction(each: list[dict[str, float]]) -> dict[str, list[float]]:
+    """Return parameters in which F_s and F_o are multiples of F_c."""
+    columns = {name: [one[name] for one in each] for name in each[0]}
+    for name in ('static', 'offset'):
+        columns[name] = [share * F for share, F in zip(columns[name], columns['coulomb'])]
+    return columns
+
+
+@settings(max_examples=25, deadline=None)
+@given(data=st.data())
+def test_energy_never_grows_without_input(data: st.DataObject) -> None:
+    """K + P with the energy of the bristles, minus the work, over random arms and states."""
+    bare, q = data.draw(st.sampled_from([
+        (ARM, np.array([0.4, -0.7])), (PANDA, POSE)]))
+    n = bare.joint_count
+    each = data.draw(st.lists(frictions, min_size=n, max_size=n))
+    arm = rubbing(bare, **random_friction(each))
+    v = np.array(data.draw(st.lists(
+        st.sampled_from([0.0, 0.0, 0.01, -0.3, 1.0]), min_size=n, max_size=n)))
+    gravity = ArmDynamics(bare).rigid_body.gravity(q)
+    tau = data.draw(st.sampled_from([0.0, 0.9, 1.0])) * gravity
+    h = data.draw(st.sampled_from([1e-3, 2e-3, 0.01]))
+    simulation = released(arm, q, v)
+    left = sum(simulation.energy()) - simulation.work
+    for _ in range(25):
+        simulation.step(tau, h)
+        scale = 1.0 + sum(np.abs(simulation.energy())) + abs(simulation.work)
+        before, left = left, sum(simulation.energy()) - simulation.work
+        assert left <= before + 1e-7 * scale
+        assert np.abs(simulation.presliding_state).max() <= 1.0
+
+
+@pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
+def test_work_energy_and_heat_balance(backlash: float | None) -> None:
+    """Heat is integrated, except in exponential steps; springs are slow enough here."""
+    arm = rubbing(ARM, viscous=[0.5, 0.2], coulomb=[4.0, 1.5], offset=[0.3, -0.1],
+                  presliding_distance=[0.01, 0.02])
+    if backlash is not None:
+        arm = arm.with_actuators(make_actuators(
+            ARM.joint_names, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
+    simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
+    at_start, largest = sum(simulation.energy()), 1.0
+    for k in range(300):
+        heat = simulation.heat
+        simulation.step(60.0 * np.sin(0.03 * k + np.array([0.0, 1.0])) * [1.0, 0.3], 0.002)
+        assert simulation.heat >= heat - 1e-9
+        change = sum(simulation.energy()) - at_start
+        largest = max(largest, simulation.work, simulation.heat)
+        assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-6 * largest)
+    assert simulation.heat > 5.0
+
+
+def path(arm: ArmModel, q: np.ndarray) -> np.ndarray:
+    """Return the positions under efforts that let all joints stick and slip."""
+    simulation = released(arm, q)
+    gravity = ArmDynamics(arm).rigid_body.gravity(q)
+    F = arm.friction.coulomb
+    return np.array([simulation.step(
+        gravity + 1.5 * F * np.sin(0.05 * k + np.arange(len(q))), 2e-3).position
+        for k in range(150)])
+
+
+@pytest.mark.parametrize(('bare', 'q', 'coulomb'), [
+    (ARM, np.array([0.4, -0.7]), [4.0, 1.5]), (PANDA, POSE, [2.0, 2.0, 1.5, 1.5, 0.6, 0.6, 0.3])],
+    ids=['planar', 'panda'])
+def test_the_limit_of_short_distances_is_rigid_sticking(
+    bare: ArmModel, q: np.ndarray, coulomb: list[float], seen: Any,
+) -> None:
+    rigid = path(rubbing(bare, coulomb=coulomb), q)
+    assert np.array_equal(rigid, path(
+        rubbing(bare, coulomb=coulomb, presliding_distance=[0.0]), q))
+    assert np.abs(rigid[-1] - q).max() > 1e-3
+    errors = [np.abs(path(rubbing(bare, coulomb=coulomb, presliding_distance=[d]), q)
+                     - rigid).max() for d in (1e-3, 1e-4, 1e-5)]
+    seen(f'{errors}')
+    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
+    assert errors[2] < 2e-3
+
+
+def test_a_rigid_joint_beside_one_that_yields_does_not_move() -> None:
+    q = np.array([0.4, -0.7])
+    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[0.0, 1e-3])
+    simulation = released(arm, q)
+    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([2.0, 0.6])
+    for _ in range(300):
+        simulation.step(effort, 2e-3)
+    assert simulation.q[0] == q[0]
+    assert simulation.q[1] - q[1] == pytest.approx(0.4e-3, rel=1e-2)
+    assert simulation.presliding_state[0] == 0.0
+
+
+def test_the_state_is_that_of_the_identification() -> None:
+    """Along the simulated positions, `presliding_state` has the deflections of the simulation."""
+    d, h = np.array([3e-3, 1e-2]), 1e-3
+    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=d.tolist())
+    simulation = released(arm, [0.4, -0.7])
+    q, v, z = [], [], []
+    for k in range(3000):
+        goal = np.array([0.4, -0.7]) + [0.2, 0.3] * np.sin(0.004 * k * np.array([1.0, 1.7]))
+        effort = ArmDynamics(ARM).rigid_body.gravity(simulation.q) + (
+            np.array([2000.0, 400.0]) * (goal - simulation.q) - [200.0, 30.0] * simulation.v)
+        simulation.step(effort, h)
+        q.append(simulation.q.copy())
+        v.append(simulation.v.copy())
+        z.append(simulation.presliding_state)
+    expected = presliding_state(np.array(q), np.array(v), d, state=z[0])
+    difference = np.abs(np.array(z) - expected)
+    assert np.abs(z).max(axis=0) == pytest.approx([1.0, 1.0])
+    assert (np.abs(z) < 0.9).mean() > 0.02
+    assert difference.max() < 0.01
+
+
+# --- operation -----------------------------------------------------------------------------------
+
+def test_brakes_keep_the_deflection_and_a_reset_relaxes_it() -> None:
+    q = np.array([0.4, -0.7])
+    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[5e-4, 1e-4])
+    simulation = released(arm, q)
+    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([3.0, -1.0])
+    for _ in range(1000):
+        simulation.step(effort, 2e-3)
+    position, z, energy = simulation.q.copy(), simulation.presliding_state, simulation.energy()
+    assert z == pytest.approx([0.75, -2.0 / 3.0], rel=0.05)
+    simulation.brake()
+    simulation.step(effort, 0.1)
+    assert simulation.presliding_state.tolist() == z.tolist()
+    assert simulation.energy()[1] == energy[1]
+    simulation.release()
+    for _ in range(100):
+        simulation.step(effort, 2e-3)
+    assert simulation.q == pytest.approx(position, abs=1e-7)
+    simulation.reset()
+    assert simulation.presliding_state.tolist() == [0.0, 0.0]
+    simulation.release()
+    hold = ArmDynamics(ARM).rigid_body.gravity(q)
+    for _ in range(500):
+        simulation.step(hold, 2e-3)
+    assert simulation.q == pytest.approx(q, abs=1e-12)
+
+
+def test_a_payload_and_a_push_deflect_the_joints() -> None:
+    """By their torque × d / F_c; afterwards the arm returns."""
+    q, d = np.array([0.4, -0.7]), np.array([2e-3, 2e-3])
+    arm = rubbing(ARM, viscous=[0.1], coulomb=[40.0, 20.0], presliding_distance=d.tolist())
+    simulation = released(arm, q)
+    body = ArmDynamics(ARM).rigid_body
+    hold, stiffness = body.gravity(q), arm.friction.coulomb / d
+    wrench = ExternalWrench('tool0', np.array([10.0, 0.0, 0.0]), np.zeros(3))
+    loaded = ARM.with_payloads([make_payload('tool0', 0.5)])
+    for wrenches, payloads, torque in (
+            ([wrench], [], -body.external(q, [wrench])), ([], [], 0.0 * q),
+            ([], loaded.payloads, hold - ArmDynamics(loaded).rigid_body.gravity(q)),
+            ([], [], 0.0 * q)):
+        simulation.set_payloads(payloads)
+        for _ in range(600):
+            simulation.step(hold, 2e-3, wrenches)
+        assert simulation.q - q == pytest.approx(torque / stiffness, rel=0.01, abs=1e-8)
