@@ -154,14 +154,8 @@ def foreign_mjcf(
     `load` [kg] is an unknown mass at the tool, `floor` [m] the height of a floor, which only the
     tool touches. With `links`, capsules show the links.
     """
-    published, arm = ARMS[name], given_arm(name)
-    root = ElementTree.fromstring(arm_to_mjcf(arm))
-    bodies = [body for body in root.iter('body') if body.find('joint') is not None]
+    published, (root, bodies) = ARMS[name], _with_published_joints(name)
     for k, body in enumerate(bodies):
-        joint = body.find('joint')
-        assert joint is not None
-        for field in ('armature', 'damping', 'frictionloss'):
-            joint.set(field, str(getattr(published, field)[k]))
         old = body.find('inertial')
         if old is not None:
             body.remove(old)
@@ -181,6 +175,24 @@ def foreign_mjcf(
         SubElement(
             world, 'geom', name=FLOOR, type='plane', size='2 2 0.1', pos=f'0 0 {floor}')
     return ElementTree.tostring(root, encoding='unicode')
+
+
+def mjcf_with_masses_of_the_urdf(name: str) -> str:
+    """Return the MJCF of an arm with the published figures of its joints, not of its masses."""
+    return ElementTree.tostring(_with_published_joints(name)[0], encoding='unicode')
+
+
+def _with_published_joints(name: str) -> tuple[Element, list[Element]]:
+    """Return the arm of the URDF with the published joints, and its moving bodies."""
+    published = ARMS[name]
+    root = ElementTree.fromstring(arm_to_mjcf(given_arm(name)))
+    bodies = [body for body in root.iter('body') if body.find('joint') is not None]
+    for k, body in enumerate(bodies):
+        joint = body.find('joint')
+        assert joint is not None
+        for field in ('armature', 'damping', 'frictionloss'):
+            joint.set(field, str(getattr(published, field)[k]))
+    return root, bodies
 
 
 def _inertial(text: str) -> Element:
