@@ -68,7 +68,7 @@ class GearedPlant(Plant):
         D = 2.0 * MICRO_DAMPING * np.sqrt(K * np.diag(M))
         for _ in range(SUBSTEPS):
             A = M + np.diag(dt * (self._viscous + (D + dt * K) * self._yielding(v)))
-            v = np.linalg.solve(A, M @ v + dt * (tau - nonlinear - K * self._z))
+            v = np.asarray(np.linalg.solve(A, M @ v + dt * (tau - nonlinear - K * self._z)))
             self._z = np.clip(self._z + dt * v * self._yielding(v), -self._d, self._d)
             q = q + dt * v
         self.q, self.v = q, v
