@@ -207,9 +207,10 @@ class JointFriction:
 
         Viscous friction is that at v + rate · error, so that it does not hold an error; `rate` is
         in 1/s (J.-J. E. Slotine, W. Li, Int. J. Robotics Research 6(3), 1987). The sign of dry
-        friction is that of the reference in a motion. At rest the compensation is a spring of
-        F_s / w up to the error w, in parallel to that of the gearbox, F_c over its presliding
-        distance d. It acts late: if w is below about twice d, the loop gain of both exceeds 1, and
+        friction is that of the reference in a motion; it fades if the joint is ahead of its
+        reference, so that friction that is given too large does not drive the joint away. At rest
+        the compensation is a spring of F_s / w up to the error w, in parallel to that of the
+        gearbox, F_c over its presliding distance d. It acts late: if w is below about twice d, the loop gain of both exceeds 1, and
         the joint vibrates (small-gain theorem). With w = 5 d the gain is below 1 for a resonance
         of 3.5 and friction that is given 1.4 times too large.
         """
@@ -313,9 +314,8 @@ def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatA
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return the sign of a velocity, smooth around 0, and of an offset at rest."""
-    sign = np.tanh(ratio)
-    return np.asarray(np.minimum(np.maximum(sign + (1.0 - sign * sign) * offset, -1.0), 1.0))
+    """Return the sign of a velocity, smooth around 0, plus an offset, within ±1."""
+    return np.asarray(np.minimum(np.maximum(np.tanh(ratio) + offset, -1.0), 1.0))
 
 
 def make_friction(

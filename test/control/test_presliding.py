@@ -119,11 +119,16 @@ class Simulated:
 
 
 class End(NamedTuple):
-    """The last second: largest speed, change of effort by F_c, error [rad] or [m]."""
+    """
+    The last second: largest speed, change of effort by F_c, error [rad] or [m].
+
+    `farthest` is the largest distance from the reference in the whole motion [rad] or [m].
+    """
 
     speed: float
     change: float
     error: float
+    farthest: float
 
 
 def end_of_motion(
@@ -137,7 +142,7 @@ def end_of_motion(
     loop, limit = ControlLoop.of_arm(arm, **options), arm.limits.effort
     goal = plant.q + WAY * np.where(np.arange(len(plant.q)) % 2, 1.0, -1.0)
     pending: deque[tuple[int, FloatArray]] = deque()
-    effort, speeds, efforts = None, [], []
+    effort, speeds, efforts, farthest = None, [], [], 0.0
     for k in range(round(seconds / STEP)):
         if k == 200:
             loop.follow(make_trajectory(
@@ -152,11 +157,13 @@ def end_of_motion(
             plant.step(effort)
             speeds.append(np.abs(plant.v).max())
             efforts.append(effort)
+        if loop.reference is not None:
+            farthest = max(farthest, float(np.abs(plant.q - loop.reference.position).max()))
     assert loop.supervisor.fault_count == 0
     return End(
         float(max(speeds[-1000:])), float(
             (np.ptp(efforts[-1000:], axis=0) / plant.coulomb).max()),
-        float(np.abs(plant.q - goal).max()))
+        float(np.abs(plant.q - goal).max()), farthest)
 
 
 def check_calm(case: Case, seen: Any, kind: type[Plant | Simulated] = Plant) -> None:
@@ -219,6 +226,19 @@ def test_joints_are_calm_at_all_rates(
     check_calm(Case(name, rate, delay, distance, given, name in ROTORS), seen)
 
 
+@pytest.mark.parametrize(('case', 'bound'), [
+    (Case('ur10', 500, 4, 1e-3, 1.4, True), 0.05), (Case('panda', 500, 4, 1e-3, 1.4, True), 0.1),
+    (Case('z1', 500, 4, 1e-3, 1.4), 0.015), (Case('ur5', 125, 8, 1e-3, 1.4), 0.04)],
+    ids=lambda value: getattr(value, 'arm', ''))
+def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
+    case: Case, bound: float, seen: Any,
+) -> None:
+    """The feedback of a light joint, or of one with an unknown rotor, could not hold it."""
+    end = end_of_motion(case, seconds=3.0)
+    seen(f'{end.farthest:.4f} rad')
+    assert end.farthest < bound
+
+
 @pytest.mark.parametrize(('distance', 'width'), [
     (0.0, 0.025), (1e-4, 0.005), (2e-3, 0.01), (0.01, 0.05)])
 def test_the_width_covers_the_presliding_distance(distance: float, width: float) -> None:
@@ -227,6 +247,9 @@ def test_the_width_covers_the_presliding_distance(distance: float, width: float)
     for share, expected in ((0.5, 1.0), (-0.5, -1.0), (2.0, 2.0)):
         assert friction.tracking_effort(np.zeros(1), np.array([share * width])) == (
             pytest.approx([expected]))
-    for v in (-0.1, 0.1):  # in a motion only the reference counts
-        assert friction.tracking_effort(np.array([v]), np.array([-v])) == (
-            pytest.approx([np.copysign(2.0, v)], abs=1e-6))
+    for v in (-0.1, 0.1):
+        sign = np.copysign(1.0, v)
+        for share, expected in (  # behind the reference, and ahead of it
+                (0.7, 1.0), (3.0, 1.0), (-0.25, 0.75), (-1.0, 0.0), (-3.0, -1.0)):
+            effort = friction.tracking_effort(np.array([v]), np.array([sign * share * width]))
+            assert effort == pytest.approx([2.0 * sign * expected], abs=1e-6)

@@ -104,8 +104,7 @@ def test_invalid_values_are_rejected_by_name(field, value, words):
 def tracked_friction(friction, v, error, rate, load):
     """Return the compensation by the formula on the page friction.md."""
     def sign(width):
-        s = np.tanh(v / width)
-        return np.clip(s + (1.0 - s**2) * error / 0.025, -1.0, 1.0)
+        return np.clip(np.tanh(v / width) + error / 0.025, -1.0, 1.0)
 
     return (friction.viscous * (v + rate * error) + friction.dry(v) * sign(0.01) + friction.offset
             + (friction.sigmoid + friction.load * np.abs(load)) * sign(friction.sigmoid_velocity)
