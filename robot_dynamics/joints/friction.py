@@ -210,9 +210,9 @@ class JointFriction:
         friction is that of the reference in a motion; it fades if the joint is ahead of its
         reference, so that friction that is given too large does not drive the joint away. At rest
         the compensation is a spring of F_s / w up to the error w, in parallel to that of the
-        gearbox, F_c over its presliding distance d. It acts late: if w is below about twice d, the loop gain of both exceeds 1, and
-        the joint vibrates (small-gain theorem). With w = 5 d the gain is below 1 for a resonance
-        of 3.5 and friction that is given 1.4 times too large.
+        gearbox, F_c over its presliding distance d. It acts late: if w is below about twice d, the
+        loop gain of both exceeds 1, and the joint vibrates (small-gain theorem). With w = 5 d the
+        gain is below 1 for a resonance of 3.5 and friction that is given 1.4 times too large.
         """
         pull = self.viscous * rate * error
         if self.is_viscous:
