@@ -389,8 +389,9 @@ class Controller:
                 1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, q, v, velocity_delay)
             self._state = stamp_ns, q, v
             trajectory = self._reference.active
-            if (trajectory is None or trajectory is self._first_stop) and (
-                    self.may_hold and (trajectory is not None or self._stops_now())):
+            if self.may_hold and (
+                    self._stops_now() if trajectory is None else
+                    trajectory is self._first_stop and (last is None or stamp_ns != last[0])):
                 trajectory = self._stop_from(last, stamp_ns, q)
         if trajectory is not None:
             law = self._law_with_reference
@@ -435,7 +436,7 @@ class Controller:
         Start a stop at q (n,), with the velocity since the last state (stamp, q, v).
 
         One sample of a noisy velocity would move the reference. A first state is a stop at rest
-        until the second one.
+        until a state with another stamp.
         """
         v, dt = np.zeros_like(q), 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
         if last is not None and 0.0 < dt <= LONGEST_DIFFERENCE:

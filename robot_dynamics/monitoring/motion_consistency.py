@@ -418,8 +418,8 @@ class MotionConsistency:
 def _text(name: str, length: float, integral: float, moved: float, v: float) -> str:
     """Return what contradicts what, and the probable cause; v is the last velocity."""
     ratio = integral / moved if moved else math.inf
-    if moved and length <= SHORT and v * moved <= 0.0:  # the integral contains true velocities
-        ratio = v * length / moved
+    if moved and (v == 0.0 or length <= SHORT and v * moved < 0.0):
+        ratio = v * length / moved  # the integral contains true velocities
     if abs(ratio) < 0.1:
         cause = 'velocity is zero or missing'
     elif -4.0 < ratio < 0.0:

@@ -1,0 +1,61 @@
+# Copyright 2026 The robot_dynamics authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A state that arrives again, as from a simulation in lock-step that waits, changes nothing."""
+
+from hypothesis import given, strategies as st
+from lock_step_loop import FIRST_STAMP, MS, smooth_arm
+import numpy as np
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+ARM = smooth_arm('default')
+PERIOD = 10
+"""[ms]"""
+
+
+def efforts(
+    seed: int, count: int, repeats: dict[int, int], goal_at: int, moves: bool,
+) -> list[tuple[float, ...] | None]:
+    """
+    Return the efforts for `count` noisy states; state k arrives 1 + repeats[k] times.
+
+    The steady clock and that of the computer pass at random between two arrivals, the stamps are
+    those of simulated time.
+    """
+    rng, clock = np.random.default_rng(seed), np.random.default_rng()
+    loop, steady, found = ControlLoop.of_arm(ARM), 0, []
+    q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2]) if moves else np.zeros(2)
+    for k in range(count):
+        if k == goal_at:
+            loop.follow(make_trajectory(ARM.joint_names, [1.0], [q + 0.2], [np.zeros(2)]))
+        q = q + 1e-3 * PERIOD * v
+        noise = rng.normal(0.0, 1e-4, 2), rng.normal(0.0, 1e-3, 2)
+        for _ in range(1 + repeats.get(k, 0)):
+            steady += int(clock.integers(1, 30)) * MS
+            effort = loop.answer(
+                (k + 1) * PERIOD * MS, q + noise[0], v + noise[1],
+                FIRST_STAMP + steady, steady).effort
+        found.append(None if effort is None else tuple(effort.tolist()))
+    return found
+
+
+@given(
+    seed=st.integers(0, 2**31), repeats=st.dictionaries(
+        st.integers(0, 14), st.integers(1, 3), max_size=4),
+    goal_at=st.integers(1, 20), moves=st.booleans())
+def test_repeated_states_change_no_effort(
+    seed: int, repeats: dict[int, int], goal_at: int, moves: bool,
+) -> None:
+    assert efforts(seed, 15, repeats, goal_at, moves) == efforts(seed, 15, {}, goal_at, moves)
