@@ -18,7 +18,7 @@ from hypothesis import given, strategies as st
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = smooth_arm('default')
 PERIOD = 10
@@ -39,11 +39,12 @@ def efforts(
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2]) if moves else np.zeros(2)
     for k in range(count):
         if k == goal_at:
-            loop.follow(make_trajectory(ARM.joint_names, [1.0], [q + 0.2], [np.zeros(2)]))
+            loop.follow(quintic_point_to_point(
+                ARM.joint_names, [0.8, 0.5], [1.0, 0.7], 1.0))
         q = q + 1e-3 * PERIOD * v
         noise = rng.normal(0.0, 1e-4, 2), rng.normal(0.0, 1e-3, 2)
         for _ in range(1 + repeats.get(k, 0)):
-            steady += int(clock.integers(1, 30)) * MS
+            steady += int(clock.integers(1, 10)) * MS
             effort = loop.answer(
                 (k + 1) * PERIOD * MS, q + noise[0], v + noise[1],
                 FIRST_STAMP + steady, steady).effort

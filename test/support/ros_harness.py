@@ -222,6 +222,14 @@ class NodeProcess:
             f'{"ended" if in_time else f"{timeout:g} s passed"} without {pattern!r}:\n{self.log}')
         return found[0]
 
+    def provoke(self, send: Callable[[], object], pattern: str, timeout: float = TIMEOUT) -> str:
+        """Send until there is a line with this pattern; return the line."""
+        deadline = time.monotonic() + timeout
+        while not re.search(pattern, self.log) and time.monotonic() < deadline:
+            send()  # a subscription may not know its publisher yet
+            time.sleep(RESEND_PERIOD)
+        return self.wait_for_log(pattern, 1.0)
+
     def _read_log(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
