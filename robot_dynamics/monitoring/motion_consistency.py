@@ -273,7 +273,8 @@ class MotionConsistency:
             agrees = (np.abs(difference) <= tolerance) | (
                 (q == self._q) & (v == self._v))
             if not agrees.all():
-                self._find(~agrees, length, integral, moved, difference, tolerance, v)
+                self._find(
+                    ~agrees, first, length, integral, moved, difference, tolerance, v)
         if stamp_ns >= self._check_ns:
             self._estimate_noise(t, dt, q, v, e)
             self._check_ns = stamp_ns + (_CHECK_NS if self._count >= _KNOWN else 0)
@@ -337,17 +338,20 @@ class MotionConsistency:
         return np.asarray(integral - np.minimum(np.maximum(integral, low), high))
 
     def _find(
-        self, contradicts: BoolArray, length: FloatArray, integral: FloatArray,
-        moved: FloatArray, difference: FloatArray, tolerance: FloatArray, v: FloatArray,
+        self, contradicts: BoolArray, first: IntArray, length: FloatArray,
+        integral: FloatArray, moved: FloatArray, difference: FloatArray,
+        tolerance: FloatArray, v: FloatArray,
     ) -> None:
         """Mark the joints of which a window, (windows, n), contradicts the displacement."""
         found = contradicts.any(axis=0)
         for j in np.flatnonzero(found & ~self.doubtful & ~self.frozen):
             row = int(np.argmax(np.where(
                 contradicts[:, j], np.abs(difference[:, j]) / tolerance[:, j], -1.0)))
+            positions = self._positions[first[row]:self._row + 1, j]
             self.reason = _text(
                 self._names[j], float(length[row, 0]), float(integral[row, j]),
-                float(moved[row, j]), float(v[j]))
+                float(moved[row, j]), float(v[j]), _reversal_ratio(
+                    positions, self._differences[first[row]:self._row + 1, j]))
         self._set_doubtful(self.doubtful | found & ~self.frozen)
 
     def _follow_repeats(
@@ -415,10 +419,31 @@ class MotionConsistency:
         self.is_consistent = not (frozen.any() or self.doubtful.any())
 
 
-def _text(name: str, length: float, integral: float, moved: float, v: float) -> str:
+def _reversal_ratio(positions: FloatArray, differences: FloatArray) -> float | None:
+    """
+    Return the ratio of the path by velocities to that by positions if the joint reversed, or None.
+
+    `differences` are those of the integral and the position, both (m,). After a reversal the
+    displacement of the window states neither scale nor sign; equal paths leave the sign.
+    """
+    steps = np.diff(positions)
+    path = float(np.abs(steps).sum())
+    if abs(float(steps.sum())) > 0.9 * path:
+        return None
+    ratio = float(np.abs(steps + np.diff(differences)).sum()) / path
+    return -1.0 if 0.7 < ratio < 1.3 else ratio
+
+
+def _text(
+    name: str, length: float, integral: float, moved: float, v: float, reversal: float | None,
+) -> str:
     """Return what contradicts what, and the probable cause; v is the last velocity."""
     ratio = integral / moved if moved else math.inf
-    if moved and (v == 0.0 or length <= SHORT and v * moved < 0.0):
+    if moved and v == 0.0:
+        ratio = 0.0
+    elif reversal is not None:
+        ratio = reversal
+    elif moved and length <= SHORT and v * moved < 0.0:
         ratio = v * length / moved  # the integral contains true velocities
     if abs(ratio) < 0.1:
         cause = 'velocity is zero or missing'

@@ -14,7 +14,8 @@
 
 """A state that arrives again, as from a simulation in lock-step that waits, changes nothing."""
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 from robot_dynamics.control.loop import ControlLoop
