@@ -71,6 +71,12 @@ REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
 UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
 """[rad/s] of the velocity: assumed until it is known, and tolerated."""
+LIVELY = 100
+"""Stored states of a slow joint without a repetition: its noise changes every sample."""
+_SLOW_ROWS = 10
+"""Stored states in which a slow joint moves by at most FLOOR."""
+DECAYED = 1e-6
+"""[rad/s] up to which a repeated velocity is the end of a decay rather than a lost signal."""
 _REST = 0.0002
 """[rad] that a joint moves at most between two checks at rest."""
 _FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
@@ -139,6 +145,8 @@ class MotionConsistency:
         self.repeats_since_ns: IntArray = np.full(n, _NEVER)
         """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
         self._is_repeating = self._all_repeat = False
+        self._lively = np.zeros(n)
+        """Stored states (n,) since the last repetition in which the joint was slow."""
         self._left: IntArray = np.zeros(n, dtype=np.int64)
         """Checks in a row in which the reference has left a joint without a new sample, (n,)."""
         self._store_v = self._zero
@@ -220,6 +228,9 @@ class MotionConsistency:
             if (self._is_repeating or True in same.tolist()) and (
                     self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
+            if row >= _SLOW_ROWS:
+                moved = np.abs(q - self._positions[row - _SLOW_ROWS])
+                self._lively += (moved <= FLOOR * self._unit) & ~same
         if row == _ROWS - 1:
             row = _ROWS // 2
             for values in (self._times, self._squared, self._positions, self._differences):
@@ -376,6 +387,8 @@ class MotionConsistency:
         duration = _NS * (stamp_ns - start)
         speed = np.abs(self._v) - SLOW * self._unit
         ends = ~same & (self.repeats_since_ns != _NEVER) & (speed > -SLOW * self._unit)
+        self._lively = np.where(
+            same | (self.repeats_since_ns == _NEVER), self._lively, 0.0)
         self._hold = np.where(ends & (duration <= LONGEST_REPEATS), np.maximum(
             self._hold, duration), self._hold)
         self.repeats_since_ns = np.where(same, start, _NEVER)
@@ -387,7 +400,9 @@ class MotionConsistency:
         self._left = np.where(is_left, self._left + 1, 0)
         # A joint that stands still may obey the next reference.
         frozen = same & (self.frozen & (self._v != 0.0) | (excess > 0.0) & (
-            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS)))
+            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS)
+            | (self._lively >= LIVELY) & (duration > LONGEST_REPEATS)
+            & (np.abs(self._v) > DECAYED * self._unit)))
         for j in np.flatnonzero(frozen & ~self.frozen):
             self.reason = (
                 f'position and velocity of {self._names[j]!r} have not changed for '
@@ -428,7 +443,7 @@ def _reversal_ratio(positions: FloatArray, differences: FloatArray) -> float | N
     """
     steps = np.diff(positions)
     path = float(np.abs(steps).sum())
-    if abs(float(steps.sum())) > 0.9 * path:
+    if not abs(float(steps.sum())) < 0.9 * path:
         return None
     ratio = float(np.abs(steps + np.diff(differences)).sum()) / path
     return -1.0 if 0.7 < ratio < 1.3 else ratio

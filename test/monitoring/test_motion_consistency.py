@@ -378,6 +378,49 @@ def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> No
     assert one.is_consistent
 
 
+def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong() -> None:
+    states = at_rest(np.random.default_rng(0), 500)
+    states.q[:] = 0.2
+    states.v[1000:, 0] += 3.0
+    one = consistency()
+    _, reason = next(alarms(one, states, np.zeros_like(states.q)))
+    assert one.doubtful.tolist() == [True] + [False] * (N - 1)
+    assert 'the position does not move' in reason
+
+
+def at_rest(rng: np.random.Generator, rate: int, seconds: float = 3.0) -> States:
+    """Return states at rest whose last digits change with every sample."""
+    m = int(seconds * rate)
+    return States(
+        SECOND + np.round(1e9 * np.arange(m) / rate).astype(np.int64),
+        0.2 + rng.normal(0.0, 1e-5, (m, N)), rng.normal(0.0, 0.01, (m, N)))
+
+
+@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
+    """Nothing holds a joint without friction if its signal is lost at rest."""
+    states = at_rest(np.random.default_rng(0), rate)
+    k = 2 * rate
+    states.q[k:, 0], states.v[k:, 0] = states.q[k, 0], states.v[k, 0]
+    one = consistency()
+    row, reason = next(alarms(one, states, np.zeros_like(states.q)))
+    assert one.frozen.tolist() == [True] + [False] * (N - 1)
+    assert 0.04 < (row - k) / rate < 0.1
+    assert "'joint1' have not changed for" in reason
+
+
+@pytest.mark.parametrize('rate', [100, 500, 1000])
+@pytest.mark.parametrize('dtype', [np.float32, np.float64])
+def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
+    """An encoder with steps and its filtered difference: after slow motion they are constant."""
+    t = np.arange(0.0, 12.0, 1.0 / rate)
+    q = 1e-4 * np.round(1e4 * 0.03 * np.minimum(t, 4.0))[:, None] * np.ones(N)
+    v, share = np.zeros_like(q), 1.0 - np.exp(-100.0 / rate)
+    for k in range(1, len(t)):
+        v[k] = dtype(v[k - 1] + share * (rate * (q[k] - q[k - 1]) - v[k - 1]))
+    no_alarm(States(SECOND + np.round(1e9 * t).astype(np.int64), q, v), np.zeros_like(q))
+
+
 def test_a_joint_that_sticks_is_not_frozen() -> None:
     one = consistency()
     reference = np.linspace(0.0, 0.9 * REFERENCE, 1000)[:, None] * np.array([1.0, -1.0, 0.0])
