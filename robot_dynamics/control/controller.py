@@ -472,15 +472,6 @@ class Controller:
             return (M, passive) if drive is None else (
                 M / drive.scale[:, np.newaxis], passive / drive.scale)
 
-    def joint_torque(self, output: ControlOutput, effort: FloatArray) -> FloatArray:
-        """Return the torque (n,) that accelerates the arm under a command: without friction."""
-        torque = effort if self.arm.drive is None else self.arm.drive.torque(effort)
-        torque = torque - output.law.friction
-        for part in output.robot:
-            if part is not None:
-                torque = torque + part
-        return torque
-
     @property
     def rigid_body(self) -> UncheckedRigidBody:
         """The rigid bodies of the arm with its active loads."""

@@ -14,22 +14,23 @@
 
 """Prediction of joints whose driver no longer updates their position and velocity."""
 
+import math
+
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.followed_reference import FASTEST_STOP
 
-LONGEST_STEP = 0.05
-"""[s] between two states for which the motion of a frozen joint is predicted."""
+LONGEST_PERIOD, STEP = 0.05, 0.002
+"""[s] between two states for which the motion of a frozen joint is predicted, and its step."""
 _MOST_STEPS = 100
 
 
 class FrozenJoints:
     """
-    The motion of joints without a signal, predicted by the equation of motion.
+    The motion of joints without a signal, predicted by their closed loop with the reference.
 
-    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards the
-    commanded effort accelerates the arm.
+    Until the fault is found, the feedback acts on the error of the frozen sample; afterwards on
+    the predicted error e = q_r − q, which then decays by ë = −K_d ė − K_p e whatever the inertia.
     """
 
     def __init__(
@@ -44,10 +45,9 @@ class FrozenJoints:
         self.marks, self._controller = marks, controller
         self.since = 0.0
         """Time [s] of the steady clock at which the fault was found."""
-        self.torque: FloatArray | None = None
-        """The torque (n,) that accelerates the arm since the last state, None at the first one."""
         v = v if v is not None else np.zeros_like(q)
-        self._q, self._v = q, v
+        self._q = q
+        self._e, self._e_dot = np.zeros((2, len(q)))
         trajectory = controller.trajectory
         if trajectory is None:
             return
@@ -63,21 +63,26 @@ class FrozenJoints:
             e = e + 0.5 * h * e_dot
             e_dot = e_dot - h * (K_d * (v_r - v) + K_p * (q_r - q))
             e = e + 0.5 * h * e_dot
-        q_r, v_r, _ = trajectory.sample(stamp_ns)
-        self._q, self._v = q_r - e, v_r - e_dot
+        self._e, self._e_dot = e, e_dot
 
     def predict(
-        self, dt: float, q: FloatArray, v: FloatArray | None,
+        self, stamp_ns: int, dt: float, q: FloatArray, v: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
-        reference, marks = self._controller.reference, self.marks
-        if self.torque is not None:
-            h = min(max(dt, 0.0), LONGEST_STEP)
-            a = self._controller.rigid_body.acceleration(self._q, self._v, self.torque)
-            fastest = FASTEST_STOP * self._controller.arm.limits.velocity
-            before, self._v = self._v, np.clip(self._v + h * a, -fastest, fastest)
-            self._q = self._q + 0.5 * h * (before + self._v)
-        used = v if v is not None or reference is None else reference.velocity
-        self._q = np.where(marks, self._q, q)
-        self._v = np.where(marks, self._v, 0.0 if used is None else used)
-        return self._q, None if v is None else self._v
+        trajectory, velocity = self._controller.trajectory, np.zeros_like(q)
+        if trajectory is not None:
+            self._follow(min(max(dt, 0.0), LONGEST_PERIOD))
+            q_r, v_r, _ = trajectory.sample(stamp_ns)
+            self._q, velocity = q_r - self._e, v_r - self._e_dot
+        return np.where(self.marks, self._q, q), (
+            None if v is None else np.where(self.marks, velocity, v))
+
+    def _follow(self, dt: float) -> None:
+        """Let the error follow the closed loop, ë = −K_d ė − K_p e, for dt [s]."""
+        K_p, K_d = self._controller.feedback_gains
+        count = max(1, math.ceil(dt / STEP))
+        h = dt / count
+        for _ in range(count):
+            self._e = self._e + 0.5 * h * self._e_dot
+            self._e_dot = self._e_dot - h * (K_d * self._e_dot + K_p * self._e)
+            self._e = self._e + 0.5 * h * self._e_dot

@@ -29,6 +29,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,10 +73,10 @@ AT_REST = 0.002
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
 REST_TIME_NS = 100_000_000
 """[ns]"""
+JUMP = 1.0
+"""[rad/s] between the velocities of two states above which they are checked before the answer."""
 FROZEN_TIME = 3.0
-"""[s] for which an arm is held that has a joint without a signal; then the fault action runs."""
-CALM = 0.1
-"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
+"""[s] for the planned stop of an arm with frozen joints, at most; then the fault action runs."""
 FROZEN_RECOVERY = 25
 """Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
@@ -134,6 +135,7 @@ class ControlLoop:
         self._next_options: ControllerOptions | None = None
         self._frozen: FrozenJoints | None = None
         self._doubt = ''
+        self._velocities: list[float] = []
         self._rest: tuple[int, FloatArray] | None = None
         self._fault_count = 0
         if before is not None:
@@ -310,7 +312,8 @@ class ControlLoop:
                     stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift or now > self.stream.deadline:
                     self._follow_time(verdict, now)
-                is_slow = verdict.dt is None or verdict.dt >= CHECK_PERIOD
+                is_slow = verdict.dt is None or verdict.dt >= CHECK_PERIOD or (
+                    v is not None and self._jumps(v))
                 if is_slow or not self._is_consistent:
                     self._check(verdict.stamp, q, v)
                 answer = self._answer(verdict, q, v, now, fault)
@@ -365,7 +368,7 @@ class ControlLoop:
                 no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        if self._frozen is not None and self._is_lost(self._frozen, used, now):
+        if self._frozen is not None and self._is_lost(self._frozen, now):
             supervisor.act(now)
         if self._frozen is not None:  # limits are those of measured joints
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
@@ -373,32 +376,31 @@ class ControlLoop:
             now, q, used, output.command, output.hold, dt,
             controller.braked if self._frozen is None else self._stopped(output), fault,
             partial(controller.motion_equation, output))
-        if self._frozen is not None:
-            last = supervisor.limiter.last
-            self._frozen.torque = None if last is None else controller.joint_torque(output, last)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
-    def _is_lost(self, frozen: FrozenJoints, v: FloatArray | None, now: float) -> bool:
+    def _is_lost(self, frozen: FrozenJoints, now: float) -> bool:
         """
-        Return whether an arm with frozen joints is no longer held.
+        Return whether an arm with frozen joints is no longer held: it has stopped.
 
-        Nothing holds a joint without a signal for long. Other joints that move after the stop show
-        that it has left its predicted position.
+        Nothing measures what a joint without a signal does after its planned stop: errors of its
+        predicted motion grow, and without friction they grow exponentially.
         """
-        limit = CALM * self.controller.arm.limits.velocity
-        is_disturbed = self.controller.has_stopped and v is not None and bool(
-            (np.abs(v) > limit)[~frozen.marks].any())
-        return is_disturbed or now - frozen.since > FROZEN_TIME
+        return self.controller.has_stopped or now - frozen.since > FROZEN_TIME
 
     def _stopped(self, output: ControlOutput) -> Brake:
         """Return the brake of an arm with frozen joints: the command of the planned stop."""
         def brake(q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
             return hold if output.command is None else output.command
         return brake
+
+    def _jumps(self, v: FloatArray) -> bool:
+        """Return whether the velocity differs from that of the last state by more than noise."""
+        before, self._velocities = self._velocities, v.tolist()
+        return len(before) == len(v) and math.dist(before, self._velocities) > JUMP
 
     def _check(self, stamp: int, q: FloatArray, v: FloatArray | None) -> None:
         """Check the velocities of a state."""
@@ -446,7 +448,7 @@ class ControlLoop:
             self.controller.stop()
         self._frozen.marks = consistency.frozen
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
-        return (*self._frozen.predict(dt, q, v), fault)
+        return (*self._frozen.predict(stamp_ns, dt, q, v), fault)
 
     def _end_when_stopped(self, stamp: int, q: FloatArray, now: float) -> None:
         """Begin the ramp to zero if the arm has stopped."""
