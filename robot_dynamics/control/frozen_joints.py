@@ -45,6 +45,8 @@ class FrozenJoints:
         self.marks, self._controller = marks, controller
         self.since = 0.0
         """Time [s] of the steady clock at which the fault was found."""
+        self.moved_until = 0.0
+        """Time [s] of the steady clock at which the planned stop had not ended yet."""
         v = v if v is not None else np.zeros_like(q)
         self._q = q
         self._e, self._e_dot = np.zeros((2, len(q)))

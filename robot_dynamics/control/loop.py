@@ -76,7 +76,9 @@ REST_TIME_NS = 100_000_000
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
 FROZEN_TIME = 3.0
-"""[s] for the planned stop of an arm with frozen joints, at most; then the fault action runs."""
+"""[s] for the stop of an arm with frozen joints, at most; then the fault action runs."""
+CALM = 0.1
+"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
 FROZEN_RECOVERY = 25
 """Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
@@ -368,7 +370,7 @@ class ControlLoop:
                 no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        if self._frozen is not None and self._is_lost(self._frozen, now):
+        if self._frozen is not None and self._is_lost(self._frozen, used, now):
             supervisor.act(now)
         if self._frozen is not None:  # limits are those of measured joints
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
@@ -382,14 +384,20 @@ class ControlLoop:
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
-    def _is_lost(self, frozen: FrozenJoints, now: float) -> bool:
+    def _is_lost(self, frozen: FrozenJoints, v: FloatArray | None, now: float) -> bool:
         """
-        Return whether an arm with frozen joints is no longer held: it has stopped.
+        Return whether an arm with frozen joints is held no longer: `hold_time` after its stop.
 
         Nothing measures what a joint without a signal does after its planned stop: errors of its
-        predicted motion grow, and without friction they grow exponentially.
+        predicted motion grow, and without friction they grow exponentially. Other joints that
+        move after the stop show that it has left its predicted position.
         """
-        return self.controller.has_stopped or now - frozen.since > FROZEN_TIME
+        if not self.controller.has_stopped:
+            frozen.moved_until = now
+            return now - frozen.since > FROZEN_TIME
+        limit = CALM * self.controller.arm.limits.velocity
+        is_disturbed = v is not None and bool((np.abs(v) > limit)[~frozen.marks].any())
+        return is_disturbed or now - frozen.moved_until > self.supervisor.options.hold_time
 
     def _stopped(self, output: ControlOutput) -> Brake:
         """Return the brake of an arm with frozen joints: the command of the planned stop."""
@@ -444,7 +452,7 @@ class ControlLoop:
             self._frozen = FrozenJoints(
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
                 dt, q, v)
-            self._frozen.since = self._steady
+            self._frozen.since = self._frozen.moved_until = self._steady
             self.controller.stop()
         self._frozen.marks = consistency.frozen
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
