@@ -41,6 +41,7 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.jerk_profile import Bounds, extremes, stop
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
@@ -239,6 +240,7 @@ class Scene:
         """Largest velocity when the ramp to zero began, and its end [s] after the request."""
         self.hull, self._excess = Hull(motion.start), 0.0
         self._limits: tuple[WorkspaceInertia, MotionLimits] | None = None
+        self._active: ActiveTrajectory | None = None
         self._unknown = 0
         """Number of states until the velocity is known from which a reference starts."""
         self._faults, self._doubt = list[str](), ''
@@ -283,6 +285,10 @@ class Scene:
             self.rejection = str(error)
             return False
         hull, limits, points = self.hull, self.limits, trajectory.points
+        active = self.loop.controller.trajectory
+        if active is not None and active is self._active:
+            return True  # the same set-point again: the arm continues on its path
+        self._active = active
         hull.begin(before, limits)
         hull.include(*(point.position for point in points))
         q, v = points[-1].position, points[-1].velocity

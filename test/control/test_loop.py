@@ -433,6 +433,21 @@ def test_a_velocity_with_the_wrong_sign_stops_the_arm(name: str, rate: float, j:
     assert one.loop.supervisor.fault is None or one.loop.supervisor.fault.name == 'overspeed'
 
 
+@pytest.mark.parametrize('rate', [500.0, 250.0])
+@pytest.mark.parametrize('j', [3, 5])
+def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(
+    rate: float, j: int,
+) -> None:
+    """The first wrong velocity is found before it is answered."""
+    one = LockStep(arm_named('kinova'), q=place('kinova'), rate=rate, delay=8)
+    one.run(0.1)
+    one.follow(one.q + directions(len(one.q)))
+    assert one.run(1.0).speed[-1] > 0.3
+    one.sensor = lambda q, v: (q, np.where(np.arange(len(v)) == j, np.degrees(v), v))
+    judge(one, one.run(4.0))
+    assert 'degrees instead of radians' in one.loop.notice
+
+
 @wrong_arms
 @wrong_rates
 @joints
