@@ -395,9 +395,11 @@ class Scene:
                 self._unknown = FIRST_STATES
             if self._unknown > 0:
                 self._unknown -= 1
+                self._active = None
                 self.hull.begin(reference, limits)
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
+                self._active = None
                 self.hull.begin(before, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
         consistency = self.loop.consistency
