@@ -271,7 +271,8 @@ class MotionConsistency:
         variance = np.minimum(variance, (LARGEST_NOISE * self._unit)**2)
         squares = (self._squares - self._squared[first])[:, None]
         floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(variance * squares)
-        tolerance = floor + RATIO * np.maximum(np.abs(moved), np.abs(integral))
+        tolerance = floor + RATIO * np.where(  # no error of the scale reverses the sign
+            integral * moved < 0.0, 0.0, np.maximum(np.abs(moved), np.abs(integral)))
         agrees = np.abs(difference) <= tolerance
         if not agrees.all():
             sampling = self._sampling_error(first, dt, v)
