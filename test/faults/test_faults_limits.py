@@ -19,7 +19,7 @@ import math
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, figure_of, G, nanoseconds_of, Q
-from fault_stimuli import check_rate, DIRECT, NO_STREAM, Swing, wait_states
+from fault_stimuli import check_rate, DIRECT, move, NO_STREAM, Swing, wait_agreement, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def acceleration(swing: Swing, message: JointState) -> Any:
 
 def be_at(bench: FaultBench, q: Any) -> None:
     """Move the arm to q and the reference to q within the limits; wait until it is followed."""
-    bench.driver.q = list(q)
+    move(bench, q)
     reference = np.clip(q, LOWER, UPPER)
     bench.set_point(reference.tolist())
     bench.hold = gravity(q)
@@ -200,8 +200,9 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
     center = [0.3, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
+    move(bench, center)
     swing = bench.driver.change = Swing(center, [0.28, 0.0], 12.0 / 0.28)
-    wait_states(bench, 20)
+    wait_agreement(bench)
     bench.set_point([center[0] + sign * 0.4, 0.0])
     bench.wait_status('command', lambda status: (
         figure_of(status, 'held back by velocity limit') > before))

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+import math
 import random
 import threading
 import time
@@ -104,6 +105,31 @@ class Swing:
         return message
 
 
+def move(bench: FaultBench, q: Sequence[float], duration: float = 0.5) -> None:
+    """Move the arm to q with velocities that agree; a jump can leave a velocity in doubt."""
+    start, goal, begin = np.array(bench.driver.q), np.array(q), time.time_ns()
+    rate = math.pi / duration
+
+    def glide(message: JointState) -> JointState:
+        t = (nanoseconds_of(message.header.stamp) - begin) / NANOSECONDS
+        if t < duration:
+            phase = rate * max(t, 0.0)
+            message.position = (start + 0.5 * (1.0 - math.cos(phase)) * (goal - start)).tolist()
+            message.velocity = (0.5 * rate * math.sin(phase) * (goal - start)).tolist()
+        return message
+
+    bench.driver.stream_changed(glide)
+    bench.driver.q = goal.tolist()
+    wait_until(lambda: time.time_ns() - begin > NANOSECONDS * duration, f'at {q}')
+    bench.driver.go_on()
+
+
+def wait_agreement(bench: FaultBench) -> None:
+    """Wait until no velocity is in doubt; the joints must move."""
+    bench.next_status('joint states')
+    bench.wait_status('joint states', lambda status: 'velocity of' not in status.message)
+
+
 def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
     """
     Cause the fault `non_finite`, after which the driver pauses.
@@ -112,7 +138,7 @@ def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
     """
     if 'velocity of' in bench.next_status('joint states').message:  # in doubt until it moves
         bench.driver.stream_changed(Swing(bench.driver.q, [0.1] * len(bench.driver.q), 4.0))
-        bench.wait_status('joint states', lambda status: 'velocity of' not in status.message)
+        wait_agreement(bench)
     bench.driver.be_quiet()
     pauses_until = time.monotonic() + 2.0 * PAUSE
 
