@@ -16,8 +16,8 @@ from typing import Any
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.parameter_file import ParameterFile, write_parameter_file
-from robot_dynamics.ros.robot_description import embedded_description
+from robot_dynamics.ros.parameters.parameter_file import ParameterFile, write_parameter_file
+from robot_dynamics.ros.parameters.robot_description import embedded_description
 from robot_dynamics.urdf.description_file import description_path, read_description_file
 from robot_dynamics.validation import check_vector
 

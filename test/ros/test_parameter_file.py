@@ -16,7 +16,7 @@ from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.launch_arguments import DYNAMICS
-from robot_dynamics.ros.parameter_file import ParameterFile
+from robot_dynamics.ros.parameters.parameter_file import ParameterFile
 from ros_harness import DYNAMICS as DYNAMICS_MODULE
 from ros_harness import NodeProcess
 

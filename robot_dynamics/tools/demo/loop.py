@@ -15,8 +15,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
-from robot_dynamics.ros.recorder import TopicCount
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.tools.demo.processes import (
     DemoError,

@@ -11,8 +11,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.reader import JointSeries
-from robot_dynamics.ros.conversions import floats_to_ros, stamp_to_ros
-from robot_dynamics.ros.recorder import Recorder
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.recorder import Recorder
 from sensor_msgs.msg import JointState
 
 RESEND_PERIOD = 0.5

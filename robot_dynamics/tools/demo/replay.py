@@ -21,7 +21,7 @@ from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, Panel, save_figure
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table
-from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics.ros.middleware.conversions import floats_to_ros
 from robot_dynamics.tools.demo.playback import Playback, PlaybackResult
 from robot_dynamics.tools.demo.processes import DemoError, DYNAMICS
 from robot_dynamics.tools.demo.session import (

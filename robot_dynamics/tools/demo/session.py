@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics.ros.recorder import (
+from robot_dynamics.ros.middleware.recorder import (
     interface_definitions,
     Recorder,
     TopicSpec,

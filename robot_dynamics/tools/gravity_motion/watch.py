@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.recorder import Recorder
+from robot_dynamics.ros.middleware.recorder import Recorder
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import Move
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError

@@ -230,7 +230,7 @@ class DynamicsClient:
 
         Raises ModelError where it is in a file that is not on this machine.
         """
-        from robot_dynamics.ros.robot_description import (
+        from robot_dynamics.ros.parameters.robot_description import (
             description_from_parameters,
             embedded_description,
         )

@@ -8,7 +8,7 @@ import time
 from typing import NamedTuple
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.robot_description import embedded_description
+from robot_dynamics.ros.parameters.robot_description import embedded_description
 from robot_dynamics.tools.viewer.node import Described, ViewerNode
 from robot_dynamics.urdf.description_file import description_path, read_description
 

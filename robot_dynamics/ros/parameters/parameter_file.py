@@ -4,13 +4,15 @@
 """The sections of a ROS parameter file, and the nodes to which they apply."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 import re
 from tempfile import NamedTemporaryFile
 from typing import Any
 
+from rclpy.node import Node
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.yaml_text import load_yaml
 
 
@@ -112,3 +114,21 @@ def _applies(section: str, node: str) -> bool:
     """Return whether a section applies to the node with a full name, as rcl compares them."""
     pattern = re.escape(section).replace(r'/\*\*', r'(/\w+)*').replace(r'\*', r'\w+')
     return re.fullmatch(pattern, node) is not None
+
+
+def log_ignored_sections(node: Node, arguments: Sequence[str]) -> None:
+    """
+    Warn of each parameter file on the command line that names the node in another namespace.
+
+    ROS ignores such sections without a message: a node that is started in a namespace loses the
+    parameters of a section `/dynamics`. Files that cannot be read here are skipped: rcl has
+    accepted them.
+    """
+    name = node.get_fully_qualified_name()
+    for option, file in zip(arguments, arguments[1:]):
+        if option != '--params-file':
+            continue
+        with suppress(RobotDynamicsError):
+            ignored = ParameterFile(Path(file), '--params-file').ignored_sections([name])
+            if ignored:
+                node.get_logger().warning(f'Parameter file {file!r}: {ignored}.')
