@@ -75,7 +75,7 @@ def play_recording(
     print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
     now = {'ns': int(series.stamps_ns[0])}
     with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
-        session.nodes.start('dynamics', DYNAMICS, {
+        session.processes.start('dynamics', DYNAMICS, {
             'robot_description_file': str((directory / DESCRIPTION).resolve()),
             'joints': joints,
             'command': 'gravity_compensation',  # a recorded arm cannot be held
@@ -91,9 +91,9 @@ def play_recording(
                 progress.update(done)
 
             try:
-                played = playback.play(rate, on_progress, session.nodes.check)
+                played = playback.play(rate, on_progress, session.processes.check)
             except DemoError as error:
-                raise DemoError(f'{error}.\n{session.nodes.logs()}') from None
+                raise DemoError(f'{error}.\n{session.processes.logs()}') from None
         lost = sum(count.lost for count in session.recorder.counts.values())
     print(f'\n{played}; {lost} messages dropped by the recorder\n')
     return AnalysisSettings(urdf, JOINT_STATES, parameters={'joints': joints})

@@ -36,17 +36,10 @@ class RecordingClient(DynamicsClient):
 
     recorder: Recorder | None = None
 
-    def __enter__(self) -> 'RecordingClient':
-        return self
-
-    def wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
-        """Receive and record messages until `is_so` or the timeout [s]."""
-        def look() -> object:
-            if self.recorder is not None:
-                self.recorder.drain()
-            return is_so()
-
-        return super().wait(look, timeout)
+    def on_turn(self) -> None:
+        """Record the waiting messages."""
+        if self.recorder is not None:
+            self.recorder.drain()
 
 
 class ArmWatch(MotionWatch):
