@@ -35,7 +35,11 @@ from robot_dynamics.joints.drive_effort import make_drive_effort
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.recordings.joint_series import JointSeries
-from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import (
+    payload_to_ros,
+    stamp_from_ros,
+    trajectory_to_ros,
+)
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics_interfaces.srv import SetPayload
 from sensor_msgs.msg import JointState

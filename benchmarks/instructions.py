@@ -54,7 +54,7 @@ import numpy as np
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from robot_dynamics.ros import rclpy_internals
+from robot_dynamics.ros.middleware import rclpy_internals
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 

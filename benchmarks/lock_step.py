@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.processes import DYNAMICS, node_command, running, SIMULATED_ARM
 import rclpy
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from sensor_msgs.msg import JointState
 
 ROUNDS = 5

@@ -21,8 +21,8 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray, IntArray
-from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.rclpy_internals import LEFT_TO_A_THREAD
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
+from robot_dynamics.ros.middleware.rclpy_internals import LEFT_TO_A_THREAD
 from sensor_msgs.msg import JointState
 
 DEEP = QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -24,8 +24,8 @@ from benchmarks.processes import (
 from benchmarks.slow_motion import follow_slow_motion, hanging
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from robot_dynamics.ros.message_bytes import read_message
-from robot_dynamics.ros.rclpy_internals import LEFT_TO_A_THREAD
+from robot_dynamics.ros.middleware.message_bytes import read_message
+from robot_dynamics.ros.middleware.rclpy_internals import LEFT_TO_A_THREAD
 from sensor_msgs.msg import JointState
 
 JOINTS = 7

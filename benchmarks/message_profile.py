@@ -30,10 +30,12 @@ MESSAGES_BEFORE, HOT_MESSAGES = 2500, 3000
 SPARE = 2e-7
 """[s] that the clock takes, about."""
 STEPS = (
-    ('take the bytes', 'robot_dynamics.ros.message_loop:MessageLoop._take', 0),
-    ('all that follows', 'robot_dynamics.ros.message_loop:MessageLoop._deliver', 0),
-    ('read the numbers', 'robot_dynamics.ros.cdr_templates:JointStateDecoder.decode', 1),
-    ('find the joints', 'robot_dynamics.ros.joint_state_reader:JointStateReader.read', 1),
+    ('take the bytes', 'robot_dynamics.ros.middleware.message_loop:MessageLoop._take', 0),
+    ('all that follows', 'robot_dynamics.ros.middleware.message_loop:MessageLoop._deliver', 0),
+    ('read the numbers',
+     'robot_dynamics.ros.middleware.cdr_templates:JointStateDecoder.decode', 1),
+    ('find the joints',
+     'robot_dynamics.ros.middleware.joint_state_reader:JointStateReader.read', 1),
     ('loop', 'robot_dynamics.control.loop:ControlLoop.answer', 1),
     ('control law', 'robot_dynamics.control.controller:Controller.answer', 2),
     ('g(q)', 'robot_dynamics.model.unchecked_rigid_body:UncheckedRigidBody.gravity', 2),
@@ -118,7 +120,7 @@ def _drive() -> None:
 
 def _measure_in(path: Path) -> None:
     """Time the steps in this process; write the medians once enough messages have arrived."""
-    from robot_dynamics.ros.message_loop import MessageLoop
+    from robot_dynamics.ros.middleware.message_loop import MessageLoop
 
     stopwatch = Stopwatch()
     stopwatch.wrap()

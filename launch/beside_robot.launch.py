@@ -13,8 +13,7 @@ ros2 launch robot_dynamics beside_robot.launch.py params:=ur10.yaml [controller:
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from robot_dynamics.ros.launch_actions import arm_arguments, commands_to, declared, dynamics_node
-from robot_dynamics.ros.launch_arguments import DYNAMICS
+from robot_dynamics.ros.launch_actions import arm_of, commands_to, declared, node
 
 from launch import LaunchDescription
 
@@ -22,7 +21,7 @@ from launch import LaunchDescription
 def _node(context, *_):
     states = ('joint_states', LaunchConfiguration('joint_states').perform(context))
     commands = commands_to(LaunchConfiguration('controller').perform(context))
-    return [dynamics_node(arm_arguments(context, (DYNAMICS,)), [states, *commands])]
+    return [node(arm_of(context, 'dynamics'), 'dynamics', [states, *commands])]
 
 
 def generate_launch_description():

@@ -8,30 +8,28 @@ ros2 launch robot_dynamics closed_loop.launch.py [robot:=FILE.urdf] [params:=FIL
 `ros2 launch robot_dynamics closed_loop.launch.py --show-args` describes all arguments.
 """
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from robot_dynamics.ros.launch_actions import (
-    arm_arguments,
-    CLOSED_LOOP,
-    closed_loop,
+    arm_of,
     declared,
     is_true,
+    node,
     state_publisher,
+    switch,
 )
 
 from launch import LaunchDescription
 
 
 def _nodes(context, *_):
-    arm = arm_arguments(context, CLOSED_LOOP)
+    arm = arm_of(context, 'simulated_arm', 'dynamics')
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
-    return [*closed_loop(arm), *transforms]
+    return [node(arm, 'simulated_arm'), node(arm, 'dynamics'), *transforms]
 
 
 def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm'),
-        DeclareLaunchArgument(
-            'tf', default_value='true',
-            description='Whether robot_state_publisher is started as well, for RViz.'),
+        switch('tf', 'Whether robot_state_publisher is started as well, for RViz.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -10,14 +10,15 @@ ros2 launch robot_dynamics mujoco_arm.launch.py mjcf:=FILE.xml robot:=FILE.urdf 
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
-from robot_dynamics.ros.launch_actions import arm_arguments, declared, MUJOCO_LOOP, mujoco_loop
+from robot_dynamics.ros.launch_actions import arm_of, declared, node
 
 from launch import LaunchDescription
 
 
 def _nodes(context, *_):
     mjcf = LaunchConfiguration('mjcf').perform(context)
-    return mujoco_loop(arm_arguments(context, MUJOCO_LOOP), mjcf)
+    arm = arm_of(context, 'mujoco_arm', 'dynamics')
+    return [node(arm, 'mujoco_arm', **({'mjcf': mjcf} if mjcf else {})), node(arm, 'dynamics')]
 
 
 def generate_launch_description():

@@ -8,18 +8,18 @@ ros2 launch robot_dynamics rviz.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
 If the nodes are already running: nodes:=false, and tf:=false if robot_state_publisher runs.
 """
 
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 from robot_dynamics.ros.launch_actions import (
-    arm_arguments,
+    arm_of,
     clock,
-    CLOSED_LOOP,
-    closed_loop,
     declared,
     is_true,
+    node,
     state_publisher,
+    switch,
     TF,
 )
 from robot_dynamics.urdf.parser import parse_urdf
@@ -31,13 +31,14 @@ TOPICS = [(f'/{topic}', topic) for topic in ('dynamics/markers', 'robot_descript
 
 
 def _nodes(context, *_):
-    arm = arm_arguments(context, CLOSED_LOOP)
-    nodes = closed_loop(arm) if is_true(context, 'nodes') else []
+    arm = arm_of(context, 'simulated_arm', 'dynamics')
+    loop = [node(arm, 'simulated_arm'), node(arm, 'dynamics')]
+    nodes = loop if is_true(context, 'nodes') else []
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
     display = PathJoinSubstitution([FindPackageShare('robot_dynamics'), 'rviz', 'dynamics.rviz'])
     rviz = Node(
         package='rviz2', executable='rviz2', namespace=arm.namespace,
-        parameters=clock(arm), remappings=[*TF, *TOPICS],
+        parameters=[clock(arm)], remappings=[*TF, *TOPICS],
         arguments=['-d', display, '-f', parse_urdf(arm.description).root_link])
     return [*nodes, *transforms, rviz]
 
@@ -45,11 +46,7 @@ def _nodes(context, *_):
 def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm'),
-        DeclareLaunchArgument(
-            'nodes', default_value='true',
-            description='Whether simulated_arm and dynamics_node are started as well.'),
-        DeclareLaunchArgument(
-            'tf', default_value='true',
-            description='Whether robot_state_publisher is started as well.'),
+        switch('nodes', 'Whether simulated_arm and dynamics_node are started as well.'),
+        switch('tf', 'Whether robot_state_publisher is started as well.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -11,16 +11,15 @@ For robots that are already running: simulated:=false [controller:=effort_contro
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from robot_dynamics.ros.launch_actions import (
-    arm_arguments,
-    CLOSED_LOOP,
-    closed_loop,
+    arm_of,
     commands_to,
     declared,
-    dynamics_node,
     is_true,
+    node,
     state_publisher,
+    switch,
 )
-from robot_dynamics.ros.launch_arguments import ARGUMENTS, DYNAMICS, values_by_arm
+from robot_dynamics.ros.launch_arguments import ARGUMENTS, values_by_arm
 
 from launch import LaunchDescription
 
@@ -30,12 +29,13 @@ PER_ARM = 'One file for all arms, or one per arm, separated by commas in the ord
 def _nodes(context, *_):
     by_arm = values_by_arm(context.launch_configurations)
     if is_true(context, 'simulated'):
-        arms = [arm_arguments(context, CLOSED_LOOP, values) for values in by_arm]
+        names = ('simulated_arm', 'dynamics')
+        arms = [arm_of(context, *names, values=values) for values in by_arm]
         transforms = map(state_publisher, arms) if is_true(context, 'tf') else []
-        return [*(node for arm in arms for node in closed_loop(arm)), *transforms]
+        return [*(node(arm, name) for arm in arms for name in names), *transforms]
     remappings = commands_to(LaunchConfiguration('controller').perform(context))
-    arms = [arm_arguments(context, (DYNAMICS,), values) for values in by_arm]
-    return [dynamics_node(arm, remappings) for arm in arms]
+    arms = [arm_of(context, 'dynamics', values=values) for values in by_arm]
+    return [node(arm, 'dynamics', remappings) for arm in arms]
 
 
 def generate_launch_description():
@@ -48,14 +48,12 @@ def generate_launch_description():
                       'simulated)',
             namespace=None, params=f'{PER_ARM}{ARGUMENTS["params"][1]}',
             robot=f'{PER_ARM}{ARGUMENTS["robot"][1]}'),
-        DeclareLaunchArgument(
-            'simulated', default_value='true',
-            description='true: simulated_arm is started for each arm; false: the robots are '
-                        'running, and only dynamics_node is started for each.'),
-        DeclareLaunchArgument(
-            'tf', default_value='true',
-            description='Whether robot_state_publisher is started as well for each simulated '
-                        'arm; it publishes on tf in the namespace of the arm.'),
+        switch(
+            'simulated', 'true: simulated_arm is started for each arm; false: the robots are '
+            'running, and only dynamics_node is started for each.'),
+        switch(
+            'tf', 'Whether robot_state_publisher is started as well for each simulated arm; it '
+            'publishes on tf in the namespace of the arm.'),
         DeclareLaunchArgument(
             'controller', default_value='',
             description='Effort controller in each namespace that receives the commands if '

@@ -7,8 +7,8 @@ Write the reference in docs/reference from the code: topics, services, parameter
     scripts/reference
 
 The nodes are constructed, and asked for their topics, services and parameters. The descriptions
-of topics, services and diagnostics come from `robot_dynamics.ros.interface_descriptions`, those of
-parameters from their specifications, options from --help. A test compares the files with the code.
+of topics, services and diagnostics come from `interface_descriptions.yaml`, those of parameters
+from their specifications, options from --help. A test compares the files with the code.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,16 +24,18 @@ from typing import Any
 
 import rclpy
 from rclpy.node import Node
-from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-from robot_dynamics.ros.interface_descriptions import SERVICES, STATUSES, TOPICS
-from robot_dynamics.ros.mujoco_arm import MujocoArmNode
-from robot_dynamics.ros.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
+from robot_dynamics.ros.simulated_arm.mujoco_arm import MujocoArmNode
+from robot_dynamics.ros.simulated_arm.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
+DESCRIPTIONS = yaml.safe_load(
+    Path(__file__).with_name('interface_descriptions.yaml').read_text(encoding='utf-8'))
 REFERENCE = ROOT / 'docs' / 'reference'
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
@@ -101,10 +103,11 @@ def _topics_page() -> str:
             text += [
                 f'## Topics of `{name}`\n',
                 _table(('topic', 'type', 'direction', 'quality of service', 'meaning'),
-                       _with_meaning(rows, TOPICS[name], name)),
+                       _with_meaning(rows, DESCRIPTIONS['topics'][name], name)),
                 f'## Services of `{name}`\n',
                 _table(('service', 'type', 'effect'),
-                       _with_meaning(_rows(services, name), SERVICES[name], name))]
+                       _with_meaning(
+                    _rows(services, name), DESCRIPTIONS['services'][name], name))]
     return '\n'.join(text)
 
 
@@ -148,7 +151,7 @@ def _with_meaning(rows: Sequence[Row], texts: Mapping[str, str], node: str) -> l
     names = [row[0].strip('`') for row in rows]
     different = set(names) ^ set(texts)
     if different:
-        raise ValueError(f'interface_descriptions and {node} differ in {sorted(different)}')
+        raise ValueError(f'interface_descriptions.yaml and {node} differ in {sorted(different)}')
     return [[*row, texts[name]] for row, name in zip(rows, names)]
 
 
@@ -194,10 +197,10 @@ def _diagnostics_page() -> str:
         'The values of a status are counters and figures with their unit in the key. The column '
         '"warning or error" lists when the level is not OK: an error if marked so, otherwise a '
         'warning.\n']
-    for name, statuses in STATUSES.items():
+    for name, statuses in DESCRIPTIONS['diagnostics'].items():
         text += [f'## `{name}`\n', _table(
             ('status', 'meaning', 'warning or error', 'values'),
-            [(f'`{key}`', *status) for key, status in statuses.items()])]
+            [(f'`{key}`', *status.values()) for key, status in statuses.items()])]
     return '\n'.join(text)
 
 

@@ -28,7 +28,7 @@ def simulated_arm() -> int:
 
 def mujoco_arm() -> int:
     """Run the node `mujoco_arm`."""
-    return _run('robot_dynamics.ros.mujoco_arm')
+    return _run('robot_dynamics.ros.simulated_arm.mujoco_arm')
 
 
 def _run(module: str) -> int:
@@ -41,7 +41,7 @@ def _run(module: str) -> int:
         sys.exit(f'robot_dynamics: {error}')  # status 1
     status = int(importlib.import_module(module).main())
     leave: Callable[[int], NoReturn] = importlib.import_module(
-        'robot_dynamics.ros.shutdown').leave
+        'robot_dynamics.ros.middleware.shutdown').leave
     leave(status)
 
 

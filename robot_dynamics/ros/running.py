@@ -6,6 +6,9 @@
 from collections.abc import Callable, Sequence
 import gc
 import os
+from pathlib import Path
+import re
+import resource
 import sys
 
 import rclpy
@@ -14,17 +17,20 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.guarded_callbacks import describe_error
-from robot_dynamics.ros.memory import expect_no_garbage, limit_memory
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.node_arguments import NodeUsage, outside_of_ros_args
-from robot_dynamics.ros.parameter_file_log import log_ignored_sections
-from robot_dynamics.ros.rclpy_internals import RclError, UnknownArgumentsError
-from robot_dynamics.ros.shutdown import ends_in_time, ShutdownRequest
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import RclError, UnknownArgumentsError
+from robot_dynamics.ros.middleware.shutdown import ends_in_time, ShutdownRequest
+from robot_dynamics.ros.parameters.node_arguments import NodeUsage, outside_of_ros_args
+from robot_dynamics.ros.parameters.parameter_file import log_ignored_sections
 
 LONGEST_TURN = 0.0001
 """[s] after which Python switches to a waiting thread, such as control; default: 0.005 s."""
 MiddlewareError = (RclError, UnknownArgumentsError)
+MEMORY_LIMIT = 2**30
+"""Memory [bytes] that a node may allocate in addition to that at its start."""
+FULL_PASSES_APART = 1000
+"""Passes of Python's garbage collector over young objects before a pass over all."""
 
 
 def run_node(
@@ -129,3 +135,33 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
             if node.context.ok():
                 node.get_logger().error(
                     f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)
+
+
+def limit_memory(beyond: int = MEMORY_LIMIT) -> None:
+    """
+    Limit the memory of this process to `beyond` bytes more than it has, on Linux.
+
+    A stricter limit stays active.
+    """
+    status = Path('/proc/self/status')
+    has = re.search(r'^VmData:\s*(\d+) kB', status.read_text(), re.MULTILINE) if (
+        status.exists()) else None
+    if has is None:
+        return
+    wanted = 1024 * int(has[1]) + beyond
+    limit, most = resource.getrlimit(resource.RLIMIT_DATA)
+    if limit == resource.RLIM_INFINITY or wanted < limit:
+        resource.setrlimit(resource.RLIMIT_DATA, (wanted, most))
+
+
+def expect_no_garbage() -> None:
+    """
+    Exclude the present objects from garbage collection, and collect all others rarely.
+
+    A pass over all objects stops all threads for 10 ms at first, and for 0.1 s if a request has
+    many objects. A pass over the young objects finds nearly all unused objects.
+    """
+    gc.collect()
+    gc.freeze()
+    young, middle, _ = gc.get_threshold()
+    gc.set_threshold(young, middle, FULL_PASSES_APART)

@@ -53,12 +53,11 @@ from robot_dynamics.tools.command_line import (
     origin_of,
     Parser,
     prepare_directory,
+    print_failures,
+    print_list,
     read_settings,
     run_tool,
 )
-
-LONGEST_LIST = 20
-"""Number of printed failures; the others are only counted."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -126,7 +125,7 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
         if task.outputs:
             print(f'\nWritten to {arguments.output}, a directory for each recording')
     failed = [(name, outcome.error) for name, outcome in zip(names, outcomes) if outcome.error]
-    print_failures(failed)
+    print_failures('analyze_bag', failed)
     return DONE if not failed else FAILED if results else MISTAKE
 
 
@@ -157,12 +156,8 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
 def print_one(result: AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
     print(text_table([], result.facts))
-    for title, lines in (('Lost:', result.losses), ('Remarks:', result.remarks)):
-        if lines:
-            more = len(lines) - LONGEST_LIST
-            print('\n' + '\n'.join([
-                title, *(f'  {line}' for line in lines[:LONGEST_LIST]),
-                *([f'  and {more} more'] if more > 0 else [])]))
+    print_list('Lost:', result.losses)
+    print_list('Remarks:', result.remarks)
     _print_figures([result])
     if result.written:
         print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result.written))
@@ -191,17 +186,6 @@ def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[
         print(f'\nTogether: {len(results)} recordings of {name}, '
               f'{sum(result.counted for result in results)} samples')
         _print_figures(results)
-
-
-def print_failures(failed: Sequence[tuple[str, str]]) -> None:
-    """Print the failed recordings and the reasons to stderr."""
-    if not failed:
-        return
-    print(f'analyze_bag: recordings that could not be analysed: {len(failed)}', file=sys.stderr)
-    for name, error in failed[:LONGEST_LIST]:
-        print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
-    if len(failed) > LONGEST_LIST:
-        print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
 
 
 def _print_figures(results: Sequence[AnalysisResult]) -> None:

@@ -14,12 +14,24 @@ interrupted.
 import argparse
 from collections.abc import Sequence
 from functools import partial
-import os
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
 
+from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
+from robot_dynamics.gravity_calibration.recorded_holds import (
+    calibrate_recordings,
+    RecordedCalibration,
+)
+from robot_dynamics.gravity_calibration.report import calibration_page
+from robot_dynamics.gravity_calibration.summary import fact_rows, joint_rows, notes, tool_rows
+from robot_dynamics.gravity_calibration.tool_estimate import Tool
+from robot_dynamics.gravity_calibration.verdict import is_accepted, joint_verdicts
+from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.recordings.bag_files import find_recordings
+from robot_dynamics.reporting.html_page import summary
+from robot_dynamics.reporting.text_table import quantity_table, text_table
 from robot_dynamics.tools.command_line import (
     add_force,
     add_parameters,
@@ -36,11 +48,7 @@ from robot_dynamics.tools.command_line import (
     writing,
 )
 from robot_dynamics.tools.gravity_motion.options import add_motion_options, motion_request
-
-if TYPE_CHECKING:
-    from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
-    from robot_dynamics.gravity_calibration.tool_estimate import Tool
-    from robot_dynamics.model.payload import Payload
+from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 
 OUTPUT = Path('calibrated.yaml')
 
@@ -48,8 +56,6 @@ OUTPUT = Path('calibrated.yaml')
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Before numpy is loaded: threads slow down operations on matrices of this size.
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     return run_tool('calibrate_gravity', partial(_run, arguments, argv))
 
 
@@ -93,8 +99,6 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    from robot_dynamics.dependencies import require
-    from robot_dynamics.recordings.bag_files import find_recordings
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     if arguments.move:
         return _move(arguments, argv)
@@ -139,11 +143,8 @@ def _report_path(arguments: argparse.Namespace) -> Path:
     return Path(arguments.output.with_suffix('.html'))
 
 
-def loads(arguments: argparse.Namespace) -> tuple['Payload | None', 'Tool | None']:
+def loads(arguments: argparse.Namespace) -> tuple[Payload | None, Tool | None]:
     """Return the known weight and the tool; raise InvalidInputError if options are missing."""
-    from robot_dynamics.gravity_calibration.tool_estimate import Tool
-    from robot_dynamics.model.payload import make_payload
-    from robot_dynamics.validation import check_scalar, LARGEST_VALUE
     weight = tool = None
     given = [arguments.weight_mass is not None, arguments.weight_link is not None]
     is_used = bool(arguments.with_weight) or arguments.with_weight_after
@@ -174,10 +175,6 @@ def finish(
     weighted_bags: Sequence[Path],
 ) -> int:
     """Calibrate from recordings, write the files, print the results; return the exit status."""
-    from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
-    from robot_dynamics.gravity_calibration.recorded_holds import calibrate_recordings
-    from robot_dynamics.gravity_calibration.report import calibration_page
-    from robot_dynamics.gravity_calibration.verdict import is_accepted
     weight, tool = loads(arguments)
     found = calibrate_recordings(
         bags, read_settings(arguments), weighted_bags, weight, tool)
@@ -200,11 +197,7 @@ def finish(
     return DONE if is_good else FAILED
 
 
-def _print(found: 'RecordedCalibration', written: Sequence[Path]) -> None:
-    from robot_dynamics.gravity_calibration.summary import fact_rows, joint_rows, notes, tool_rows
-    from robot_dynamics.gravity_calibration.verdict import joint_verdicts
-    from robot_dynamics.reporting.html_page import summary
-    from robot_dynamics.reporting.text_table import quantity_table, text_table
+def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
     verdicts = joint_verdicts(found.calibration)
     print(text_table([], fact_rows(found)))
     print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')

@@ -4,7 +4,7 @@
 """
 What the executables share: parser, exit statuses, errors in one line, and common options.
 
-Nothing here loads numpy: `excite` and `identify` set its threads after the arguments are parsed.
+Nothing here loads the library at import: the verbs of `ros2 dynamics` start without it.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from contextlib import contextmanager
 import json
 from pathlib import Path
 import sys
+import textwrap
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
@@ -26,6 +27,9 @@ KEPT = 'results'
 """Directory below the output that keeps results, from which an interrupted run resumes."""
 COMMAND = 'command.json'
 """File in KEPT with the arguments of the run that made the output."""
+LONGEST_LIST = 20
+"""Number of printed lines of a list; the others are only counted."""
+_WIDTH = 110
 _WITHOUT_EFFECT = ('dask', 'force', 'jobs')
 """Arguments that do not change the results."""
 
@@ -85,6 +89,30 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ToolError(f'cannot write {path}: {error.strerror or error}') from None
+
+
+def print_list(title: str, lines: Sequence[str]) -> None:
+    """Print a title and indented lines; nothing without lines."""
+    if not lines:
+        return
+    print(f'\n{title}')
+    for line in lines[:LONGEST_LIST]:
+        print(textwrap.fill(
+            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
+            break_long_words=False, break_on_hyphens=False))
+    if len(lines) > LONGEST_LIST:
+        print(f'  and {len(lines) - LONGEST_LIST} more')
+
+
+def print_failures(prog: str, failed: Sequence[tuple[object, str]]) -> None:
+    """Print the recordings that failed, with the reasons, to stderr."""
+    if not failed:
+        return
+    print(f'{prog}: recordings that could not be used: {len(failed)}', file=sys.stderr)
+    for name, error in failed[:LONGEST_LIST]:
+        print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
+    if len(failed) > LONGEST_LIST:
+        print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:

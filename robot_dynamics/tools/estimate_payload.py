@@ -12,33 +12,35 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 import json
-import os
 import sys
-import textwrap
-from typing import TYPE_CHECKING
 
+from robot_dynamics.payload_estimation.recordings import estimate_from_bags, RecordedPayload
+from robot_dynamics.payload_estimation.summary import (
+    as_dictionary,
+    data_text,
+    headline,
+    parameter_rows,
+)
+from robot_dynamics.recordings.bag_files import find_recordings
+from robot_dynamics.recordings.sample_faults import counted
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.command_line import (
     add_parameters,
     add_recordings,
     DONE,
     FAILED,
     Parser,
+    print_failures,
+    print_list,
     read_settings,
     run_tool,
 )
-
-if TYPE_CHECKING:
-    from robot_dynamics.payload_estimation.recordings import RecordedPayload
-
-_WIDTH = 110
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # The matrices are small: more than one thread is slower.
-    for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
-        os.environ.setdefault(name, '1')
     return run_tool('estimate_payload', partial(_run, arguments))
 
 
@@ -66,10 +68,6 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from robot_dynamics.payload_estimation.recordings import estimate_from_bags
-    from robot_dynamics.payload_estimation.summary import as_dictionary
-    from robot_dynamics.recordings.bag_files import find_recordings
-    from robot_dynamics.reporting.progress import Progress
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
     with Progress(len(bags), 'recordings') as progress:
@@ -80,18 +78,14 @@ def _run(arguments: argparse.Namespace) -> int:
             'failed': {str(bag): error for bag, error in found.failed}}, indent=2))
     else:
         print_payload(found)
-    for bag, error in found.failed:
-        print(f'estimate_payload: {bag}: {" ".join(error.split())}', file=sys.stderr)
+    print_failures('estimate_payload', found.failed)
     estimate = found.estimate
     is_good = estimate.is_observable and not estimate.implausible and not found.failed
     return DONE if is_good else FAILED
 
 
-def print_payload(found: 'RecordedPayload') -> None:
+def print_payload(found: RecordedPayload) -> None:
     """Print the estimate, its verdicts, and the advice."""
-    from robot_dynamics.payload_estimation.summary import data_text, headline, parameter_rows
-    from robot_dynamics.recordings.sample_faults import counted
-    from robot_dynamics.reporting.text_table import text_table
     estimate = found.estimate
     rows = parameter_rows(
         estimate.values, estimate.deviations, estimate.per_percent, estimate.verdicts)
@@ -103,12 +97,7 @@ def print_payload(found: 'RecordedPayload') -> None:
             ('To make parameters observable:', estimate.advice),
             ('Dry friction at rest:', (estimate.friction,)),
             ('Remarks:', (*estimate.remarks, *found.remarks))):
-        if lines:
-            print(f'\n{title}')
-            for line in lines:
-                print(textwrap.fill(
-                    line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
-                    break_long_words=False, break_on_hyphens=False))
+        print_list(title, lines)
 
 
 if __name__ == '__main__':

@@ -10,11 +10,15 @@ Exit status: 0 done; 2 a mistake in the arguments, or no motion can be found; 13
 import argparse
 from collections.abc import Sequence
 from functools import partial
-import os
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
 
+import numpy as np
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools.command_line import (
     add_force,
     add_parameters,
@@ -26,11 +30,13 @@ from robot_dynamics.tools.command_line import (
     read_robot,
     run_tool,
 )
-
-if TYPE_CHECKING:
-    from robot_dynamics.model.arm import ArmModel
-    from robot_dynamics.trajectories.excitation import Excitation
-    from robot_dynamics.trajectories.excitation_trajectory import ExcitingTrajectory
+from robot_dynamics.trajectories.excitation import Excitation, find_excitation, GENERATIONS
+from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics.trajectories.excitation_trajectory import (
+    exciting_trajectory,
+    ExcitingTrajectory,
+)
+from robot_dynamics.trajectories.files import write_trajectory
 
 DEFAULT_DURATION = 10.0
 DEFAULT_HARMONICS = 5
@@ -40,8 +46,6 @@ DEFAULT_LEAD = 3.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # Before numpy is loaded: threads slow down operations on matrices of this size.
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     return run_tool('excite', partial(_run, arguments))
 
 
@@ -92,13 +96,6 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    import numpy as np
-    from robot_dynamics.model.arm_dynamics import ArmDynamics
-    from robot_dynamics.reporting.progress import Progress
-    from robot_dynamics.trajectories.excitation import find_excitation, GENERATIONS
-    from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
-    from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
-    from robot_dynamics.trajectories.files import write_trajectory
     prepare_file(arguments.output, arguments.force)
     arm = _arm(arguments)
     dynamics = ArmDynamics(arm)
@@ -120,15 +117,12 @@ def _run(arguments: argparse.Namespace) -> int:
     return DONE
 
 
-def _arm(arguments: argparse.Namespace) -> 'ArmModel':
-    from robot_dynamics.model.arm_parameters import arm_from_parameters
+def _arm(arguments: argparse.Namespace) -> ArmModel:
     return arm_from_parameters(
         read_robot(arguments.urdf), read_parameters(arguments.parameters), arguments.joints)
 
 
-def _report(arm: 'ArmModel', excitation: 'Excitation', found: 'ExcitingTrajectory') -> None:
-    import numpy as np
-    from robot_dynamics.reporting.text_table import quantity_table
+def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) -> None:
     rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
                                     'acceleration', 'effort')]
     for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):

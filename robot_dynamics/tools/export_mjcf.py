@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 import sys
 
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
 from robot_dynamics.tools.command_line import (
     add_force,
     add_parameters,
@@ -48,8 +50,6 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from robot_dynamics.model.arm_parameters import arm_from_parameters
-    from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
     if arguments.output is not None:
         prepare_file(arguments.output, arguments.force)
     arm = arm_from_parameters(

@@ -11,12 +11,36 @@ nothing could be identified; 130 interrupted.
 import argparse
 from collections.abc import Sequence
 from functools import partial
-import os
 from pathlib import Path
 import sys
-import textwrap
-from typing import TYPE_CHECKING
 
+from robot_dynamics.analysis.batch import (
+    Outcome,
+    require_dask,
+    run_tasks,
+    Settings,
+    Task,
+    TaskOutcome,
+)
+from robot_dynamics.dependencies import require
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
+from robot_dynamics.identification.pipeline import STAGES
+from robot_dynamics.identification.report import file_notes, FILES, write_identification
+from robot_dynamics.identification.summary import (
+    fact_rows,
+    friction_rows,
+    gain_rows,
+    recording_lines,
+    residual_rows,
+    residual_title,
+    warnings,
+)
+from robot_dynamics.identification.tasks import IdentificationSettings
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.recordings.bag_files import find_recordings
+from robot_dynamics.reporting.progress import Progress
+from robot_dynamics.reporting.text_table import quantity_table, text_table
 from robot_dynamics.tools.command_line import (
     add_cutoff,
     add_force,
@@ -28,24 +52,18 @@ from robot_dynamics.tools.command_line import (
     origin_of,
     Parser,
     prepare_directory,
+    print_failures,
+    print_list,
     read_settings,
     run_tool,
 )
 
-if TYPE_CHECKING:
-    from robot_dynamics.identification.bag_identification import BagIdentification
-
 OUTPUT = Path('identified')
-LONGEST_LIST = 20
-_WIDTH = 110
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    # The matrices are small and processed in sequence: more than one thread is slower.
-    for name in ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS'):
-        os.environ.setdefault(name, '1')
     return run_tool(
         'identify', partial(_run, arguments, argv),
         interrupted='interrupted; run the same command to resume')
@@ -117,23 +135,6 @@ def _fraction(text: str) -> float:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    from robot_dynamics.analysis.batch import (
-        Outcome,
-        require_dask,
-        run_tasks,
-        Settings,
-        Task,
-        TaskOutcome,
-    )
-    from robot_dynamics.dependencies import require
-    from robot_dynamics.exceptions import InvalidInputError
-    from robot_dynamics.identification.bag_identification import identify_bags
-    from robot_dynamics.identification.pipeline import STAGES
-    from robot_dynamics.identification.report import file_notes, FILES, write_identification
-    from robot_dynamics.identification.tasks import IdentificationSettings
-    from robot_dynamics.model.payload import make_payload
-    from robot_dynamics.recordings.bag_files import find_recordings
-    from robot_dynamics.reporting.progress import Progress
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
     settings = read_settings(arguments)
@@ -176,22 +177,12 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 
 
 def print_identification(
-    found: 'BagIdentification', paths: Sequence[Path], notes: Sequence[str],
+    found: BagIdentification, paths: Sequence[Path], notes: Sequence[str],
 ) -> None:
     """Print the results, the paths of the files, and notes about them."""
-    from robot_dynamics.identification.summary import (
-        fact_rows,
-        friction_rows,
-        gain_rows,
-        recording_lines,
-        residual_rows,
-        residual_title,
-        warnings,
-    )
-    from robot_dynamics.reporting.text_table import quantity_table, text_table
     identification = found.identification
     print(text_table([], fact_rows(found)))
-    _print_list('Recordings:', recording_lines(found))
+    print_list('Recordings:', recording_lines(found))
     print(f'\n{residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
@@ -199,25 +190,10 @@ def print_identification(
     if identification.gains is not None:
         print('\nDrive gains:')
         print(quantity_table(gain_rows(identification, identification.gains)))
-    _print_list('Warnings:', warnings(identification))
+    print_list('Warnings:', warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
-    _print_list('Notes on the files:', notes)
-    if found.failed:
-        print(f'identify: {len(found.failed)} recordings could not be used:', file=sys.stderr)
-        for bag, error in found.failed[:LONGEST_LIST]:
-            print(f'  {bag}: {" ".join(error.split())}', file=sys.stderr)
-
-
-def _print_list(title: str, lines: Sequence[str]) -> None:
-    if not lines:
-        return
-    print(f'\n{title}')
-    for line in lines[:LONGEST_LIST]:
-        print(textwrap.fill(
-            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
-            break_long_words=False, break_on_hyphens=False))
-    if len(lines) > LONGEST_LIST:
-        print(f'  and {len(lines) - LONGEST_LIST} more')
+    print_list('Notes on the files:', notes)
+    print_failures('identify', found.failed)
 
 
 if __name__ == '__main__':

@@ -170,7 +170,7 @@ def test_a_folder_of_recordings(directory, capsys, tmp_path):
     assert status == 1  # one recording is empty
     assert [line.split()[0] for line in out.splitlines()[1:4]] == ['cut', 'lone.mcap', 'whole']
     assert 'Together: 3 recordings of planar_arm' in out
-    assert 'analyze_bag: recordings that could not be analysed: 1\n  empty: ' in err
+    assert 'analyze_bag: recordings that could not be used: 1\n  empty: ' in err
     assert 'is empty' in err
     for name in ('cut', 'lone.mcap', 'whole'):
         assert (tmp_path / 'out' / name / 'samples.csv').exists()

@@ -24,9 +24,11 @@ from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring import state_plausibility as state_watch
 from robot_dynamics.monitoring import velocity_estimate
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros import memory, message_bytes, robot_description
+from robot_dynamics.ros import running
 from robot_dynamics.ros.dynamics import command_output as safe_command
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
+from robot_dynamics.ros.middleware import message_bytes
+from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.urdf import document
 from robot_dynamics.urdf import parser as urdf
 from robots import robot_urdf
@@ -158,7 +160,7 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('`robot_description` | {:,} bytes', document.LARGEST_DESCRIPTION),
     ('{} links', urdf.MOST_LINKS),
     ('{} joints in use', robot_description.MOST_JOINTS),
-    ('{:.0f} GiB', memory.MEMORY_LIMIT / 2**30),
+    ('{:.0f} GiB', running.MEMORY_LIMIT / 2**30),
 ])
 def test_figures_that_are_no_parameters(words: str, value: object) -> None:
     assert words.format(value) in PROSE

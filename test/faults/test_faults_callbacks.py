@@ -16,7 +16,7 @@ from fault_table import fault
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 import pytest
-from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from ros_harness import NodeProcess, RosClient, wait_until
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger

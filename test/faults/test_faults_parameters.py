@@ -22,8 +22,8 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from request_bench import ControlContinues
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
 from ros_harness import RosClient
 
 GROUP = 'Parameters at run time'

@@ -21,7 +21,7 @@ from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.ros.conversions import (
+from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
     payload_from_ros,
     payload_to_ros,
@@ -31,7 +31,7 @@ from robot_dynamics.ros.conversions import (
     trajectory_to_ros,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.simulated_arm.loops import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController

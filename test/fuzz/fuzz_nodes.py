@@ -23,13 +23,12 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, Values
-from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.ros.dynamics.model_source import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
-from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
-from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples
+from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation, PayloadSamples
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
+from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation

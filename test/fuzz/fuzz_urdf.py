@@ -17,7 +17,7 @@ from fuzz_strategies import Draw, mostly, small_numbers, wild_numbers, wild_text
 from hypothesis import strategies as st
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterValue
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
 
 WORDS_FOR_NUMBERS = (
     '', ' ', '0', '-0', '-1', '1e-320', '1e-30', '1e9', '1e30', '-1e200', '1e308', '1e400', 'nan',

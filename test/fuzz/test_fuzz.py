@@ -33,9 +33,9 @@ from hypothesis import given, HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 import pytest
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.conversions import stamp_from_ros
-from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 
 # A warning of numpy indicates a number that the code did not check.

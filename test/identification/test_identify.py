@@ -255,7 +255,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     assert main(call) == FAILED
     said = capsys.readouterr()
     assert '2880 for training' in said.out
-    assert '1 recordings could not be used' in said.err
+    assert 'recordings that could not be used: 1' in said.err
     assert 'bag9' in said.err
     figures = (tmp_path / 'out' / 'report.json').read_text()
     assert main(call) == FAILED  # and again from the cached results

@@ -22,8 +22,12 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording, RecordingWriter
-from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros, trajectory_to_ros
-from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from robot_dynamics.ros.middleware.conversions import (
+    stamp_from_ros,
+    stamp_to_ros,
+    trajectory_to_ros,
+)
+from robot_dynamics.ros.middleware.recorder import Recorder, TopicSpec
 from robot_dynamics.trajectories.files import read_trajectory
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from ros_harness import (

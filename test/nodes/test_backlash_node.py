@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from ros_harness import has_stamp, NodeProcess, RosClient, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 

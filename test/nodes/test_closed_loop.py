@@ -14,7 +14,11 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import (
+    payload_to_ros,
+    stamp_from_ros,
+    trajectory_to_ros,
+)
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robot_dynamics_interfaces.srv import SetPayload

@@ -15,7 +15,7 @@ import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import (

@@ -14,8 +14,8 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.tools.analyze_bag import main as analyze_bag
 from ros_harness import (
     Collector,

@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
-from robot_dynamics.ros.dynamics.state_report import StateReport
+from robot_dynamics.ros.dynamics.state_log import StateReport
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_urdf
 from ros_harness import BEST_EFFORT, DYNAMICS, LATCHED, NodeProcess, RosClient, wait_until

@@ -16,7 +16,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import (
     Collector,

@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.ros.conversions import payload_from_ros, payload_to_ros, stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import (
+    payload_from_ros,
+    payload_to_ros,
+    stamp_from_ros,
+)
 from ros_harness import LATCHED, RosClient
 from sensor_msgs.msg import JointState
 from service_bench import A, Q, Served, TAU, V

@@ -11,7 +11,7 @@ from fault_bench import fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q, st
 from fault_stimuli import SetPoints
 import numpy as np
 import pytest
-from robot_dynamics.ros.conversions import trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points

@@ -18,7 +18,7 @@ from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros2_control_standin import DEFAULT_THRESHOLD, INTERFACES, ros2_control

@@ -22,7 +22,7 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robots import robot_urdf
 from ros_harness import (
     Collector,

@@ -11,7 +11,7 @@ import pytest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
-from robot_dynamics.ros.conversions import floats_to_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf

@@ -17,8 +17,8 @@ from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 import children
 from fault_table import fault
 import pytest
-from robot_dynamics.ros.declared_parameters import ParameterSpec
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
 

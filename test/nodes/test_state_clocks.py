@@ -16,7 +16,7 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from ros_harness import DYNAMICS, NodeProcess, RosClient, TIMEOUT
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

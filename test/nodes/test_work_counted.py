@@ -29,9 +29,9 @@ from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, Uncheck
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.ros.conversions import trajectory_from_ros
-from robot_dynamics.ros.dynamics.control_counters import MOST_ARRIVALS
 from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.dynamics.state_log import MOST_ARRIVALS
+from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.efforts import efforts_along
 from sensor_msgs.msg import JointState

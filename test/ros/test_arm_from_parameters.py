@@ -14,8 +14,8 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.ros.declared_parameters import DeclaredParameters
 from robot_dynamics.ros.dynamics.parameters import SPECS
+from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters
 import yaml
 
 GEARED = default_arm_urdf().replace(

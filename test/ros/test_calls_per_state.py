@@ -28,8 +28,8 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 import robot_dynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.ros.cdr_templates import MessageTemplate
 from robot_dynamics.ros.dynamics.node import DynamicsNode
+from robot_dynamics.ros.middleware.cdr_templates import MessageTemplate
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

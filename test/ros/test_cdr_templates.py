@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.ros.cdr_templates import (
+from robot_dynamics.ros.middleware.cdr_templates import (
     array_template,
     effort_template,
     JointStateDecoder,

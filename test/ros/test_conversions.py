@@ -18,7 +18,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import (
+from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
     payload_from_ros,
     payload_to_ros,
@@ -30,7 +30,7 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState

@@ -17,8 +17,8 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.dynamics.markers import drawn, LiveMarkers
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState

@@ -10,7 +10,7 @@ from damaged_bytes import cut_short, noise, with_lies, with_noise
 from geometry_msgs.msg import WrenchStamped
 import pytest
 from rclpy.serialization import serialize_message
-from robot_dynamics.ros.message_bytes import (
+from robot_dynamics.ros.middleware.message_bytes import (
     LARGEST_MESSAGE,
     MOST_POINTS,
     read_message,

@@ -7,7 +7,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.report import check_description
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.ros.dynamics.model_source import check_or_refuse
 from robots import robot_path
 
 

@@ -8,15 +8,14 @@ from pathlib import Path
 import re
 from typing import Any
 
-from launch_values import BOTH, checked, write
+from launch_values import arm_of, DYNAMICS, write
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.launch_arguments import DYNAMICS
-from robot_dynamics.ros.parameter_file import ParameterFile
+from robot_dynamics.ros.parameters.parameter_file import ParameterFile
 from ros_harness import DYNAMICS as DYNAMICS_MODULE
 from ros_harness import NodeProcess
 
@@ -65,58 +64,28 @@ def test_arguments_take_precedence_over_the_file(
     params = write(tmp_path / 'arm.yaml', '\n'.join(
         f'{section}: {{ros__parameters: {{gravity: [1.0, 1.0, 1.0], rate: 50.0}}}}'
         for section in sections)) if sections else ''
-    arm = checked(params=params, namespace='left', gravity='0 0 -3', autostart='false')
-    files = arm.parameter_files(DYNAMICS, 'gravity', 'robot_description')
+    arm = arm_of(params=params, namespace='left', gravity='[0, 0, -3]')
+    files = arm.parameter_files(DYNAMICS)
     taken = taken_by_rcl('/left', files)
     assert list(taken['gravity']) == [0.0, 0.0, -3.0]
     assert taken['robot_description'] == default_arm_urdf()
-    assert 'autostart' not in taken
     assert taken.get('rate') == (50.0 if sections else None)
     assert files[:-1] == ([params] if params else [])
     Path(files[-1]).unlink()
 
 
-@pytest.mark.parametrize(('text', 'namespace', 'nodes'), [
-    ('/**: {ros__parameters: {a: 1}}', 'left', BOTH),
-    ('/dynamics: {ros__parameters: {a: 1}}', '', BOTH),
-    ('dynamics: {ros__parameters: {a: 1}}', '', (DYNAMICS,)),
-    ('/left/dynamics: {ros__parameters: {a: 1}}', 'left', BOTH),
-    ('left: {dynamics: {ros__parameters: {a: 1}}}', 'left', BOTH),
-    ('/left/dynamics: {ros__parameters: {a: 1}}\n/right/dynamics: {ros__parameters: {a: 2}}',
-     'right', BOTH),
-    ('/**: {ros__parameters: {a: 1}}\n/controller_manager: {ros__parameters: {a: 2}}', '', BOTH),
-])
-def test_a_parameter_file_for_the_nodes_is_accepted(
-    text: str, namespace: str, nodes: tuple[str, ...], tmp_path: Path,
-) -> None:
-    params = write(tmp_path / 'arm.yaml', text)
-    file = checked(nodes, params=params, namespace=namespace).file
-    assert file is not None
-    assert str(file.path) == params
-
-
 @pytest.mark.parametrize(('text', 'reason'), [
-    ('/dynamics: {ros__parameters: {a: 1}}',
-     "whose sections ['/dynamics'] do not apply to /cell/left/dynamics; expected the section /**"),
-    ('/**: {ros__parameters: {a: 1}}\ndynamics: {ros__parameters: {b: 1}}',
-     "whose sections ['/dynamics'] do not apply to /cell/left/dynamics; expected the section /**"),
-    ('/left/simulated_arm: {ros__parameters: {a: 1}}',
-     "whose sections ['/left/simulated_arm'] do not apply to /cell/left/simulated_arm; expected"),
-    ('/controller_manager: {ros__parameters: {a: 1}}',
-     "whose sections ['/controller_manager'] do not apply to /cell/left/simulated_arm and "
-     '/cell/left/dynamics; expected'),
     ('{}', 'which has no parameters; expected a section such as /** that contains'),
     ('joints: [joint1]', 'which has no parameters; expected a section such as /** that contains'),
     ('a: [', 'which cannot be read: while parsing a flow node'),
 ])
-def test_a_parameter_file_that_the_nodes_would_ignore_is_an_error(
+def test_a_file_that_is_no_parameter_file_is_an_error(
     text: str, reason: str, tmp_path: Path,
 ) -> None:
     params = write(tmp_path / 'arm.yaml', text)
     with pytest.raises(RobotDynamicsError) as error:
-        checked(params=params, namespace='left', outer='/cell')
+        arm_of(params=params)
     assert str(error.value).startswith(f"launch argument params is '{params}', {reason}")
-    assert str(error.value).endswith('No node was started.')
 
 
 @pytest.mark.parametrize(
@@ -124,15 +93,31 @@ def test_a_parameter_file_that_the_nodes_would_ignore_is_an_error(
     ids=lambda path: path.name)
 def test_the_parameter_files_of_this_package_apply_in_every_namespace(path: Path) -> None:
     for namespace in ('', 'left', 'cell/left'):
-        file = checked(params=str(path), namespace=namespace, robot_description='<robot/>').file
-        assert file is not None
+        file = ParameterFile(path, 'params')
         assert 'command' in file.parameters(f'/{namespace}/dynamics'.replace('//', '/'))
+
+
+@pytest.mark.parametrize(('text', 'node', 'ignored'), [
+    ('/**: {ros__parameters: {a: 1}}', '/left/dynamics', []),
+    ('dynamics: {ros__parameters: {a: 1}}', '/dynamics', []),
+    ('left: {dynamics: {ros__parameters: {a: 1}}}', '/left/dynamics', []),
+    ('/left/dynamics: {ros__parameters: {a: 1}}\n/right/dynamics: {ros__parameters: {a: 2}}',
+     '/right/dynamics', []),
+    ('/**: {ros__parameters: {a: 1}}\n/controller_manager: {ros__parameters: {a: 2}}',
+     '/dynamics', []),
+    ('/**: {ros__parameters: {a: 1}}\n/dynamics: {ros__parameters: {b: 1}}',
+     '/left/dynamics', ['/dynamics']),
+    ('/controller_manager: {ros__parameters: {a: 1}}', '/dynamics', ['/controller_manager']),
+])
+def test_sections_that_a_node_ignores(
+    text: str, node: str, ignored: list[str], tmp_path: Path,
+) -> None:
+    file = ParameterFile(Path(write(tmp_path / 'arm.yaml', text)), 'params')
+    assert file.ignored_sections(node) == ignored
 
 
 @pytest.mark.parametrize(('text', 'warns'), [
     ('/**: {ros__parameters: {command: none}}', False),
-    ('/left/dynamics: {ros__parameters: {command: none}}', False),
-    ('/**: {ros__parameters: {command: none}}\n/dynamics: {ros__parameters: {rate: 9.0}}', True),
     ('/dynamics: {ros__parameters: {command: none}}', True)])
 def test_a_node_warns_of_sections_that_it_ignores(text: str, warns: bool, tmp_path: Path) -> None:
     params = write(tmp_path / 'arm.yaml', text)

@@ -14,8 +14,8 @@ from robot_dynamics.control.controller import LAWS
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState

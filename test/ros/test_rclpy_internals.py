@@ -25,9 +25,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros import rclpy_internals
-from robot_dynamics.ros.answer_delivery import is_discovered
-from robot_dynamics.ros.rclpy_internals import (
+from robot_dynamics.ros.middleware import rclpy_internals
+from robot_dynamics.ros.middleware.answer_delivery import is_discovered
+from robot_dynamics.ros.middleware.rclpy_internals import (
     error_type,
     LEFT_TO_A_THREAD,
     message_inbox,
@@ -42,7 +42,7 @@ from robot_dynamics.ros.rclpy_internals import (
     service_with_inbox,
     subscription_count,
 )
-from robot_dynamics.ros.spun_inbox import SpunInbox
+from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String

@@ -10,10 +10,10 @@ import pytest
 from rclpy.exceptions import ParameterException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.guarded_callbacks import describe_error, LONGEST_REASON
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, LONGEST_REASON
 
 LIMITED = """
-from robot_dynamics.ros.memory import limit_memory
+from robot_dynamics.ros.running import limit_memory
 import numpy as np
 limit_memory(200 * 2**20)
 some = np.ones(100 * 2**20, dtype=np.uint8)
@@ -31,7 +31,7 @@ resource.setrlimit(resource.RLIMIT_DATA, (most, most))
 """
 SELDOM = """
 import gc
-from robot_dynamics.ros.memory import expect_no_garbage, FULL_PASSES_APART
+from robot_dynamics.ros.running import expect_no_garbage, FULL_PASSES_APART
 expect_no_garbage()
 assert gc.isenabled() and gc.get_threshold()[2] == FULL_PASSES_APART
 assert gc.get_freeze_count() > 1000 and not gc.get_objects(2)
@@ -61,7 +61,7 @@ def test_a_stricter_limit_of_the_user_stays() -> None:
 import resource
 _, most = resource.getrlimit(resource.RLIMIT_DATA)
 resource.setrlimit(resource.RLIMIT_DATA, (2**30, most))
-from robot_dynamics.ros.memory import limit_memory
+from robot_dynamics.ros.running import limit_memory
 limit_memory(2**40)
 print(resource.getrlimit(resource.RLIMIT_DATA)[0])
 """

@@ -11,9 +11,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
-from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.state_assembly import ForeignJointsError, MOST_SOURCES, StateAssembly
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.middleware.state_assembly import (
+    ForeignJointsError,
+    MOST_SOURCES,
+    StateAssembly,
+)
 from sensor_msgs.msg import JointState
 
 rclpy_serialization = pytest.importorskip('rclpy.serialization')

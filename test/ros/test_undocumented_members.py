@@ -13,7 +13,7 @@ import pytest
 from rclpy.lifecycle import LifecycleNode
 import robot_dynamics
 from robot_dynamics.ros.dynamics.node import DynamicsNode
-from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 
 PACKAGE = Path(robot_dynamics.__file__).parent
@@ -56,7 +56,7 @@ def test_no_other_module_uses_undocumented_members() -> None:
     uses = {str(path.relative_to(PACKAGE)): undocumented(ast.parse(path.read_text('utf-8')))
             for path in modules}
     assert {path: found for path, found in uses.items() if found} == {}, (
-        'move these to robot_dynamics/ros/rclpy_internals.py, with a fallback and a test')
+        'move these to ros/middleware/rclpy_internals.py, with a fallback and a test')
 
 
 @pytest.mark.parametrize('code', [

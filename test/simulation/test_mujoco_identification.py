@@ -25,8 +25,8 @@ from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.recordings.writer import RecordingWriter
-from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
-from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.recorder import Recorder, TopicSpec
 from robot_dynamics.trajectories.files import read_trajectory
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from ros_harness import (

@@ -50,6 +50,7 @@ def nodes_of(process):
 
 
 def relative_residuals(out):
-    found = re.findall(r'^(joint\d) .*?([\d.]+) % ', out, re.MULTILINE)
-    assert [name for name, _ in found] == ['joint1', 'joint2']
-    return {name: float(fraction) for name, fraction in found}
+    """Return the relative residual of each joint [%]."""
+    table = out.partition('Residual, measured')[2].partition('Use of limits')[0]
+    return {name: float(fraction) for name, fraction in re.findall(
+        r'^(\w+) .*?([\d.]+) % ', table, re.MULTILINE)}

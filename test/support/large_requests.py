@@ -20,7 +20,7 @@ from request_bench import answer_lines, ClientProcess
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics.ros.middleware.conversions import floats_to_ros
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,

@@ -5,21 +5,16 @@
 
 from pathlib import Path
 
-from robot_dynamics.ros.launch_arguments import (
-    ARGUMENTS,
-    ArmArguments,
-    check_arm_arguments,
-    DYNAMICS,
-    SIMULATED_ARM,
-)
+from robot_dynamics.ros.launch_arguments import ARGUMENTS, arm_arguments, ArmArguments
 
-BOTH = (SIMULATED_ARM, DYNAMICS)
+DYNAMICS = 'dynamics'
+BOTH = ('simulated_arm', DYNAMICS)
 
 
-def checked(nodes: tuple[str, ...] = BOTH, outer: str = '', **values: str) -> ArmArguments:
-    """Return the checked arguments, with defaults for those that are not given."""
+def arm_of(nodes: tuple[str, ...] = BOTH, outer: str = '', **values: str) -> ArmArguments:
+    """Return the arguments of an arm, with defaults for those that are not given."""
     defaults = {name: default for name, (default, _) in ARGUMENTS.items()}
-    return check_arm_arguments({**defaults, **values}, nodes, outer)
+    return arm_arguments({**defaults, **values}, nodes, outer)
 
 
 def write(path: Path, text: str) -> str:

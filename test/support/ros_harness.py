@@ -39,7 +39,7 @@ RESEND_PERIOD = 0.5
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
-MUJOCO_ARM = 'robot_dynamics.ros.mujoco_arm'
+MUJOCO_ARM = 'robot_dynamics.ros.simulated_arm.mujoco_arm'
 
 EXACT = {
     'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0],

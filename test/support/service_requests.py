@@ -8,7 +8,7 @@ from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import (
     EstimatePayload,
     ForwardDynamics,

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from request_bench import answer_lines
-from robot_dynamics.ros.guarded_callbacks import GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from std_srvs.srv import Trigger
 
 

@@ -13,7 +13,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 import numpy as np
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
-from robot_dynamics.ros.conversions import floats_to_ros
+from robot_dynamics.ros.middleware.conversions import floats_to_ros
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,

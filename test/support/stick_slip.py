@@ -15,7 +15,7 @@ import numpy as np
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording, RecordingWriter
-from robot_dynamics.ros.recorder import Recorder, TopicSpec
+from robot_dynamics.ros.middleware.recorder import Recorder, TopicSpec
 from ros_harness import KEEP_MANY, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 

@@ -16,8 +16,8 @@ from robot_dynamics.recordings.reader import Recording, stack
 from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo.cli import _make_directory
-from robot_dynamics.tools.demo.page import tracking_verdict
 from robot_dynamics.tools.demo.processes import choose_domain
+from robot_dynamics.tools.demo.report import tracking_verdict
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import robot_path
@@ -235,7 +235,7 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     np.testing.assert_array_equal(again.stamps_ns, played.stamps_ns)
     np.testing.assert_array_equal(again.position, played.position)
     np.testing.assert_array_equal(answers.stamps_ns, played.stamps_ns)
-    assert (tmp_path / 'here' / 'demo.png').stat().st_size > 10000
+    assert (tmp_path / 'here' / 'report.png').stat().st_size > 10000
     page = ReportPage((tmp_path / 'here' / 'report.html').read_text(encoding='utf-8'))
     assert page.is_complete
     assert 'Verdict: 2 good, of 2 joints.' in page.text

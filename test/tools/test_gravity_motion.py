@@ -27,7 +27,7 @@ from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording
-from robot_dynamics.ros.conversions import payload_to_ros
+from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics.tools.calibrate_gravity import main
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import MotionSettings, Move

@@ -3,7 +3,6 @@
 
 """The poses of `calibrate_gravity --move`, their order and the moves between them, without ROS."""
 
-from itertools import pairwise, permutations
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from robot_dynamics.tools.gravity_motion.plan import (
     make_plan,
     MotionSettings,
     position_bounds,
-    short_order,
 )
 from robot_dynamics.tools.gravity_motion.poses import chosen_poses, gravity_share, PoseChoice
 from robot_dynamics.tools.gravity_motion.preview import preview
@@ -81,7 +79,7 @@ def test_a_continuous_joint_does_not_wind_up(arm: ArmModel) -> None:
     plan = make_plan(arm, start, poses, MotionSettings(step=10.0))
     goals = np.array([plan.start, *(move.goal for _, move in plan.moves())])
     np.testing.assert_allclose(plan.start, [2.5, 0.0], atol=1e-12)
-    np.testing.assert_array_equal(plan.poses, poses[::-1])
+    np.testing.assert_array_equal(plan.poses, poses)
     assert np.abs(goals).max() <= 3.1 + 1e-12
     assert np.abs(np.diff(goals, axis=0)).max() <= 1.5  # the node takes the shortest angle
 
@@ -95,24 +93,6 @@ def test_defaults_follow_the_kind_of_the_joint() -> None:
     np.testing.assert_allclose(plan.step, [0.1, 0.5])
     np.testing.assert_allclose(plan.velocity, [0.1, 0.5])
     np.testing.assert_allclose(approach_of(arm, 0.05), 0.05)
-
-
-def test_the_order_is_hardly_longer_than_the_shortest() -> None:
-    rng = np.random.default_rng(7)
-    velocity, ratios = np.array([1.0, 2.0]), []
-    for _ in range(10):
-        poses, start = rng.uniform(-1.0, 1.0, (6, 2)), rng.uniform(-1.0, 1.0, 2)
-
-        def length(order: 'tuple[int, ...] | list[int]', start: object = start,
-                   poses: object = poses) -> float:
-            path = np.vstack([start, np.asarray(poses)[list(order)]])
-            return sum(float((np.abs(b - a) / velocity).max()) for a, b in pairwise(path))
-
-        best = min(map(length, permutations(range(6))))
-        found = short_order(start, poses, velocity).tolist()
-        assert sorted(found) == list(range(6))
-        ratios.append(length(found) / best)
-    assert max(ratios) < 1.1
 
 
 # --- the poses -----------------------------------------------------------------------------------

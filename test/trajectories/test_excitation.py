@@ -20,7 +20,7 @@ from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.conversions import trajectory_from_ros
+from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.tools.excite import main
 from robot_dynamics.trajectories.demo_motion import sample_trajectory
 from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank

@@ -13,9 +13,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.ros.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.values import rotation
 from sensor_msgs.msg import Imu
 

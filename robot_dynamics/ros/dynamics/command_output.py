@@ -22,12 +22,16 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import NO_COMMAND
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.supervisor import Fault, Mode
-from robot_dynamics.ros.cdr_templates import array_template, effort_template, MessageTemplate
-from robot_dynamics.ros.diagnostics import Status
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import raw_publish, RclError, subscription_count
+from robot_dynamics.ros.middleware.cdr_templates import (
+    array_template,
+    effort_template,
+    MessageTemplate,
+)
+from robot_dynamics.ros.middleware.diagnostics import Status
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, RclError, subscription_count
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 

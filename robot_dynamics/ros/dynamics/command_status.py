@@ -12,7 +12,7 @@ from robot_dynamics.arrays import any_of
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.effort_limiter import ActiveLimits
 from robot_dynamics.control.supervisor import Fault, Mode
-from robot_dynamics.ros.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 
 TELL_FOR = 1.0
 """[s] for which the diagnostics report an effort that a limit has changed."""

@@ -19,25 +19,24 @@ from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.supervisor import Fault, Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
-from robot_dynamics.ros.cdr_templates import (
+from robot_dynamics.ros.dynamics.command_output import CommandOutput
+from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
+from robot_dynamics.ros.dynamics.markers import LiveMarkers
+from robot_dynamics.ros.dynamics.payload_estimation import PayloadSamples
+from robot_dynamics.ros.dynamics.state_log import ControlCounters, StateLog
+from robot_dynamics.ros.middleware.cdr_templates import (
     effort_template,
     Layout,
     MessageTemplate,
     SensedState,
     state_template,
 )
-from robot_dynamics.ros.conversions import stamp_to_ros, terms_to_ros
-from robot_dynamics.ros.dynamics.command_output import CommandOutput
-from robot_dynamics.ros.dynamics.control_counters import ControlCounters
-from robot_dynamics.ros.dynamics.effort_check import EffortCheck
-from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
-from robot_dynamics.ros.dynamics.markers import LiveMarkers
-from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples
-from robot_dynamics.ros.dynamics.state_log import StateLog
-from robot_dynamics.ros.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.rclpy_internals import raw_publish, subscription_count
-from robot_dynamics.ros.state_assembly import ForeignJointsError, StateAssembly
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros, terms_to_ros
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
+from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
+from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
+from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, StateAssembly
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 

@@ -23,7 +23,7 @@ from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from robot_dynamics.control.supervisor import Fault
-from robot_dynamics.ros.rclpy_internals import RclError, subscription_count
+from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1
 """[s] between two checks while a subscriber is unchecked."""

@@ -15,9 +15,9 @@ from robot_dynamics.monitoring.gravity_check import (
     STILL,
     verdict_in_words,
 )
-from robot_dynamics.ros.cdr_templates import SensedState
-from robot_dynamics.ros.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.cdr_templates import SensedState
+from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 
 NAME = 'effort check'
 

@@ -25,12 +25,12 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
-from robot_dynamics.ros.cdr_templates import effort_template, SensedState
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.ros.diagnostics import OK, Status, WARN
-from robot_dynamics.ros.joint_state_reader import JointStateReader
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import subscription_count
+from robot_dynamics.ros.middleware.cdr_templates import effort_template, SensedState
+from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
 from sensor_msgs.msg import JointState
 
 DEFAULT_BANDWIDTH = 10.0

@@ -24,7 +24,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
 from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
-from robot_dynamics.ros.conversions import stamp_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 

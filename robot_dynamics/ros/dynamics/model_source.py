@@ -16,12 +16,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.ros.declared_parameters import Values
-from robot_dynamics.ros.dynamics.model_check_log import check_or_refuse
+from robot_dynamics.model.worst_gravity import BRIEF, QUICK
+from robot_dynamics.model_check.finding import refuse_errors
+from robot_dynamics.model_check.report import check_description
 from robot_dynamics.ros.dynamics.parameters import options_from
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
-from robot_dynamics.ros.guarded_callbacks import describe_error
-from robot_dynamics.ros.robot_description import (
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
+from robot_dynamics.ros.parameters.declared_parameters import Values
+from robot_dynamics.ros.parameters.robot_description import (
     check_joint_count,
     description_from_parameters,
     embedded_description,
@@ -29,6 +31,8 @@ from robot_dynamics.ros.robot_description import (
 from robot_dynamics.urdf.document import LARGEST_DESCRIPTION
 from std_msgs.msg import String
 
+LARGEST_ARM = 12
+"""Largest number of joints for the quick search at the start; above it, the brief search runs."""
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -165,3 +169,20 @@ class ModelSource:
         check_or_refuse(xml, arm, values, self._node.get_logger())
         options_from(values, arm)
         return arm
+
+
+def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:
+    """
+    Log findings and scope of the model check; raise ModelError with the first error not ignored.
+
+    `arm` is the model of the URDF `xml` with the parameters `values`. Meshes are not read, and the
+    search for the worst gravity is quick; the tool check_model reads them and searches fully.
+    """
+    ignored = values['ignore_checks']
+    search = QUICK if arm.joint_count <= LARGEST_ARM else BRIEF
+    checked = check_description(xml, arm=arm, search=search)
+    refuse_errors(checked.findings, ignored)
+    for finding in checked.findings:
+        logger.warning(f'Model check: {finding}')
+    if checked.findings or checked.unread:
+        logger.info(f'Model check: {checked.counts}. Scope: {checked.scope}')

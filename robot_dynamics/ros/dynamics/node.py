@@ -20,18 +20,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.state_plausibility import StateMonitor
-from robot_dynamics.ros.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_from_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Values
-from robot_dynamics.ros.diagnostics import (
-    Diagnostics,
-    FRICTION_ERROR,
-    joint_key,
-    OK,
-    Status,
-    STIFFNESS,
-    WARN,
-)
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
@@ -49,18 +37,34 @@ from robot_dynamics.ros.dynamics.parameters import (
 from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
-from robot_dynamics.ros.dynamics.state_report import StateReport
-from robot_dynamics.ros.dynamics.usage import USAGE
-from robot_dynamics.ros.graph_watch import GraphWatch
-from robot_dynamics.ros.guarded_callbacks import (
+from robot_dynamics.ros.dynamics.state_log import StateReport
+from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
+from robot_dynamics.ros.middleware.diagnostics import (
+    Diagnostics,
+    FRICTION_ERROR,
+    joint_key,
+    OK,
+    Status,
+    STIFFNESS,
+    WARN,
+)
+from robot_dynamics.ros.middleware.graph_watch import GraphWatch
+from robot_dynamics.ros.middleware.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
 )
-from robot_dynamics.ros.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
+from robot_dynamics.ros.middleware.shutdown import leave
+from robot_dynamics.ros.middleware.urgent_service import UrgentService
+from robot_dynamics.ros.parameters.declared_parameters import (
+    DeclaredParameters,
+    ParameterSpec,
+    Values,
+)
+from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.shutdown import leave
-from robot_dynamics.ros.urgent_service import UrgentService
 from robot_dynamics.urdf.parser import parse_urdf
 from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
@@ -72,6 +76,39 @@ _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
 """Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+USAGE = NodeUsage(
+    'dynamics_node', 'dynamics',
+    'Gravity compensation, computed torque and dynamics services for the arm of a URDF. The node '
+    'computes one command for each joint state that it receives, and publishes it unless '
+    '`command` has the value none. By default it holds the arm from the first joint state on.',
+    (('', 'Use the planar two-link arm, as simulated_arm does without arguments.'),
+     ('--ros-args -p robot_description_file:=arm.urdf -p command:=none',
+      'Use the arm in arm.urdf and publish no command: the first start with a robot.'),
+     ('--ros-args --params-file arm.yaml -r joint_states:=/arm/joint_states',
+      'Read the parameters from arm.yaml, and the joint states from another topic.')),
+    SPECS,
+    ('robot_description_file', 'joints', 'gravity', 'command', 'gains.natural_frequency',
+     'gains.damping_ratio', 'effort_scale', 'measured_effort', 'robot_compensates',
+     'fault_action', 'state_timeout', 'state_max_age', 'autostart'),
+    (('joint_states', 'Subscribed, sensor_msgs/msg/JointState: measured positions, velocities '
+      'and efforts, matched by joint name.'),
+     ('robot_description', 'Subscribed, std_msgs/msg/String: the URDF, if neither '
+      'robot_description nor robot_description_file is set.'),
+     ('~/joint_trajectory', 'Subscribed, trajectory_msgs/msg/JointTrajectory: the trajectory to '
+      'follow; one point is a set-point.'),
+     ('effort_command, ~/commands', 'Published, sensor_msgs/msg/JointState and '
+      'std_msgs/msg/Float64MultiArray: the command [N·m] or [N], by joint name, and in the order '
+      'of joints.'),
+     ('~/gravity_compensation, ~/computed_torque', 'Published, sensor_msgs/msg/JointState: the '
+      'results of both control laws, also with `command: none`.'),
+     ('/diagnostics', 'Published, diagnostic_msgs/msg/DiagnosticArray: joint states, command, '
+      'faults, reference, payload and model.'),
+     ('~/stop, ~/reset_fault', 'Services, std_srvs/srv/Trigger: stop the arm and hold its '
+      'position; reset a latched fault.'),
+     ('~/set_payload', 'Service, robot_dynamics_interfaces/srv/SetPayload: set the load on a '
+      'link.')))
 
 
 class DynamicsNode(GuardedCallbacks, LifecycleNode):

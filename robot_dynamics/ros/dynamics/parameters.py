@@ -26,12 +26,12 @@ from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
-from robot_dynamics.ros.dynamics.model_check_log import IGNORE_CHECKS_SPEC
-from robot_dynamics.ros.payloads import PAYLOAD_SPEC
-from robot_dynamics.ros.robot_description import (
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPEC
+from robot_dynamics.ros.parameters.robot_description import (
     ACTUATOR_SPECS,
     DESCRIPTION_SPECS,
     DRIVE_SPECS,
@@ -121,7 +121,11 @@ SPECS = (
     *ACTUATOR_SPECS,
     *DRIVE_SPECS,
     *UNCERTAINTY_SPECS,
-    IGNORE_CHECKS_SPEC,
+    ParameterSpec(
+        'ignore_checks', Type.STRING_ARRAY, [],
+        'Names of model checks whose errors are logged as warnings instead of rejecting the '
+        'model.',
+        read_only=True, choices=tuple(CHECKS)),
     PAYLOAD_SPEC,
     ParameterSpec(
         'command', Type.STRING, 'computed_torque',

@@ -9,27 +9,33 @@ and adds them to the estimator. Position, velocity and effort pass the same caus
 derivative of the velocity is the acceleration (`monitoring.low_pass`).
 """
 
+from collections import deque
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics.monitoring.low_pass import LowPass
+from robot_dynamics.monitoring.state_plausibility import StateVerdict
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.summary import headline
-from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.ros.dynamics.live_estimates import joint_effort
-from robot_dynamics.ros.dynamics.payload_samples import PayloadSamples, Sample
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
-from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.cdr_templates import SensedState
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics_interfaces.srv import EstimatePayload
 
+MOST_SAMPLES = 5000
+"""Number of waiting states; if more arrive, the oldest are discarded."""
 CUTOFF = 5.0
 """Cut-off frequency [Hz] of the filter."""
 INTERVAL = 1.0 / (10.0 * CUTOFF)
@@ -45,6 +51,72 @@ COMPENSATED = (
     'deviations are larger: set friction_compensation to none for the holds')
 NOT_STARTED = (
     'no estimation is active, expected an earlier call with start = true and the name of a link')
+
+
+class Sample(NamedTuple):
+    """A measured state: `stamp` [ns], others (n,); `robot_gravity` is g(q) without a load."""
+
+    stamp: int
+    q: FloatArray
+    v: FloatArray
+    effort: FloatArray
+    robot_gravity: FloatArray
+    is_restart: bool
+
+
+class PayloadSamples:
+    """
+    A buffer of states while an estimation is active.
+
+    The thread of the control path calls `take`, another thread the other methods. A deque is safe
+    for one thread at each end.
+    """
+
+    def __init__(self) -> None:
+        self.is_on = False
+        self.obstacle = ''
+        """Reason why the newest state cannot be used, empty if it can."""
+        self._waiting: deque[Sample] = deque(maxlen=MOST_SAMPLES)
+
+    def begin(self) -> None:
+        """Take states from now on."""
+        self._waiting.clear()
+        self.obstacle, self.is_on = 'no joint state since the start', True
+
+    def end(self) -> None:
+        """Take no more states."""
+        self.is_on = False
+        self._waiting.clear()
+
+    def take(
+        self, reader: JointStateReader, state: SensedState, q: FloatArray, v: FloatArray | None,
+        verdict: StateVerdict, robot_gravity: FloatArray,
+    ) -> None:
+        """Keep a state whose command is published, if an estimation is active; do not raise."""
+        if not (self.is_on and verdict.is_new):
+            return
+        try:
+            effort = reader.effort(state)
+        except RobotDynamicsError as error:
+            self.obstacle = str(error)
+            return
+        if effort is None or not all_finite(effort):
+            self.obstacle = 'joint states have no effort'
+        elif v is None:
+            self.obstacle = 'joint states have no velocity'
+        else:
+            self.obstacle = ''
+            self._waiting.append(Sample(
+                verdict.stamp, q, v, effort, robot_gravity, bool(verdict.restart)))
+
+    def drain(self) -> list[Sample]:
+        """Return the waiting states, oldest first, and remove them."""
+        samples = []
+        while True:
+            try:
+                samples.append(self._waiting.popleft())
+            except IndexError:
+                return samples
 
 
 class _Run:

@@ -17,11 +17,11 @@ from robot_dynamics.model.payload import (
     Payload,
     with_payload_on,
 )
-from robot_dynamics.ros.conversions import payload_to_ros
-from robot_dynamics.ros.declared_parameters import Values
-from robot_dynamics.ros.diagnostics import ERROR, OK, Status
-from robot_dynamics.ros.guarded_callbacks import describe_error
-from robot_dynamics.ros.payloads import changed_payloads, check_all
+from robot_dynamics.ros.middleware.conversions import payload_to_ros
+from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
+from robot_dynamics.ros.parameters.declared_parameters import Values
+from robot_dynamics.ros.parameters.payloads import changed_payloads, check_all
 
 ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Number of messages for late subscribers: the largest number of loaded links."""

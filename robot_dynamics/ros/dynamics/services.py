@@ -14,7 +14,9 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.ros.conversions import (
+from robot_dynamics.ros.dynamics.payload_estimation import estimate_to_ros, PayloadEstimation
+from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
+from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
     payload_to_ros,
     stamp_to_ros,
@@ -23,9 +25,7 @@ from robot_dynamics.ros.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.dynamics.payload_estimation import estimate_to_ros, PayloadEstimation
-from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
-from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.limit_warnings import (

@@ -1,8 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Logs and counters of `dynamics` for dropped, incomplete and degraded joint states."""
+"""The joint states of `dynamics` in log and diagnostics: counters, reasons, rate and jitter."""
 
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
 import math
 import time
 
@@ -10,10 +13,14 @@ from rclpy.node import Node
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.monitoring.event_timing import EventTiming
+from robot_dynamics.monitoring.replay_hint import ReplayHint
 from robot_dynamics.monitoring.velocity_estimate import SPAN
-from robot_dynamics.ros.dynamics.control_counters import ControlCounters
-from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 
+MOST_ARRIVALS = 5000
+"""Number of stored arrivals: those of more than a second at 1 kHz."""
 COMPLETION_TIME = 1.0
 """[s] without a complete state after which the missing joints are logged."""
 REMEDIES = {
@@ -25,6 +32,27 @@ REMEDIES = {
     'unreadable': 'expected a sensor_msgs/msg/JointState: check the driver',
 }
 """Remedy for dropped joint states, by reason."""
+
+
+@dataclass
+class ControlCounters:
+    """Counters of the control path since the start; the diagnostics read them."""
+
+    repeated: int = 0
+    incomplete: int = 0
+    """Messages with some of the joints that do not complete a state."""
+    missing: tuple[str, ...] = ()
+    """Joints without a sample that is new enough, at the last message with some of the joints."""
+    velocities: str = 'measured'
+    answered_at: float = -math.inf
+    """Time [s] of the last answer on the steady clock."""
+    arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_ARRIVALS))
+    """Times [s] of new states on the steady clock, which `timing` has not evaluated yet."""
+    timing: EventTiming = field(default_factory=lambda: EventTiming(time.monotonic()))
+    dropped: Counter[str] = field(default_factory=Counter)
+    last_drop: str = ''
+    replay: ReplayHint = field(default_factory=ReplayHint)
+    following: bool = False
 
 
 class StateLog:
@@ -113,3 +141,68 @@ class StateLog:
                 f'Gains and references at {scale:.2f} of their bandwidth: {controller.quality}.',
                 throttle_duration_sec=LOG_PERIOD)
         self._reported_scale = scale
+
+
+class StateReport:
+    """Reports whether joint states arrive, how regularly, and why some were dropped."""
+
+    def __init__(
+        self, counters: ControlCounters, loop: Callable[[], ControlLoop | None],
+    ) -> None:
+        """`loop` returns the control loop, or None without a model."""
+        self._counters, self._loop = counters, loop
+        self._dropped_before = 0
+        self._dropped_at = -float('inf')
+
+    def statuses(self, state_timeout: float) -> list[Status]:
+        """
+        Return the present statuses; a drop is reported for 1 s.
+
+        An interval of more than half of `state_timeout` [s] is a warning.
+        """
+        now = time.monotonic()
+        arrivals, events = self._counters.arrivals, self._counters.timing
+        for _ in range(len(arrivals)):
+            events.happened(arrivals.popleft())
+        timing = events.look(now)
+        return [self._arrival(now, timing.rate), self._timing(state_timeout)]
+
+    def _arrival(self, now: float, rate: float) -> Status:
+        counters = self._counters
+        # Atomic copies: the control path counts in another thread.
+        loop = self._loop()
+        drops, restarts = dict(counters.dropped), {} if loop is None else dict(loop.restarts)
+        dropped = sum(drops.values()) - drops.get('other joints', 0)
+        if dropped > self._dropped_before:
+            self._dropped_before, self._dropped_at = dropped, now
+        level, words = OK, 'arriving'
+        if now - self._dropped_at < 1.0:
+            level, words = ERROR, counters.last_drop
+        elif rate == 0.0:
+            level, words = WARN, 'none arrive'
+            if counters.missing:
+                level, words = ERROR, (
+                    f'incomplete: no samples of {list(counters.missing)} that are new enough '
+                    '(joint_sample_max_age)')
+        if counters.replay.text:
+            level, words = max(level, WARN), f'{words}; {counters.replay.text}'
+        if loop is not None and not loop.consistency.is_consistent:
+            level, words = max(level, WARN), f'{words}; {loop.consistency.reason}'
+        return Status('joint states', level, words, {
+            'answered': 0 if loop is None else loop.states,
+            'not new (stamp repeated)': counters.repeated,
+            'parts of a state': counters.incomplete,
+            'velocities': counters.velocities,
+            **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
+            **{f'restarted: {reason}': count for reason, count in sorted(restarts.items())}})
+
+    def _timing(self, state_timeout: float) -> Status:
+        timing, late = self._counters.timing.timing, self._counters.timing.late
+        level, words = OK, 'regular'
+        if timing.longest > 0.5 * state_timeout:
+            level, words = WARN, 'an interval of more than half of state_timeout'
+        return Status('timing', level, words, {
+            'rate [Hz]': f'{timing.rate:.1f}',
+            'jitter, standard deviation [ms]': f'{1e3 * timing.jitter:.3f}',
+            'longest interval [ms]': f'{1e3 * timing.longest:.3f}',
+            'late states': late})

@@ -19,12 +19,16 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.cdr_templates import JointStateDecoder, stamp_bytes, state_template
-from robot_dynamics.ros.conversions import stamp_to_ros
-from robot_dynamics.ros.guarded_callbacks import describe_error
-from robot_dynamics.ros.joint_state_reader import JointStateReader
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import message_inbox
+from robot_dynamics.ros.middleware.cdr_templates import (
+    JointStateDecoder,
+    stamp_bytes,
+    state_template,
+)
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
 from robot_dynamics.simulation.plant import Measured, Plant
 from rosgraph_msgs.msg import Clock

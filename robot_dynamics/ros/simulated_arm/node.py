@@ -13,12 +13,18 @@ from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMP
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
-from robot_dynamics.ros.conversions import wrenches_from_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
-from robot_dynamics.ros.guarded_callbacks import describe_error, destroyed_unless_made
-from robot_dynamics.ros.node_arguments import NodeUsage
-from robot_dynamics.ros.payloads import changed_payloads, PAYLOAD_SPEC
-from robot_dynamics.ros.robot_description import (
+from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, destroyed_unless_made
+from robot_dynamics.ros.middleware.shutdown import leave
+from robot_dynamics.ros.parameters.declared_parameters import (
+    DeclaredParameters,
+    ParameterSpec,
+    Type,
+    Values,
+)
+from robot_dynamics.ros.parameters.node_arguments import NodeUsage
+from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC
+from robot_dynamics.ros.parameters.robot_description import (
     ACTUATOR_SPECS,
     check_joint_count,
     description_from_parameters,
@@ -29,7 +35,6 @@ from robot_dynamics.ros.robot_description import (
     ROBOT_GRAVITY_SPEC,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.shutdown import leave
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
     check_pause,

@@ -17,9 +17,9 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
-from robot_dynamics.ros.graph_watch import GraphWatch, LOOK_PERIOD
-from robot_dynamics.ros.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.plant import Plant
 from std_srvs.srv import Trigger

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.subscription import Subscription
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
-from robot_dynamics.ros.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 
 UNANSWERED_AFTER = 0.7
 """[s] without an effort for a state after which the reason is logged."""

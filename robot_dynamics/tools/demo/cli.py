@@ -159,8 +159,12 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
 
 def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
     from robot_dynamics.tools.demo.loop import Page, run_closed_loop
-    from robot_dynamics.tools.demo.page import write_loop_page
-    from robot_dynamics.tools.demo.report import loop_report, print_report, save_picture
+    from robot_dynamics.tools.demo.report import (
+        loop_report,
+        print_report,
+        save_picture,
+        write_loop_page,
+    )
     from robot_dynamics.tools.demo.session import PICTURE, RECORDING, REPORT
     urdf = _description(arguments.robot, directory)
     arm = _arm(urdf, arguments.parameters)
@@ -204,30 +208,19 @@ def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion'
 
 
 def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
-    from robot_dynamics.tools.demo.page import write_comparison_page
-    from robot_dynamics.tools.demo.replay import (
-        compare,
-        play_recording,
-        print_comparison,
-        read_recording,
-        save_comparison,
-    )
-    from robot_dynamics.tools.demo.session import PICTURE, RECORDING, REPORT
+    from robot_dynamics.analysis.tasks import AnalysisTask, analyze_task
+    from robot_dynamics.tools.analyze_bag import print_one
+    from robot_dynamics.tools.demo.replay import play_recording, read_recording
+    from robot_dynamics.tools.demo.session import RECORDING, REPORT
     recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
     urdf = _description(arguments.robot, directory, recorded.urdf)
-    replay = play_recording(recorded, urdf, arguments.rate, directory)
-    comparison = compare(replay)
-    print_comparison(comparison, recorded, replay)
-    print(f'Recording        {directory / RECORDING}')
-    if not arguments.no_plot:
-        try:
-            save_comparison(comparison, directory / PICTURE)
-            write_comparison_page(
-                comparison, directory / PICTURE, directory / REPORT, origin)
-        except (RobotDynamicsError, OSError) as error:
-            raise ToolError(str(error)) from None
-        print(f'Figure           {directory / PICTURE}')
-        print(f'Report           {directory / REPORT}')
+    settings = play_recording(recorded, urdf, arguments.rate, directory)
+    outputs = () if arguments.no_plot else (REPORT,)
+    try:
+        print_one(analyze_task(directory / RECORDING, AnalysisTask(
+            settings, outputs, str(directory), origin)), is_resumed=False)
+    except (RobotDynamicsError, OSError) as error:
+        raise ToolError(str(error)) from None
     return DONE
 
 

@@ -15,8 +15,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.ros.conversions import stamp_to_ros, trajectory_to_ros
-from robot_dynamics.ros.recorder import TopicCount
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.tools.demo.processes import (
     DemoError,
@@ -101,15 +101,16 @@ def run_closed_loop(
     description = str((directory / DESCRIPTION).resolve())
     try:
         with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
-            session.nodes.start(
+            session.processes.start(
                 'dynamics', DYNAMICS,
                 {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT},
-                parameters)
+                others=parameters)
             session.recorder.span_ns = (math.inf, math.inf)
-            session.nodes.start('simulated_arm', SIMULATED_ARM, {
+            session.processes.start('simulated_arm', SIMULATED_ARM, {
                 'robot_description_file': description, 'rate': rate,
                 'publish_clock': True, 'paused': page is None,
-                'initial_position': run.motion.start.tolist()}, parameters, defaults=STEP_BY_STEP)
+                'initial_position': run.motion.start.tolist()}, others=parameters,
+                defaults=STEP_BY_STEP)
             try:
                 if page is not None:
                     _open_page(session, page)
@@ -128,7 +129,7 @@ def run_closed_loop(
 
 def _open_page(session: Session, page: Page) -> None:
     """Start the viewer, print its address, and record until a browser opens the page."""
-    viewer = session.nodes.start('viewer', VIEWER, {}, arguments=(
+    viewer = session.processes.start('viewer', VIEWER, {}, arguments=(
         '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
     session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')
     print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is open.\n',
@@ -211,7 +212,7 @@ def _follow(session: Session, run: LoopRun) -> None:
             elif time.monotonic() - newest > START_TIMEOUT:
                 raise DemoError(
                     f'{START_TIMEOUT:g} s passed without an effort on effort_command.\n'
-                    f'{session.nodes.logs()}')
+                    f'{session.processes.logs()}')
     # On a busy machine the efforts for the last states arrive later than these states.
     deadline = time.monotonic() + ANSWER_TIMEOUT
     while time.monotonic() < deadline and min(

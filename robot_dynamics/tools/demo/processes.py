@@ -13,7 +13,6 @@ import socket
 import subprocess
 import sys
 import time
-from types import TracebackType
 from typing import Any
 
 from robot_dynamics.tools.command_line import ToolError
@@ -148,19 +147,16 @@ def _written(file: Path, parameters: Mapping[str, Any]) -> Path:
 
 
 class Nodes:
-    """All processes of the demo; the end of the `with` statement ends them."""
+    """All processes of the demo."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
         self._processes: list[NodeProcess] = []
 
-    def start(
-        self, name: str, module: str, parameters: Mapping[str, Any], others: Path | None = None,
-        arguments: Sequence[str] = (), defaults: Mapping[str, Any] | None = None,
-    ) -> NodeProcess:
-        """Start a node with these parameters, and those of the file `others` and `defaults`."""
-        process = NodeProcess(
-            name, module, parameters, self._directory, others, arguments, defaults)
+    def start(self, name: str, module: str, parameters: Mapping[str, Any], **more: Any) -> (
+            NodeProcess):
+        """Start a node with these parameters, and the other arguments of NodeProcess."""
+        process = NodeProcess(name, module, parameters, self._directory, **more)
         self._processes.append(process)
         return process
 
@@ -183,12 +179,3 @@ class Nodes:
         for process in self._processes:
             process.wait(deadline)
         self._processes.clear()
-
-    def __enter__(self) -> 'Nodes':
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The evaluation of a recording of the closed loop: errors, rates, and a figure."""
+"""The evaluation of a recording of the closed loop: errors, rates, figure and HTML report."""
 
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,15 @@ from robot_dynamics.reporting.figures import (
     position_panel,
     save_figure,
 )
+from robot_dynamics.reporting.html_page import (
+    Grade,
+    image,
+    Origin,
+    report_page,
+    table,
+    Verdict,
+)
+from robot_dynamics.reporting.interactive import zoomable_figures
 from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools.demo.loop import LoopRun
 from robot_dynamics.tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
@@ -28,6 +38,12 @@ LARGEST_RMS = 0.01
 """Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""
 FEW_ANSWERS = 0.8
 """Fraction of answered states below which the report suggests a lower rate."""
+AT_LIMIT = 0.98
+"""Fraction of an effort limit from which the effort is at its limit."""
+RULE = (f'Rule: good if the RMS of the tracking error is below {LARGEST_RMS:g} rad or m, bad '
+        'otherwise.')
+FASTER = ('raise `gains.natural_frequency` in steps of 20 %, or check friction and masses in '
+          '`--parameters`')
 TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
 
 
@@ -150,6 +166,51 @@ def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
     title = f'{arm.name}: reference and measured position, and the commanded effort by term'
     save_figure(joint_figure(
         title, report.joint_names, report.joint_kinds, loop_panels(report, arm)), path)
+
+
+def write_loop_page(
+    report: LoopReport, run: LoopRun, arm: ArmModel, picture: Path, path: Path, origin: Origin,
+) -> None:
+    """Write the report of a closed loop, with the figure in `picture`; raise OSError."""
+    figures = zoomable_figures(
+        report.joint_names, report.joint_kinds, loop_panels(report, arm), None,
+        image(picture.read_bytes(), 'Position, tracking error and effort by term'))
+    lines = ''.join(f'<li>{escape(" ".join(line.split()))}</li>'
+                    for line in rate_lines(report, run))
+    path.write_text(report_page(
+        f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin, [
+            '<h2>Tracking error</h2>', table(error_rows(report)),
+            '<h2>Rates</h2>', f'<ul>{lines}</ul>',
+            '<h2>Position, tracking error and effort over time</h2>', figures.figures],
+        figures.head), encoding='utf-8')
+
+
+def loop_verdicts(report: LoopReport, arm: ArmModel) -> list[Verdict]:
+    """Return the verdict on the tracking of each joint."""
+    efforts = np.abs(report.terms['effort']).max(axis=0, initial=0.0)
+    return [
+        tracking_verdict(name, kind, rms, effort / limit, report.answered)
+        for name, kind, rms, effort, limit in zip(
+            report.joint_names, report.joint_kinds, report.rms.tolist(), efforts.tolist(),
+            arm.limits.effort.tolist())]
+
+
+def tracking_verdict(
+    name: str, kind: str, rms: float, effort_ratio: float, answered: float,
+) -> Verdict:
+    """Return the verdict on one joint from its RMS error [rad] or [m] and its effort / limit."""
+    unit = 'mm' if kind == 'prismatic' else 'mrad'
+    size = f'RMS error {1e3 * rms:.3g} {unit}, limit {1e3 * LARGEST_RMS:g} {unit}'
+    if rms < LARGEST_RMS:
+        return Verdict(name, Grade.GOOD, f'the joint tracks: {size}', 'no change needed')
+    if effort_ratio > AT_LIMIT:
+        return Verdict(name, Grade.BAD, f'the effort reaches its limit: {size}',
+                       'use a slower trajectory (`--duration`) or a smaller payload')
+    if answered < FEW_ANSWERS:
+        return Verdict(
+            name, Grade.BAD, f'{100.0 * answered:.0f} % of the states were answered: {size}',
+            'use a lower `--rate`')
+    return Verdict(name, Grade.BAD, f'the joint does not track: {size}', FASTER)
 
 
 def _short(error: float) -> str:

@@ -5,27 +5,21 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-import math
 from pathlib import Path
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
-from robot_dynamics.ros.recorder import (
+from robot_dynamics.ros.middleware.recorder import (
     interface_definitions,
     Recorder,
     TopicSpec,
     write_description,
 )
 from robot_dynamics.tools.demo.processes import DemoError, Nodes
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -61,64 +55,49 @@ CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
 
 START_TIMEOUT = 60.0
 """[s] for the start of the nodes, and between two efforts on a busy machine."""
-ANSWER_PERIOD = 1.0
-"""[s] after which a request without a response is sent again."""
 DRAIN_PERIOD = 0.01
 """[s]"""
 
 
-@dataclass
-class Session:
-    """A node of the demo in its own context, with the recorder of all topics."""
+class Session(DynamicsClient):
+    """A client of the nodes of the demo, which records all topics while it waits."""
 
-    node: Node
-    recorder: Recorder
-    nodes: Nodes
-    directory: Path
+    def __init__(
+        self, writer: RecordingWriter, topics: Sequence[TopicSpec],
+        time_ns: Callable[[], int] | None, processes: Nodes,
+    ) -> None:
+        """Record to `writer`, under the time `time_ns` of a playback; `processes` start later."""
+        super().__init__('dynamics', START_TIMEOUT)
+        self.processes, self.recorder = processes, Recorder(self.node, writer, topics, time_ns)
 
-    def wait_for(self, condition: Callable[[], bool], what: str) -> None:
+    def __exit__(self, *error: object) -> None:
+        """Stop the nodes, then record what they have sent."""
+        try:
+            self.processes.stop()
+        finally:
+            self.recorder.close()
+            super().__exit__(*error)
+
+    def on_turn(self) -> None:
+        """Record the waiting messages; raise DemoError if a node has ended."""
+        self.processes.check()
+        self.recorder.drain()
+
+    def wait_for(self, condition: Callable[[], object], what: str) -> None:
         """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
-        deadline = time.monotonic() + START_TIMEOUT
-        while not condition():
-            self.record(DRAIN_PERIOD)
-            if time.monotonic() > deadline:
-                raise DemoError(
-                    f'{START_TIMEOUT:g} s passed without {what}.\n{self.nodes.logs()}')
+        if not self.wait(condition):
+            raise DemoError(f'{START_TIMEOUT:g} s passed without {what}.\n{self.processes.logs()}')
 
     def call(self, service_type: Any, name: str, request: Any) -> Any:
-        """
-        Return the response of a service that may be called twice, and record meanwhile.
-
-        Raises DemoError after START_TIMEOUT or if a node ends.
-        """
-        client = self.node.create_client(service_type, name)
-        executor = SingleThreadedExecutor()
-        executor.add_node(self.node)
-        futures: list[Any] = []
-        due = -math.inf
-
-        def has_answer() -> bool:
-            nonlocal due
-            if time.monotonic() > due and client.service_is_ready():
-                futures.append(client.call_async(request))
-                due = time.monotonic() + ANSWER_PERIOD
-            with uninterrupted():
-                executor.spin_once(timeout_sec=0.0)
-            return any(future.done() for future in futures)
-
+        """Return the response of a service; raise DemoError without one."""
         try:
-            self.wait_for(has_answer, f'a response of {name}')
-            return next(future.result() for future in futures if future.done())
-        finally:
-            executor.remove_node(self.node)
-            executor.shutdown()
-            self.node.destroy_client(client)
+            return super().call(service_type, name, request)
+        except NoAnswerError as error:
+            raise DemoError(f'{error}.\n{self.processes.logs()}') from None
 
     def record(self, seconds: float) -> None:
-        """Record the waiting messages, then wait; raise DemoError if a node has ended."""
-        self.nodes.check()
-        self.recorder.drain()
-        time.sleep(seconds)
+        """Record for some seconds; raise DemoError if a node has ended."""
+        self.wait(lambda: False, seconds)
 
 
 @contextmanager
@@ -131,19 +110,9 @@ def recording_session(
 
     The recording begins with the URDF, as any viewer and `--replay` expect it.
     """
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     definitions = interface_definitions('robot_dynamics_interfaces', ['DynamicsTerms'])
-    node = rclpy.create_node('demo', start_parameter_services=False, enable_rosout=False)
-    try:
-        with RecordingWriter(directory / RECORDING, definitions) as writer:
-            recorder = Recorder(node, writer, topics, time_ns)
-            now = time.time_ns() if time_ns is None else time_ns()
-            write_description(writer, ROBOT_DESCRIPTION, urdf, now)
-            try:
-                with Nodes(directory) as nodes:
-                    yield Session(node, recorder, nodes, directory)
-            finally:
-                recorder.close()
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    with (RecordingWriter(directory / RECORDING, definitions) as writer,
+          Session(writer, topics, time_ns, Nodes(directory)) as session):
+        write_description(
+            writer, ROBOT_DESCRIPTION, urdf, time.time_ns() if time_ns is None else time_ns())
+        yield session

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The plan of a calibration motion: poses in a short order, each approached from both sides.
+The plan of a calibration motion: poses in their order, each approached from both sides.
 
 A pose q is reached from q + δ and then from q − δ, so that dry friction acts in both directions
 at the same position. A displacement that is larger than the step is divided into several moves.
@@ -10,11 +10,10 @@ at the same position. A displacement that is larger than the step is divided int
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.poses import approach_distance
 from robot_dynamics.model.arm import ArmModel
@@ -121,7 +120,7 @@ def make_plan(
     arm: ArmModel, start: FloatArray, poses: FloatArray, settings: MotionSettings,
 ) -> MotionPlan:
     """
-    Return the plan for `poses` (m, n) in a short order from the measured position `start` (n,).
+    Return the plan for `poses` (m, n) from the measured position `start` (n,).
 
     Raises InvalidInputError for a setting that is not positive.
     """
@@ -130,11 +129,9 @@ def make_plan(
     velocity = np.minimum(velocity, VELOCITY_SHARE * arm.limits.velocity)
     step = _per_joint(arm, '--step', settings.step, 0.5, 0.1)
     step = np.where(arm.is_continuous, np.minimum(step, LARGEST_TURN), step)
-    start = within_a_turn(arm, start)
-    order = short_order(start, poses, velocity)
     return MotionPlan(
-        arm, start, poses[order], hold, approach_of(arm, settings.approach), step, velocity,
-        _per_joint(arm, '--tolerance', settings.tolerance, 0.2, 0.05))
+        arm, within_a_turn(arm, start), poses, hold, approach_of(arm, settings.approach), step,
+        velocity, _per_joint(arm, '--tolerance', settings.tolerance, 0.2, 0.05))
 
 
 def approach_of(arm: ArmModel, given: float | None) -> FloatArray:
@@ -175,60 +172,10 @@ def position_bounds(
     return low, high
 
 
-def short_order(start: FloatArray, poses: FloatArray, velocity: FloatArray) -> IntArray:
-    """
-    Return the order (m,) of poses in which the path from `start` is short.
-
-    The length of a displacement is its duration at `velocity` (n,). The order is the shorter one
-    of local optima for the FIRSTS nearest first poses: nearest neighbours, improved until neither
-    a reversed section nor a pose at another place shortens the path.
-    """
-    points = np.vstack([start, poses])
-    length = (np.abs(points[:, None] - points) / velocity).max(axis=-1).tolist()
-    firsts = sorted(range(1, len(points)), key=lambda i: length[0][i])[:FIRSTS]
-    orders = [_improved(length, _by_neighbours(length, first)) for first in firsts]
-    best = min(orders, key=lambda order: _path(length, order))
-    return np.array(best[1:], dtype=np.int64) - 1
-
-
 def within_a_turn(arm: ArmModel, position: FloatArray) -> FloatArray:
     """Return a position (n,) with continuous joints in [−π, π)."""
     turned = np.remainder(position + np.pi, 2.0 * np.pi) - np.pi
     return np.where(arm.is_continuous, turned, position)
-
-
-def _by_neighbours(length: Lengths, first: int) -> list[int]:
-    left, order = set(range(1, len(length))) - {first}, [0, first]
-    while left:
-        order.append(min(left, key=lambda i: length[order[-1]][i]))
-        left.remove(order[-1])
-    return order
-
-
-def _improved(length: Lengths, order: list[int]) -> list[int]:
-    best, before = _path(length, order), list[int]()
-    while order != before:
-        before = order
-        for other in _changes(before):
-            if (shorter := _path(length, other)) < best - 1e-9:
-                order, best = other, shorter
-                break
-    return order
-
-
-def _changes(order: list[int]) -> Iterator[list[int]]:
-    """Yield the order with a section reversed, and with one pose at another place."""
-    places = range(1, len(order))
-    for i in places:
-        for j in range(i + 2, len(order) + 1):
-            yield [*order[:i], *order[i:j][::-1], *order[j:]]
-        rest = [*order[:i], *order[i + 1:]]
-        for j in places:
-            yield [*rest[:j], order[i], *rest[j:]]
-
-
-def _path(length: Lengths, order: list[int]) -> float:
-    return sum(length[i][j] for i, j in pairwise(order))
 
 
 def _slides(arm: ArmModel) -> 'np.ndarray[tuple[int, ...], np.dtype[np.bool_]]':

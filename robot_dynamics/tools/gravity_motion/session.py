@@ -22,8 +22,8 @@ from robot_dynamics.model.payload import describe_payloads, Payload
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.writer import RecordingWriter
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.ros.conversions import payload_from_ros, payload_to_ros
-from robot_dynamics.ros.recorder import Recorder, write_description
+from robot_dynamics.ros.middleware.conversions import payload_from_ros, payload_to_ros
+from robot_dynamics.ros.middleware.recorder import Recorder, write_description
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import (
     approach_of,

@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.ros.recorder import Recorder
+from robot_dynamics.ros.middleware.recorder import Recorder
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import Move
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -36,17 +36,10 @@ class RecordingClient(DynamicsClient):
 
     recorder: Recorder | None = None
 
-    def __enter__(self) -> 'RecordingClient':
-        return self
-
-    def wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
-        """Receive and record messages until `is_so` or the timeout [s]."""
-        def look() -> object:
-            if self.recorder is not None:
-                self.recorder.drain()
-            return is_so()
-
-        return super().wait(look, timeout)
+    def on_turn(self) -> None:
+        """Record the waiting messages."""
+        if self.recorder is not None:
+            self.recorder.drain()
 
 
 class ArmWatch(MotionWatch):

@@ -13,7 +13,7 @@ from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.reporting.text_table import matrix_table, text_table
-from robot_dynamics.ros.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
+from robot_dynamics.ros.middleware.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
@@ -142,7 +142,7 @@ def answer_check(client: DynamicsClient, arguments: Namespace) -> Answer:
         findings_as_data,
         findings_report,
     )
-    from robot_dynamics.ros.robot_description import ACTUATOR_SPECS, FRICTION_SPECS
+    from robot_dynamics.ros.parameters.robot_description import ACTUATOR_SPECS, FRICTION_SPECS
     from robot_dynamics.validation import check_choice
     parameters = client.parameters(['joints', 'ignore_checks', 'gravity', *(
         spec.name for spec in (*ACTUATOR_SPECS, *FRICTION_SPECS))])

@@ -36,6 +36,7 @@ _GLANCE = 0.2
 _OFFERED = '/inverse_dynamics'
 _SERVICE = 'robot_dynamics_interfaces/srv/InverseDynamics'
 Answer = TypeVar('Answer')
+Client = TypeVar('Client', bound='DynamicsClient')
 
 
 class NoAnswerError(RobotDynamicsError, TimeoutError):
@@ -62,7 +63,7 @@ class DynamicsClient:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
 
-    def __enter__(self) -> 'DynamicsClient':
+    def __enter__(self: Client) -> Client:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -111,8 +112,12 @@ class DynamicsClient:
     # ------------------------------------------------------------------ services and topics
 
     def call(self, service_type: Any, name: str, request: Any) -> Any:
-        """Return the answer of a service of the node; raise NoAnswerError or RefusedError."""
-        full = f'{self.name}/{name}'
+        """
+        Return the answer of a service; raise NoAnswerError or RefusedError.
+
+        A `name` without a slash at its start is that of a service of the node.
+        """
+        full = name if name.startswith('/') else f'{self.name}/{name}'
         service = self.node.create_client(service_type, full)
         try:
             if not self.wait(service.service_is_ready):
@@ -209,12 +214,17 @@ class DynamicsClient:
     def wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
         """Receive messages until `is_so` or the timeout [s], by default that of the client."""
         deadline = time.monotonic() + (self.timeout if timeout is None else timeout)
-        while not is_so():
+        while True:
+            self.on_turn()
+            if is_so():
+                return True
             if time.monotonic() > deadline:
                 return False
             with uninterrupted():
                 self._executor.spin_once(timeout_sec=_TURN)
-        return True
+
+    def on_turn(self) -> None:
+        """Do nothing; subclasses do what is due again and again during a wait."""
 
     # ------------------------------------------------------------------ the arm
 
@@ -230,7 +240,7 @@ class DynamicsClient:
 
         Raises ModelError where it is in a file that is not on this machine.
         """
-        from robot_dynamics.ros.robot_description import (
+        from robot_dynamics.ros.parameters.robot_description import (
             description_from_parameters,
             embedded_description,
         )

@@ -15,7 +15,7 @@ import numpy as np
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.ros.conversions import stamp_from_ros, trajectory_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
 from robot_dynamics.tools.ros2_dynamics.answers import Answer, Units
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError

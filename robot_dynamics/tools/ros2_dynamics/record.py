@@ -19,7 +19,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.recordings.topics import common_types, TopicQos
 from robot_dynamics.recordings.writer import RecordingWriter
 from robot_dynamics.reporting.text_table import text_table
-from robot_dynamics.ros.recorder import (
+from robot_dynamics.ros.middleware.recorder import (
     interface_definitions,
     Recorder,
     TopicSpec,

@@ -20,7 +20,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.sample_faults import counted
-from robot_dynamics.ros.conversions import stamp_from_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown
 from robot_dynamics.tools.viewer.node import Received, ViewerNode, worst_words
 from robot_dynamics.tools.viewer.panel import ArmPanel

@@ -27,7 +27,7 @@ PAGE_OPEN = 'viewer: a page is open'
 
 def execute(argv: Sequence[str] | None = None) -> NoReturn:
     """Run the executable; it ends without waiting for threads of the web server."""
-    from robot_dynamics.ros.shutdown import leave
+    from robot_dynamics.ros.middleware.shutdown import leave
     leave(main(argv))
 
 
@@ -91,8 +91,8 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     import rclpy
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
+    from robot_dynamics.ros.middleware.shutdown import ends_in_time
     from robot_dynamics.ros.running import MiddlewareError
-    from robot_dynamics.ros.shutdown import ends_in_time
     from robot_dynamics.tools.viewer.app import Viewer
     from robot_dynamics.tools.viewer.node import ViewerNode
     try:

@@ -49,15 +49,6 @@ class Received:
     description: String | None = None
 
 
-@dataclass(frozen=True)
-class Described:
-    """The parameters of `dynamics` that define its arm."""
-
-    xml: str
-    file: str
-    joints: tuple[str, ...]
-
-
 class ViewerNode:
     """The node `viewer`, for a `dynamics` and a `simulated_arm` node with these names."""
 
@@ -136,16 +127,10 @@ class ViewerNode:
 
     # ------------------------------------------------------------------ requests
 
-    def ask_description(self, report: Callable[[Described], None]) -> None:
-        """Request the arm of `dynamics`; a later `receive` calls `report`."""
-        def answered(values: dict[str, Any]) -> None:
-            joints = values.get('joints') or ()
-            report(Described(
-                str(values.get('robot_description') or ''),
-                str(values.get('robot_description_file') or ''), tuple(joints)))
-
+    def ask_description(self, report: Callable[[dict[str, Any]], None]) -> None:
+        """Request the parameters DESCRIBING of `dynamics`; a later `receive` calls `report`."""
         future = self._parameters.call_async(GetParameters.Request(names=list(DESCRIBING)))
-        future.add_done_callback(lambda done: self._hand_on(done, lambda response: answered({
+        future.add_done_callback(lambda done: self._hand_on(done, lambda response: report({
             name: parameter_value_to_python(value)
             for name, value in zip(DESCRIBING, response.values)})))
 

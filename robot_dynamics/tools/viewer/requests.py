@@ -11,7 +11,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND, wrap_to_pi
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.ros.conversions import floats_to_ros, payload_to_ros
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 DENSITY = 2000.0

@@ -5,11 +5,11 @@
 
 from pathlib import Path
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.ros.robot_description import embedded_description
-from robot_dynamics.tools.viewer.node import Described, ViewerNode
+from robot_dynamics.ros.parameters.robot_description import embedded_description
+from robot_dynamics.tools.viewer.node import DESCRIBING, ViewerNode
 from robot_dynamics.urdf.description_file import description_path, read_description
 
 ASK_PERIOD = 1.0
@@ -30,7 +30,7 @@ class ArmSource:
     def __init__(self, node: ViewerNode, robot: str | None) -> None:
         """`robot` is the file of a URDF, or None; raise ModelError if it is unreadable."""
         self._node, self._robot = node, robot
-        self._described: Described | None = None
+        self._described: dict[str, Any] | None = None
         self._topic_xml = ''
         self._asked_time = -ASK_PERIOD
         self._last: Description | None = None
@@ -58,23 +58,24 @@ class ArmSource:
         self._last = self._found
         return self._found
 
-    def _take(self, described: Described) -> None:
-        """Store the arm from the response of `dynamics`."""
+    def _take(self, described: dict[str, Any]) -> None:
+        """Store the arm from the parameters of `dynamics`."""
         self._described, self.problem = described, ''
+        xml, file, joints = (described.get(name) for name in DESCRIBING)
+        joints = tuple(joints or ())
         if self._found is not None and self._robot is not None:
-            self._found = self._found._replace(joints=described.joints)
+            self._found = self._found._replace(joints=joints)
             return
-        if described.file:
+        if file:
             try:
-                self._found = _of_file(described.file, 'robot_description_file', described.joints)
+                self._found = _of_file(file, 'robot_description_file', joints)
                 return
             except RobotDynamicsError as error:  # a file on another computer
                 if not self._topic_xml:
                     self.problem = (
                         f'{error}; expected the file also here, or on the topic robot_description')
                     return
-        xml = described.xml or self._topic_xml or embedded_description()
-        self._found = Description(xml, None, described.joints)
+        self._found = Description(xml or self._topic_xml or embedded_description(), None, joints)
 
 
 def _of_file(file: str, field: str, joints: tuple[str, ...] = ()) -> Description:

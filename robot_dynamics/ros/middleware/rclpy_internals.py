@@ -22,7 +22,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.subscription import Subscription
-from robot_dynamics.ros.spun_inbox import SpunInbox, Taken
+from robot_dynamics.ros.middleware.spun_inbox import SpunInbox, Taken
 
 IMPLEMENTATION = 'rclpy.impl.implementation_singleton'
 """Module that has `rclpy_implementation`, the classes of rclpy that are written in C++."""

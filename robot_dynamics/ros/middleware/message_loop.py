@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.ros.message_bytes import UnreadableMessageError
-from robot_dynamics.ros.rclpy_internals import message_inbox, MessageInbox, raw_take
-from robot_dynamics.ros.spun_inbox import SpunInbox
+from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
+from robot_dynamics.ros.middleware.rclpy_internals import message_inbox, MessageInbox, raw_take
+from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 
 TURN = 100_000_000
 """[ns] after which a wait checks whether the loop must end."""

@@ -12,13 +12,18 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.mjcf import arm_to_mjcf
-from robot_dynamics.ros.conversions import wrench_from_ros
-from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
-from robot_dynamics.ros.guarded_callbacks import destroyed_unless_made
-from robot_dynamics.ros.node_arguments import NodeUsage
-from robot_dynamics.ros.robot_description import embedded_description
+from robot_dynamics.ros.middleware.conversions import wrench_from_ros
+from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_made
+from robot_dynamics.ros.middleware.shutdown import leave
+from robot_dynamics.ros.parameters.declared_parameters import (
+    DeclaredParameters,
+    ParameterSpec,
+    Type,
+    Values,
+)
+from robot_dynamics.ros.parameters.node_arguments import NodeUsage
+from robot_dynamics.ros.parameters.robot_description import embedded_description
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.shutdown import leave
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
     check_pause,

@@ -23,15 +23,19 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
-from robot_dynamics.ros.answer_delivery import AnswerDelivery
-from robot_dynamics.ros.message_bytes import (
+from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
+from robot_dynamics.ros.middleware.message_bytes import (
     LARGEST_MESSAGE,
     read_message,
     UnreadableMessageError,
 )
-from robot_dynamics.ros.message_loop import LOG_PERIOD
-from robot_dynamics.ros.rclpy_internals import RclError, replace_callback, UnknownArgumentsError
-from robot_dynamics.ros.shutdown import ends_in_time
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import (
+    RclError,
+    replace_callback,
+    UnknownArgumentsError,
+)
+from robot_dynamics.ros.middleware.shutdown import ends_in_time
 
 LONGEST_REASON = LONGEST_MESSAGE
 """Largest number of characters of a reason; the middle of a longer one is left out."""

@@ -26,7 +26,7 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
 from robot_dynamics.recordings.topics import common_types
-from robot_dynamics.ros.rclpy_internals import message_inbox
+from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from std_msgs.msg import String
 
 RECEIVE_DEPTH = 2000

@@ -14,9 +14,13 @@ import time
 from typing import Any
 
 from rclpy.node import Node
-from robot_dynamics.ros.answer_delivery import is_discovered, LONGEST_WAIT
-from robot_dynamics.ros.message_loop import LOG_PERIOD, TURN
-from robot_dynamics.ros.rclpy_internals import RequestInbox, send_response, service_with_inbox
+from robot_dynamics.ros.middleware.answer_delivery import is_discovered, LONGEST_WAIT
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, TURN
+from robot_dynamics.ros.middleware.rclpy_internals import (
+    RequestInbox,
+    send_response,
+    service_with_inbox,
+)
 
 _PAUSE = 0.02
 """[s] between two queries of the graph while a response waits for its reader."""

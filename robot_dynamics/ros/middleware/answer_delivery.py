@@ -20,7 +20,7 @@ import warnings
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.timer import Timer
-from robot_dynamics.ros.rclpy_internals import (
+from robot_dynamics.ros.middleware.rclpy_internals import (
     replace_send_response,
     request_number,
     send_response,

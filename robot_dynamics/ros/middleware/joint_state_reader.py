@@ -8,7 +8,7 @@ import sys
 import numpy as np
 from robot_dynamics.arrays import all_finite, FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.cdr_templates import Layout, SensedState
+from robot_dynamics.ros.middleware.cdr_templates import Layout, SensedState
 from robot_dynamics.validation import check_unique, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import textwrap
 from typing import NamedTuple
 
-from robot_dynamics.ros.declared_parameters import ParameterSpec
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 
 WIDTH = 88
 OPTIONS = (

@@ -12,7 +12,7 @@ from robot_dynamics.joints.drive_effort import LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics.validation import LARGEST_VALUE
 

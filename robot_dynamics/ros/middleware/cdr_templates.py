@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.ros.message_bytes import read_message
+from robot_dynamics.ros.middleware.message_bytes import read_message
 from sensor_msgs.msg import JointState
 
 ENCAPSULATION = b'\x00\x01\x00\x00'

@@ -24,7 +24,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.ros.rclpy_internals import parameter_overrides
+from robot_dynamics.ros.middleware.rclpy_internals import parameter_overrides
 from robot_dynamics.validation import check_choice, check_scalar
 
 Type = Parameter.Type

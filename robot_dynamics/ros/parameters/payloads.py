@@ -9,8 +9,8 @@ from geometry_msgs.msg import InertiaStamped
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import Payload, with_payload_on
 from robot_dynamics.model.payload_check import check_payloads
-from robot_dynamics.ros.conversions import payload_from_ros
-from robot_dynamics.ros.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.middleware.conversions import payload_from_ros
+from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
 
 PAYLOAD_SPEC = ParameterSpec(
     'allow_implausible_payload', Type.BOOL, False,

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.cdr_templates import Layout, SensedState, stamp_bytes
-from robot_dynamics.ros.joint_state_reader import OtherJointsError
+from robot_dynamics.ros.middleware.cdr_templates import Layout, SensedState, stamp_bytes
+from robot_dynamics.ros.middleware.joint_state_reader import OtherJointsError
 from robot_dynamics.validation import check_unique
 
 HALF_PERIOD = 0.55

@@ -4,13 +4,15 @@
 """The sections of a ROS parameter file, and the nodes to which they apply."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 import re
 from tempfile import NamedTemporaryFile
 from typing import Any
 
+from rclpy.node import Node
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.yaml_text import load_yaml
 
 
@@ -62,27 +64,17 @@ class ParameterFile:
         applying = [section for section in self._sections if _applies(section, node)]
         return applying[-1] if applying else '/**'
 
-    def ignored_sections(self, nodes: Sequence[str]) -> str:
+    def ignored_sections(self, node: str) -> list[str]:
         """
-        Return which sections the nodes with these full names ignore by mistake, '' for none.
+        Return the sections that the node with a full name ignores by mistake.
 
-        That is the case if no section applies to any of the nodes, or if sections name a node in
-        other namespaces and none of them applies to it.
+        These are sections that name it in other namespaces, if none of them applies to it, or all
+        sections, if none applies.
         """
-        for node in nodes:
-            base = node.rpartition('/')[2]
-            named = [section for section in self._sections if section.rpartition('/')[2] == base]
-            if named and not any(_applies(section, node) for section in named):
-                return _do_not_apply(named, [node])
-        if not any(_applies(section, node) for section in self._sections for node in nodes):
-            return _do_not_apply(list(self._sections), nodes)
-        return ''
-
-
-def _do_not_apply(sections: Sequence[str], nodes: Sequence[str]) -> str:
-    return (
-        f'sections {list(sections)} do not apply to {" and ".join(nodes)}; expected the section '
-        '/**, which applies to every node in every namespace, or the full name of a node')
+        base = node.rpartition('/')[2]
+        named = [section for section in self._sections if section.rpartition('/')[2] == base]
+        sections = named or list(self._sections)
+        return [] if any(_applies(section, node) for section in sections) else sections
 
 
 def write_parameter_file(section: str, values: Mapping[str, Any]) -> str:
@@ -112,3 +104,24 @@ def _applies(section: str, node: str) -> bool:
     """Return whether a section applies to the node with a full name, as rcl compares them."""
     pattern = re.escape(section).replace(r'/\*\*', r'(/\w+)*').replace(r'\*', r'\w+')
     return re.fullmatch(pattern, node) is not None
+
+
+def log_ignored_sections(node: Node, arguments: Sequence[str]) -> None:
+    """
+    Warn of each parameter file on the command line that names the node in another namespace.
+
+    ROS ignores such sections without a message: a node that is started in a namespace loses the
+    parameters of a section `/dynamics`. Files that cannot be read here are skipped: rcl has
+    accepted them.
+    """
+    name = node.get_fully_qualified_name()
+    for option, file in zip(arguments, arguments[1:]):
+        if option != '--params-file':
+            continue
+        with suppress(RobotDynamicsError):
+            ignored = ParameterFile(Path(file), '--params-file').ignored_sections(name)
+            if ignored:
+                node.get_logger().warning(
+                    f'Parameter file {file!r}: sections {ignored} do not apply to {name}; '
+                    'expected the section /**, which applies to every node in every namespace, or '
+                    'the full name of a node.')
