@@ -12,12 +12,11 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.recordings.bag_files import METADATA
 from robot_dynamics.recordings.message_encoding import (
-    DYNAMICS_TERMS,
     dynamics_terms_messages,
-    DYNAMICS_TERMS_TEXT,
     joint_state_messages,
 )
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
+from robot_dynamics.recordings.topics import DYNAMICS_TERMS, DYNAMICS_TERMS_TEXT
 
 TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
 _ROWS = 1000

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.dependencies import optional
 from robot_dynamics.gravity_calibration.calibration import Calibration
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
-from robot_dynamics.model.yaml_text import load_yaml
+from robot_dynamics.model.yaml_text import dump_yaml, load_yaml
 from robot_dynamics.validation import lower_triangle
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
@@ -47,7 +46,7 @@ def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()
         **values.get('effort', {}), 'scale': _in_order(found, joints, before, 'scale', 1.0),
         'offset': _in_order(found, joints, before, 'offset', 0.0),
         'covariance': _covariance(found, joints)}
-    return ''.join(f'# {comment}'.rstrip() + '\n' for comment in comments) + _as_yaml(document)
+    return dump_yaml(document, comments, 'a parameter file')
 
 
 def _taken_out(values: dict[str, Any]) -> dict[str, Any]:
@@ -81,21 +80,6 @@ def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
     C = np.zeros((2 * n, 2 * n))
     C[np.ix_(to, to)] = found.covariance[np.ix_(source, source)]
     return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in lower_triangle(C)]
-
-
-def _as_yaml(document: Mapping[str, Any]) -> str:
-    """Return a document with arrays in one line, and text of several lines as it is."""
-    yaml = optional('yaml', 'a parameter file')
-
-    class Dumper(yaml.SafeDumper):  # type: ignore[name-defined]
-        pass
-
-    Dumper.add_representer(list, lambda dumper, value: dumper.represent_sequence(
-        'tag:yaml.org,2002:seq', value, flow_style=True))
-    Dumper.add_representer(str, lambda dumper, value: dumper.represent_scalar(
-        'tag:yaml.org,2002:str', value, style='|' if '\n' in value else None))
-    return str(yaml.dump(document, Dumper=Dumper, sort_keys=False, width=10_000,
-                         allow_unicode=True))
 
 
 def header(found: RecordedCalibration, path: Path) -> list[str]:

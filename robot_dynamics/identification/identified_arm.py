@@ -14,8 +14,6 @@ them (`kept_fractions`). The rest of the URDF is unchanged.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-import re
-import textwrap
 from typing import Any
 
 import numpy as np
@@ -28,6 +26,7 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.model.yaml_text import dump_yaml
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.validation import lower_triangle
@@ -139,7 +138,6 @@ def _text(value: float) -> str:
 
 _DIGITS = 9
 _INERTIAS = ('actuator.rotor_inertia', 'actuator.reflected_inertia')
-_WIDTH = 99
 
 
 def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
@@ -207,34 +205,8 @@ def _order(name: str) -> tuple[bool, str, bool]:
 
 def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
     """Return a parameter file of ROS 2 for `dynamics` and `simulated_arm`, comments first."""
-    lines = [*(f'# {comment}'.rstrip() for comment in comments), '/**:',
-             '  ros__parameters:']
-    group = ''
+    parameters: dict[str, Any] = {}
     for name, value in values.items():
-        prefix, _, field = name.rpartition('.')
-        if prefix and prefix != group:
-            lines.append(f'    {prefix}:')
-        group = prefix
-        indent = '      ' if prefix else '    '
-        if isinstance(value, str) and '\n' in value:
-            lines += [f'{indent}{field}: |2-' if value[0].isspace() else f'{indent}{field}: |-']
-            lines += [f'{indent}  {line}' for line in value.splitlines()]
-        else:
-            lines += textwrap.wrap(
-                f'{indent}{field}: {_as_yaml(value)}', _WIDTH, subsequent_indent=f'{indent}  ',
-                break_long_words=False, break_on_hyphens=False)
-    return '\n'.join(lines) + '\n'
-
-
-def _as_yaml(value: Any) -> str:
-    if isinstance(value, (list, tuple)):
-        return f'[{", ".join(_as_yaml(item) for item in value)}]'
-    if isinstance(value, float):
-        text = repr(value)
-        # YAML 1.1 parses 1e-05 as a string
-        mantissa, exponent, power = text.partition('e')
-        return f'{mantissa if "." in mantissa else mantissa + ".0"}{exponent}{power}'
-    text = str(value)
-    if re.fullmatch(r'[\w ()./-]*', text):
-        return text
-    return "'" + text.replace("'", "''") + "'"
+        group, _, field = name.rpartition('.')
+        (parameters.setdefault(group, {}) if group else parameters)[field] = value
+    return dump_yaml({'/**': {'ros__parameters': parameters}}, comments, 'a parameter file')

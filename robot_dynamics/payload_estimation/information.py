@@ -173,7 +173,11 @@ def _widening(
 
 
 def student_factor(freedom: FloatArray) -> FloatArray:
-    """Return t / 1.96, t the 97.5 % quantile of Student's distribution, for freedom >= 2."""
+    """
+    Return t / 1.96, t the 97.5 % quantile of Student's distribution, for freedom >= 2.
+
+    A series instead of scipy, whose import would delay the control path of a running node.
+    """
     f, z = np.clip(freedom, 2.0, 1e6), _NORMAL
     t = (z + (z**3 + z) / (4 * f) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * f**2)
          + (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * f**3))

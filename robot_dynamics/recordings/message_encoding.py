@@ -4,29 +4,14 @@
 """Many messages of one kind, serialized by the library `rosbags`; plain CDR, little endian."""
 
 from collections.abc import Iterator, Sequence
-import functools
 from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.joint_state_decoding import FIELDS
-from robot_dynamics.recordings.topics import JOINT_STATE
+from robot_dynamics.recordings.topics import common_types, DYNAMICS_TERMS, JOINT_STATE
 
-DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
-DYNAMICS_TERMS_TEXT = """std_msgs/Header header
-string[] joint_names
-float64[] inertial
-float64[] coriolis
-float64[] gravity
-float64[] friction
-float64[] external
-float64[] effort
-float64 kinetic_energy
-float64 potential_energy
-"""
-"""The definition of the type, for writing recordings where the type is not installed."""
 _TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 
 
@@ -63,22 +48,14 @@ def dynamics_terms_messages(
             _headers(stamps_ns), kinetic_energy.tolist(), potential_energy.tolist(), *arrays)]
 
 
-@functools.cache
-def _types() -> Any:
-    typesys = optional('rosbags.typesys', 'a recording')
-    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    types.register(typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, DYNAMICS_TERMS))
-    return types
-
-
 def _serialized(message_type: str, **fields: Any) -> bytes:
-    message = _types().types[message_type](**fields)
-    return bytes(_types().serialize_cdr(message, message_type, little_endian=True))
+    message = common_types().types[message_type](**fields)
+    return bytes(common_types().serialize_cdr(message, message_type, little_endian=True))
 
 
 def _headers(stamps_ns: IntArray) -> Iterator[Any]:
     """Yield a std_msgs/Header without a frame for each stamp."""
-    types = _types().types
+    types = common_types().types
     for stamp_ns in stamps_ns.tolist():
         sec, nanosec = divmod(stamp_ns, NANOSECONDS_PER_SECOND)
         yield types['std_msgs/msg/Header'](

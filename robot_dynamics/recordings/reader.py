@@ -19,14 +19,19 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.bag_files import METADATA, recording_files
 from robot_dynamics.recordings.joint_series import JointSeries, RecordedJointStates
 from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
 from robot_dynamics.recordings.loss import Loss
-from robot_dynamics.recordings.message_types import MessageTypes
-from robot_dynamics.recordings.storage import open_stored_file, StoredFile
-from robot_dynamics.recordings.topics import JOINT_STATE, RecordedTopic, TopicQos
+from robot_dynamics.recordings.storage import StoredFile
+from robot_dynamics.recordings.topics import (
+    common_types,
+    JOINT_STATE,
+    RecordedTopic,
+    TopicQos,
+)
 from robot_dynamics.recordings.writer import RecordingWriter
 
 __all__ = [
@@ -50,7 +55,6 @@ class Recording:
         MissingDependencyError without `rosbags`.
         """
         self.path = path
-        self._types = MessageTypes()
         about = recording_files(path)
         self.losses: list[Loss] = list(about.losses)
         self.notes: list[str] = list(about.notes)
@@ -61,10 +65,9 @@ class Recording:
         try:
             scratch = Path(self._stack.enter_context(TemporaryDirectory()))
             for file in about.paths:
-                stored = open_stored_file(file, scratch)
+                stored = StoredFile(file, scratch)
                 self._stack.callback(stored.close)
                 self._files.append(stored)
-                self._types.learn(stored.topics)
         except OSError as error:
             self._stack.close()
             raise self._unreadable(str(error)) from error
@@ -97,9 +100,7 @@ class Recording:
         for stored in self._files:
             for topic in stored.topics:
                 before = found.get(topic.name)
-                found[topic.name] = RecordedTopic(
-                    topic.name, topic.message_type, topic.message_count, topic.qos,
-                ) if before is None else before._replace(
+                found[topic.name] = topic if before is None else before._replace(
                     message_count=before.message_count + topic.message_count)
         return tuple(found[name] for name in sorted(found))
 
@@ -130,24 +131,32 @@ class Recording:
             return
         self._compared.add(topic)
         if stated > count:
+            is_at_end = newest is not None and self._end_ns is not None and newest >= self._end_ns
             self.losses.append(Loss(
                 METADATA, f'states {stated} messages of {topic}, of which {count} were found',
-                lost_messages=stated - count,
-                start_ns=newest if newest is None or self._end_ns is None
-                or newest < self._end_ns else None,
-                end_ns=self._end_ns if newest is None or self._end_ns is None
-                or newest < self._end_ns else None))
+                lost_messages=stated - count, start_ns=None if is_at_end else newest,
+                end_ns=None if is_at_end else self._end_ns))
         else:
             self.notes.append(
                 f'{METADATA} states {stated} messages of {topic}, but {count} were found')
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Yield the time [ns] and all messages of a topic; raise RecordingError."""
-        kind = self.topic(topic).message_type
+        """
+        Yield the time [ns] and all messages of a topic.
+
+        Raises RecordingError if its type is not one of `common_types`, or if a message cannot be
+        decoded; `raw_messages` returns messages of any type.
+        """
+        kind, types = self.topic(topic).message_type, common_types()
+        if kind not in types.fielddefs:
+            raise RecordingError(
+                f'topic {topic!r} has type {kind!r}, expected a type of the common packages of '
+                'ROS 2 Jazzy, or DynamicsTerms')
+        serde_error = optional('rosbags.serde', 'a recording').SerdeError
         for time_ns, data in self.raw_messages(topic):
             try:
-                message = self._types.deserialize(data, kind)
-            except self._types.errors as error:
+                message = types.deserialize_cdr(data, kind)
+            except (serde_error, OverflowError) as error:  # OverflowError: an impossible length
                 raise self._unreadable(f'a message of {topic}: {error}') from error
             yield time_ns, message
 

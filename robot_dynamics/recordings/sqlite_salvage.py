@@ -9,6 +9,8 @@ than the file has. Its rows are found by their ids: if a row cannot be read, the
 is found by doubling the step, and then by bisection.
 """
 
+from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -16,6 +18,7 @@ import sqlite3
 from urllib.parse import quote
 
 from robot_dynamics.recordings.loss import Loss
+from robot_dynamics.recordings.topics import RecordedTopic, TopicQos
 
 MAGIC = b'SQLite format 3\0'
 _SMALLEST_ROW = 32
@@ -23,15 +26,14 @@ _SMALLEST_ROW = 32
 
 
 class SalvagedSqlite:
-    """The readable part of a sqlite3 file; `losses` are complete after construction."""
+    """The readable part of a sqlite3 file; complete after construction."""
 
     def __init__(self, path: Path) -> None:
         """Read through the file once; raise OSError."""
-        self.path = path
+        self._path = path
         self.losses: list[Loss] = []
-        self.types: dict[int, tuple[str, str]] = {}
-        self.definitions: dict[str, tuple[str, str]] = {}
-        self.counts: dict[str, int] = {}
+        self.topics: list[RecordedTopic] = []
+        self._types: dict[int, tuple[str, str]] = {}
         self._lost_rows = 0
         self._missing_from: int | None = None
         self._missing_to: int | None = None
@@ -52,47 +54,36 @@ class SalvagedSqlite:
 
     def _survey(self, missing_bytes: int) -> None:
         try:
-            self._read_topics()
+            with closing(self._connect()) as connection:
+                self._types = {
+                    number: (str(name), str(kind)) for number, name, kind in connection.execute(
+                        'SELECT id, name, type FROM topics') if isinstance(number, int)}
         except sqlite3.Error as error:
             self.losses.append(Loss(
-                self.path.name, f'its list of topics cannot be read ({error})',
-                lost_bytes=self.path.stat().st_size))
+                self._path.name, f'its list of topics cannot be read ({error})',
+                lost_bytes=self._path.stat().st_size))
             return
-        self.counts = {name: 0 for name, _ in self.types.values()}
-        for topic, _, _ in self._rows():
-            if topic in self.types:
-                self.counts[self.types[topic][0]] += 1
+        counts = Counter(topic for topic, _, _ in self._rows())
+        self.topics = [RecordedTopic(name, kind, counts[number], TopicQos())
+                       for number, (name, kind) in self._types.items()]
         if missing_bytes > 0 or self._lost_rows:
             reason = 'cut off' if missing_bytes > 0 else 'has pages that cannot be read'
             self.losses.append(Loss(
-                self.path.name, reason, lost_bytes=missing_bytes if missing_bytes > 0 else None,
+                self._path.name, reason, lost_bytes=missing_bytes if missing_bytes > 0 else None,
                 lost_messages=None if missing_bytes > 0 else self._lost_rows,
                 start_ns=self._missing_from, end_ns=self._missing_to))
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
         """Return the times [ns] and bytes of all messages of a topic that can be read."""
-        numbers = {number for number, (name, _) in self.types.items() if name == topic}
+        numbers = {number for number, (name, _) in self._types.items() if name == topic}
         return [(time_ns, data) for number, time_ns, data in self._rows() if number in numbers]
 
     def _connect(self) -> sqlite3.Connection:
         # Read the file as it is, without repair and without a journal.
         connection = sqlite3.connect(
-            f'file:{quote(str(self.path.resolve()))}?immutable=1', uri=True)
+            f'file:{quote(str(self._path.resolve()))}?immutable=1', uri=True)
         connection.execute('PRAGMA writable_schema=ON')  # opens a truncated database
         return connection
-
-    def _read_topics(self) -> None:
-        with closing(self._connect()) as connection:
-            for number, name, kind in connection.execute('SELECT id, name, type FROM topics'):
-                if isinstance(number, int):
-                    self.types[number] = str(name), str(kind)
-            try:
-                rows = connection.execute(
-                    'SELECT topic_type, encoding, encoded_message_definition '
-                    'FROM message_definitions').fetchall()
-            except sqlite3.Error:
-                return  # older recordings have no definitions
-            self.definitions = {str(kind): (str(how), str(text)) for kind, how, text in rows}
 
     def _rows(self) -> Iterator[tuple[int, int, bytes]]:
         """Yield topic, time and data of all rows that can be read, in the order of their ids."""
@@ -136,26 +127,17 @@ class SalvagedSqlite:
 
     def _next_readable(self, connection: sqlite3.Connection, after: int, top: int) -> int | None:
         """Return the next id beyond `after` whose row can be read, or None."""
-        step, bad = 1, after
-        while True:
-            candidate = min(after + step, top)
-            if candidate <= bad:
-                return None
-            if self._is_readable(connection, candidate):
-                break
-            bad, step = candidate, 2 * step
-        while candidate - bad > 1:
-            middle = (candidate + bad) // 2
-            if self._is_readable(connection, middle):
-                candidate = middle
-            else:
-                bad = middle
-        return candidate
+        def is_readable(number: int) -> bool:
+            try:
+                return connection.execute(
+                    'SELECT data FROM messages WHERE id = ?', (number,)).fetchone() is not None
+            except sqlite3.Error:
+                return False
 
-    @staticmethod
-    def _is_readable(connection: sqlite3.Connection, number: int) -> bool:
-        try:
-            return connection.execute(
-                'SELECT data FROM messages WHERE id = ?', (number,)).fetchone() is not None
-        except sqlite3.Error:
-            return False
+        candidates = [after + 2**k for k in range(max(top - after, 0).bit_length())]
+        found = next(filter(is_readable, [*candidates, top]), None)
+        if found is None or found <= after:
+            return None
+        last_bad = max([after, *(number for number in candidates if number < found)])
+        ids = range(last_bad + 1, found + 1)
+        return ids[bisect_left(ids, True, key=is_readable)]

@@ -8,113 +8,66 @@ A file that was compressed as a whole is first decompressed into a temporary dir
 possible. If the recorder left a journal of a sqlite3 file, the file is completed there as well.
 """
 
-from abc import ABC, abstractmethod
 from contextlib import closing, suppress
-import importlib
 from pathlib import Path
 import shutil
 import sqlite3
-import struct
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 from robot_dynamics.dependencies import optional
-from robot_dynamics.recordings.compression import (
-    Budget,
-    DecompressionLimitError,
-    limit_rosbags,
-    limited,
-    zstd_module,
-)
+from robot_dynamics.recordings.compression import Budget, zstd_module
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.sqlite_salvage import SalvagedSqlite
-from robot_dynamics.recordings.topics import qos_from_rosbags, TopicQos
+from robot_dynamics.recordings.topics import qos_from_rosbags, RecordedTopic
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _COPY = 1 << 20
 
 
-class StoredTopic(NamedTuple):
-    """A topic of one file; `definition` is the text of its type and `encoding` its language."""
+class Salvaged(Protocol):
+    """The readable part of a damaged file."""
 
-    name: str
-    message_type: str
-    message_count: int
-    qos: TopicQos
-    definition: str
-    encoding: str
-
-
-class StoredFile(Protocol):
-    """A file that is open for reading; `losses` may grow while it is read."""
-
-    topics: list[StoredTopic]
     losses: list[Loss]
-    notes: list[str]
+
+    @property
+    def topics(self) -> list[RecordedTopic]:
+        """The topics that were found."""
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
-        """Return times [ns] and bytes of the messages of a topic, in the order of time."""
-
-    def close(self) -> None:
-        """Close the file."""
+        """Return the times [ns] and bytes of all messages of a topic that can be read."""
 
 
-def open_stored_file(path: Path, scratch: Path) -> StoredFile:
-    """
-    Open a file of a recording; `scratch` is a directory for decompressed data.
+class StoredFile:
+    """A file that is open for reading; `losses` may grow while it is read."""
 
-    Raises OSError if the file cannot be opened, MissingDependencyError without `rosbags`, and
-    DecompressionLimitError if the file expands to more than its limit.
-    """
-    optional('rosbags.rosbag2', 'a recording')
-    losses: list[Loss] = []
-    notes: list[str] = []
-    unpacked = path
-    if path.suffix == '.zstd':
-        unpacked = scratch / f'{len(list(scratch.iterdir()))}_{path.stem}'
-        losses += _decompress(path, unpacked)
-    elif path.suffix == '.db3':
-        unpacked = _with_journal(path, scratch, notes)
-    if unpacked.suffix == '.mcap':
-        return McapFile(unpacked, path, losses, notes)
-    return SqliteFile(unpacked, path, losses, notes)
+    def __init__(self, stored: Path, scratch: Path) -> None:
+        """
+        Open a file of a recording; `scratch` is a directory for decompressed data.
 
-
-class _File(ABC):
-    """The common part of both kinds of storage: rosbags first, the salvager if rosbags fails."""
-
-    def __init__(self, path: Path, stored: Path, losses: list[Loss], notes: list[str]) -> None:
-        """Open `path`, the file `stored` of the recording or a decompressed copy of it."""
-        self.losses, self.notes = losses, notes
-        self._path, self._name, self._size = path, stored.name, stored.stat().st_size
-        self._salvaged: Any = None
+        Raises OSError if the file cannot be opened, MissingDependencyError without `rosbags`, and
+        DecompressionLimitError if the file expands to more than its limit.
+        """
+        reader_type = optional('rosbags.rosbag2', 'a recording').Reader
+        self.topics: list[RecordedTopic] = []
+        self.losses: list[Loss] = []
+        self.notes: list[str] = []
+        self._name, self._size, self._path = stored.name, stored.stat().st_size, stored
+        self._salvaged: Salvaged | None = None
         self._reader: Any = None
-        self.topics: list[StoredTopic] = []
-        reader = optional('rosbags.rosbag2', 'a recording').Reader(path)
-        if not self._can_be_limited():
-            self._salvage()
-            return
+        if stored.suffix == '.zstd':
+            self._path = scratch / f'{len(list(scratch.iterdir()))}_{stored.stem}'
+            self.losses += _decompress(stored, self._path)
+        elif stored.suffix == '.db3':
+            self._path = _with_journal(stored, scratch, self.notes)
         try:
-            with limited(self._budget()):
-                reader.open()
-        except DecompressionLimitError:
-            raise
-        except _errors_of_damage():
+            self._reader = reader_type(self._path)
+            self._reader.open()
+        except Exception:  # rosbags checks little of its input: noise raises any error
             self._salvage()
             return
-        self._reader = reader
-        for connection in reader.connections:
-            self.topics.append(StoredTopic(
-                connection.topic, connection.msgtype, connection.msgcount,
-                qos_from_rosbags(connection), connection.msgdef.data,
-                connection.msgdef.format.name))
-
-    def _budget(self) -> Budget:
-        """Return the budget of one pass over the file."""
-        return Budget(self._name, self._size)
-
-    def _can_be_limited(self) -> bool:
-        """Return whether the decompression by rosbags can be limited."""
-        return True
+        self.topics = [
+            RecordedTopic(one.topic, one.msgtype, one.msgcount, qos_from_rosbags(one))
+            for one in self._reader.connections]
 
     def messages(self, topic: str) -> list[tuple[int, bytes]]:
         """
@@ -122,140 +75,59 @@ class _File(ABC):
 
         Raises DecompressionLimitError.
         """
-        if self._reader is not None:
-            wanted = [c for c in self._reader.connections if c.topic == topic]
+        salvaged = self._salvaged
+        if salvaged is None:
+            wanted = [one for one in self._reader.connections if one.topic == topic]
             try:
-                with limited(self._budget()):
-                    read = list(self._reader.messages(wanted)) if wanted else []
-            except DecompressionLimitError:
-                raise
-            except _errors_of_damage():
+                read = list(self._reader.messages(wanted)) if wanted else []
+            except Exception:  # as at opening
                 read = []
-            messages = [
-                (time_ns, data) for _, time_ns, data in read if _is_valid(time_ns, data)]
-            if len(messages) >= sum(connection.msgcount for connection in wanted):
-                return self._plain(messages)
-            self._salvage()  # the library may interpret noise as the end of the file
-        found = [message for message in self._salvaged.messages(topic) if _is_valid(*message)]
-        found.sort(key=lambda message: message[0])
-        return self._plain(found)
+            found = [(time_ns, data) for _, time_ns, data in read if _is_valid(time_ns, data)]
+            if len(found) >= sum(one.msgcount for one in wanted):
+                return self._plain(found)
+            salvaged = self._salvage()  # the library may interpret noise as the end of the file
+        found = [message for message in salvaged.messages(topic) if _is_valid(*message)]
+        return self._plain(sorted(found, key=lambda message: message[0]))
 
     def _plain(self, messages: list[tuple[int, bytes]]) -> list[tuple[int, bytes]]:
         """Return the decompressed messages of a recording with compression per message."""
         if not any(data[:4] == ZSTD_MAGIC for _, data in messages):
             return messages
-        zstd, plain, bad, budget = zstd_module(), [], 0, self._budget()
-        for time_ns, data in messages:
-            try:
-                plain.append((time_ns, budget.decompress(data)))
-            except DecompressionLimitError:
-                raise
-            except (zstd.ZstdError, EOFError, ValueError):
-                bad += 1
-        if bad:
+        budget, plain = Budget(self._name, self._size), []
+        for time_ns, packed in messages:
+            data, is_whole = budget.decompress(packed)
+            if is_whole:
+                plain.append((time_ns, data))
+        if len(plain) < len(messages):
             self.losses.append(Loss(
-                self._name, 'messages that cannot be decompressed', lost_messages=bad))
+                self._name, 'messages that cannot be decompressed',
+                lost_messages=len(messages) - len(plain)))
         return plain
 
-    def _salvage(self) -> None:
+    def _salvage(self) -> Salvaged:
         self.close()
-        self._salvaged = self._salvager()
-        for loss in self._salvaged.losses:
-            named = loss._replace(file=self._name)
-            self.losses += [named] if named not in self.losses else []
-        self.topics = self._salvaged_topics()
-
-    @abstractmethod
-    def _salvager(self) -> Any:
-        """Return the reader of the intact part of a damaged file."""
-
-    @abstractmethod
-    def _salvaged_topics(self) -> list[StoredTopic]:
-        """Return the topics that the salvager finds."""
+        if self._path.suffix == '.mcap':
+            optional('mcap', f'{self._name} is damaged: its intact part')
+            from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
+            salvaged: Salvaged = SalvagedMcap(self._path, self._name, self._size)
+        else:
+            salvaged = SalvagedSqlite(self._path)
+        losses = [loss._replace(file=self._name) for loss in salvaged.losses]
+        self.losses += [loss for loss in losses if loss not in self.losses]
+        self.topics, self._salvaged = salvaged.topics, salvaged
+        return salvaged
 
     def close(self) -> None:
         """Close the file."""
         reader, self._reader = self._reader, None
         if reader is not None:
-            with suppress(OSError, _error_of_sqlite()):
+            with suppress(Exception):  # of a damaged file
                 reader.close()
-
-
-def _errors_of_damage() -> tuple[type[Exception], ...]:
-    """
-    Return the errors that rosbags, and the libraries below it, raise for a damaged file.
-
-    rosbags checks little of its input: noise reaches Python's own functions. Only calls of rosbags
-    may be guarded with these errors, which would hide faults of this package's own code.
-    """
-    return (
-        optional('rosbags.rosbag2', 'a recording').ReaderError,
-        _error_of_sqlite(),
-        zstd_module().ZstdError,
-        RuntimeError,  # of lz4
-        struct.error,  # a record that is too short
-        MemoryError, OSError, OverflowError,  # a size or an offset larger than any file
-        ValueError,  # also UnicodeDecodeError: noise instead of text
-        LookupError,  # noise instead of a key, or a number without digits (ruamel.yaml)
-        AssertionError, AttributeError, TypeError,  # a value of another type
-    )
-
-
-def _error_of_sqlite() -> type[Exception]:
-    """Return the error of the sqlite3 library of rosbags, which is not that of Python."""
-    try:
-        error: type[Exception] = importlib.import_module('apsw').Error
-    except ImportError:  # earlier versions of rosbags
-        return sqlite3.Error
-    return error
 
 
 def _is_valid(time_ns: Any, data: Any) -> bool:
     """Return whether a time is one of ROS (int64) and a message is bytes; noise may be neither."""
     return isinstance(time_ns, int) and abs(time_ns) < 1 << 63 and isinstance(data, bytes)
-
-
-class McapFile(_File):
-    """A file of MCAP."""
-
-    def _can_be_limited(self) -> bool:
-        return limit_rosbags()
-
-    def _salvager(self) -> Any:
-        optional('mcap', f'{self._name} is damaged: its intact part')
-        from robot_dynamics.recordings.mcap_salvage import SalvagedMcap
-        return SalvagedMcap(self._path, self._name, self._size)
-
-    def _salvaged_topics(self) -> list[StoredTopic]:
-        topics = []
-        for channel in {c.topic: c for c in self._salvaged.channels.values()}.values():
-            schema = self._salvaged.schemas.get(channel.schema_id)
-            name, encoding, definition = ('', '', b'') if schema is None else (
-                schema.name, schema.encoding, schema.data)
-            topics.append(StoredTopic(
-                channel.topic, name, self._salvaged.counts.get(channel.topic, 0), TopicQos(),
-                definition.decode(errors='replace'), _LANGUAGES.get(encoding, 'NONE')))
-        return topics
-
-
-class SqliteFile(_File):
-    """A file of sqlite3."""
-
-    def _salvager(self) -> SalvagedSqlite:
-        return SalvagedSqlite(self._path)
-
-    def _salvaged_topics(self) -> list[StoredTopic]:
-        salvaged: SalvagedSqlite = self._salvaged
-        topics = []
-        for name, kind in dict(salvaged.types.values()).items():
-            encoding, definition = salvaged.definitions.get(kind, ('', ''))
-            topics.append(StoredTopic(
-                name, kind, salvaged.counts.get(name, 0), TopicQos(), definition,
-                _LANGUAGES.get(encoding, 'NONE')))
-        return topics
-
-
-_LANGUAGES = {'ros2msg': 'MSG', 'ros2idl': 'IDL', 'omgidl': 'IDL'}
 
 
 def _decompress(path: Path, out: Path) -> list[Loss]:
@@ -264,26 +136,19 @@ def _decompress(path: Path, out: Path) -> list[Loss]:
 
     Raises DecompressionLimitError.
     """
-    zstd = zstd_module()
-    decompressor: Any = zstd.ZstdDecompressor()
-    size = path.stat().st_size
+    zstd, size = zstd_module(), path.stat().st_size
     budget = Budget(path.name, size)
-    done = 0
-    with path.open('rb') as source, out.open('wb') as target:
-        while part := source.read(_COPY // 16):
-            try:
-                while part or not (decompressor.eof or decompressor.needs_input):
-                    if decompressor.eof:
-                        decompressor = zstd.ZstdDecompressor()
-                    budget.spend(target.write(decompressor.decompress(part, _COPY)))
-                    part = decompressor.unused_data if decompressor.eof else b''
-            except zstd.ZstdError as error:
-                return [Loss(path.name, f'cannot be decompressed from about byte {done} of '
-                                        f'{size} on ({error})', lost_bytes=size - done)]
-            done = source.tell()
-    if size == 0:
-        return [Loss(path.name, 'is empty')]
-    return [] if decompressor.eof else [Loss(path.name, 'compressed, and cut off')]
+    with path.open('rb') as packed, zstd.ZstdFile(packed) as source, out.open('wb') as target:
+        try:
+            while size and (part := source.read1(_COPY)):
+                budget.spend(target.write(part))
+        except EOFError:
+            return [Loss(path.name, 'compressed, and cut off')]
+        except zstd.ZstdError as error:
+            done = packed.tell()
+            return [Loss(path.name, f'cannot be decompressed from about byte {done} of {size} on '
+                                    f'({error})', lost_bytes=size - done)]
+    return [] if size else [Loss(path.name, 'is empty')]
 
 
 def _with_journal(path: Path, scratch: Path, notes: list[str]) -> Path:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics of a recording, and the QoS that their publishers offered."""
+"""The topics of a recording, their message types, and the QoS that their publishers offered."""
 
 import functools
 from typing import Any, NamedTuple
@@ -9,6 +9,19 @@ from typing import Any, NamedTuple
 from robot_dynamics.dependencies import optional
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
+DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
+DYNAMICS_TERMS_TEXT = """std_msgs/Header header
+string[] joint_names
+float64[] inertial
+float64[] coriolis
+float64[] gravity
+float64[] friction
+float64[] external
+float64[] effort
+float64 kinetic_energy
+float64 potential_energy
+"""
+"""The definition of the type, for reading and writing recordings where it is not installed."""
 
 
 class TopicQos(NamedTuple):
@@ -30,9 +43,16 @@ class RecordedTopic(NamedTuple):
 
 @functools.cache
 def common_types() -> Any:
-    """Return the typestore with the common packages of ROS 2 Jazzy; nothing is added to it."""
+    """
+    Return the typestore with the common packages of ROS 2 Jazzy, and DynamicsTerms.
+
+    The definitions in a recording are not used: rosbags would execute code that it generates from
+    them.
+    """
     typesys = optional('rosbags.typesys', 'a recording')
-    return typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    types.register(typesys.get_types_from_msg(DYNAMICS_TERMS_TEXT, DYNAMICS_TERMS))
+    return types
 
 
 def qos_to_rosbags(qos: TopicQos) -> Any:

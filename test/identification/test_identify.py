@@ -94,7 +94,7 @@ def test_the_parameter_file_needs_no_other_file(output):
     assert str(output) not in text
     values = read_parameter_file(output / 'identified.yaml')
     assert 'robot_description_file' not in values
-    assert values['robot_description'] == (output / 'identified.urdf').read_text().rstrip('\n')
+    assert values['robot_description'] == (output / 'identified.urdf').read_text()
     assert values['command'] == 'none'
     assert '# The offset F_b is part of every commanded effort: joint1 ' in text
     # reflected inertia without motor data: no currents

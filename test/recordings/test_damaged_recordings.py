@@ -218,8 +218,9 @@ def _without_half_written(series):
 
 # --- random damage -------------------------------------------------------------------------------
 
-def test_noise_in_a_chunk_costs_what_it_hits(copied):
-    path = copied('mcap')
+def test_noise_in_a_chunk_costs_the_rest_of_that_chunk(tmp_path):
+    motion = KnownMotion(seconds=100.0)
+    path = write_recording(tmp_path / 'bag', motion.messages())
     file = stored_file(path)
 
     def spoil(data):
@@ -227,10 +228,16 @@ def test_noise_in_a_chunk_costs_what_it_hits(copied):
 
     resave(file, spoil)
     series, losses, _ = read(path)
-    assert WHOLE - 25 < len(series.stamps_ns) < WHOLE
+    rows = np.searchsorted(motion.stamps_ns, series.stamps_ns)
+    np.testing.assert_array_equal(motion.stamps_ns[rows], series.stamps_ns)
+    np.testing.assert_array_equal(motion.q[rows], series.position)
+    # the messages before the noise, and all messages of the next chunk
+    (gap,) = np.flatnonzero(np.diff(rows) > 1)
+    assert gap > 800
+    assert rows[-1] == len(motion.q) - 1
     assert losses[0].file == file.name
     assert 'no record at byte' in losses[0].reason
-    assert 2000 <= losses[0].lost_bytes < 2600
+    assert losses[0].lost_bytes > 2000
 
 
 def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):

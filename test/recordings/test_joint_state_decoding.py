@@ -10,7 +10,8 @@ import pytest
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.recordings.joint_series import RecordedJointStates
 from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
-from robot_dynamics.recordings.message_encoding import DYNAMICS_TERMS_TEXT, joint_state_messages
+from robot_dynamics.recordings.message_encoding import joint_state_messages
+from robot_dynamics.recordings.topics import DYNAMICS_TERMS_TEXT
 
 # A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
