@@ -85,6 +85,44 @@ class ParameterSpec:
                 check_scalar(f'{self.name}[{i}]', number, low, high)
 
 
+def number(
+    name: str, default: float, minimum: float, maximum: float, description: str,
+    read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of a number; a whole number if the default is one."""
+    kind = Type.INTEGER if isinstance(default, int) else Type.DOUBLE
+    return ParameterSpec(name, kind, default, description, read_only, minimum, maximum)
+
+
+def numbers(
+    name: str, minimum: float, maximum: float, description: str,
+    default: Sequence[float] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of an array of numbers."""
+    return ParameterSpec(
+        name, Type.DOUBLE_ARRAY, list(default), description, read_only, minimum, maximum)
+
+
+def flag(name: str, default: bool, description: str, read_only: bool = False) -> ParameterSpec:
+    """Return the specification of a parameter that is true or false."""
+    return ParameterSpec(name, Type.BOOL, default, description, read_only)
+
+
+def text(
+    name: str, default: str, description: str, choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of a text, which is one of the choices if there are any."""
+    return ParameterSpec(name, Type.STRING, default, description, read_only, choices=choices)
+
+
+def texts(
+    name: str, description: str, choices: tuple[str, ...] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of an array of texts, which is empty by default."""
+    return ParameterSpec(name, Type.STRING_ARRAY, [], description, read_only, choices=choices)
+
+
 class DeclaredParameters:
     """The parameters of one node."""
 

@@ -17,8 +17,10 @@ from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_mad
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
+    numbers,
     ParameterSpec,
-    Type,
+    text,
+    texts,
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
@@ -41,30 +43,24 @@ from robot_dynamics.simulation.plant import Plant
 from robot_dynamics.urdf.description_file import description_path
 
 SPECS = (
-    ParameterSpec(
-        'mjcf', Type.STRING, '',
+    text('mjcf', '', (
         'MJCF file of the arm and its surroundings: a path or package://PACKAGE/PATH. If empty, '
-        'the planar two-link arm.', read_only=True),
-    ParameterSpec(
-        'mjcf_joints', Type.STRING_ARRAY, [],
+        'the planar two-link arm.'), read_only=True),
+    texts('mjcf_joints', (
         'Names in the MJCF of the joints that the efforts drive, in the order of all arrays. If '
         'empty, the names in joints; if these are empty too, the joints on which an actuator of '
-        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.',
+        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.'),
         read_only=True),
-    ParameterSpec(
-        'joints', Type.STRING_ARRAY, [],
+    texts('joints', (
         'Names of the driven joints in joint_states and effort_command, as in the URDF of '
-        'dynamics. If empty, the names in the MJCF.', read_only=True),
-    ParameterSpec(
-        'gravity', Type.DOUBLE_ARRAY, [],
-        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.',
-        minimum=-1000.0, maximum=1000.0),
+        'dynamics. If empty, the names in the MJCF.'), read_only=True),
+    numbers('gravity', -1000.0, 1000.0, (
+        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.')),
     *LOOP_SPECS,
-    ParameterSpec(
-        'initial_position', Type.DOUBLE_ARRAY, [],
+    numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '
-        'first keyframe of the MJCF; without a keyframe, the reference pose or the position '
-        'limit nearest to it.', read_only=True, minimum=-1e6, maximum=1e6),
+        'first keyframe of the MJCF; without a keyframe, the reference pose or the position limit '
+        'nearest to it.'), read_only=True),
     *BRAKE_SPECS,
     *NOISE_SPECS,
 )

@@ -18,8 +18,11 @@ from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, dest
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
+    number,
+    numbers,
     ParameterSpec,
-    Type,
+    text,
+    texts,
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
@@ -54,34 +57,27 @@ SPECS = (
     PAYLOAD_SPEC,
     ROBOT_GRAVITY_SPEC,
     *LOOP_SPECS,
-    ParameterSpec(
-        'initial_position', Type.DOUBLE_ARRAY, [],
-        'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position '
-        'limit nearest to it.',
-        read_only=True, minimum=-1e6, maximum=1e6),
-    ParameterSpec(
-        'initial_velocity', Type.DOUBLE_ARRAY, [],
-        'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.',
-        read_only=True, minimum=-1e6, maximum=1e6),
+    numbers('initial_position', -1e6, 1e6, (
+        'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position limit '
+        'nearest to it.'), read_only=True),
+    numbers('initial_velocity', -1e6, 1e6, (
+        'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.'),
+        read_only=True),
     *BRAKE_SPECS,
-    ParameterSpec(
-        'measured_effort', Type.STRING, 'joint_torque',
-        'Meaning of the field effort in joint_states: joint_torque, '
-        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (the last two '
-        'require actuator parameters), or none.', read_only=True, choices=MEASURED_EFFORTS),
-    ParameterSpec(
-        'robot_compensates', Type.STRING_ARRAY, [],
-        'Terms that the simulated arm adds automatically to the commanded effort, computed '
-        'with its own model without payloads: gravity, friction.',
-        read_only=True, choices=ROBOT_COMPENSATIONS),
-    ParameterSpec(
-        'encoders', Type.STRING, 'joint',
+    text('measured_effort', 'joint_torque', (
+        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
+        'motor_torque [N m] or motor_current [A] (the last two require actuator parameters), or '
+        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    texts('robot_compensates', (
+        'Terms that the simulated arm adds automatically to the commanded effort, computed with '
+        'its own model without payloads: gravity, friction.'),
+        choices=ROBOT_COMPENSATIONS, read_only=True),
+    text('encoders', 'joint', (
         'Side of the gear on which joint_states measures position and velocity if there is '
-        'backlash: joint or motor.', read_only=True, choices=('joint', 'motor')),
+        'backlash: joint or motor.'), choices=('joint', 'motor'), read_only=True),
     *NOISE_SPECS,
-    ParameterSpec(
-        'max_step', Type.DOUBLE, DEFAULT_MAX_STEP,
-        'Longest integration step [s].', read_only=True, minimum=1e-6, maximum=0.1),
+    number('max_step', DEFAULT_MAX_STEP, 1e-6, 0.1, (
+        'Longest integration step [s].'), read_only=True),
 )
 
 USAGE = NodeUsage(
