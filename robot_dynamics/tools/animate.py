@@ -32,6 +32,7 @@ from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.command_line import (
     add_force,
+    add_robot,
     DONE,
     Parser,
     prepare_file,
@@ -72,10 +73,9 @@ def _parser() -> Parser:
         help='Recording with joint states of the chain, drawn instead of a simulation')
     parser.add_argument(
         '--topic', metavar='NAME', help='Topic of the joint states in the recording')
-    parser.add_argument(
-        '--urdf', metavar='FILE',
-        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the description in '
-             'the recording, or else the planar two-link arm)')
+    add_robot(
+        parser, '--urdf', 'the description in the recording, or else the planar two-link arm',
+        'FILE')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints with parallel axes (default: all); the other joints are locked')

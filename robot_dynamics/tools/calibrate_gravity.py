@@ -45,7 +45,7 @@ from robot_dynamics.tools.command_line import (
     read_robot,
     read_settings,
     run_tool,
-    writing,
+    write_file,
 )
 from robot_dynamics.tools.gravity_motion.options import add_motion_options, motion_request
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
@@ -180,15 +180,13 @@ def finish(
         bags, read_settings(arguments), weighted_bags, weight, tool)
     origin = origin_of('calibrate_gravity', argv, arguments.urdf, '')
     written = [_report_path(arguments)]
-    with writing(written[0]):
-        written[0].write_text(calibration_page(found, origin), encoding='utf-8')
+    write_file(written[0], calibration_page(found, origin))
     is_good = is_accepted(found.calibration)
     if is_good:
         given = '' if arguments.parameters is None else arguments.parameters.read_text(
             encoding='utf-8')
-        with writing(arguments.output):
-            arguments.output.write_text(calibrated_file(
-                given, found.calibration, header(found, arguments.output)), encoding='utf-8')
+        write_file(arguments.output, calibrated_file(
+            given, found.calibration, header(found, arguments.output)))
         written.insert(0, arguments.output)
     _print(found, written)
     if not is_good:

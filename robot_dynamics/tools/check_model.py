@@ -28,7 +28,7 @@ from robot_dynamics.tools.command_line import (
     Parser,
     prepare_file,
     run_tool,
-    writing,
+    write_file,
 )
 from robot_dynamics.urdf.description_file import read_description
 
@@ -83,8 +83,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints),
             checked.findings, arguments.ignore, checked.unread,
             origin_of('check_model', argv, arguments.urdf, ''))
-        with writing(arguments.report):
-            arguments.report.write_text(text, encoding='utf-8')
+        write_file(arguments.report, text)
     if arguments.json:
         print(json.dumps(findings_as_data(checked, arguments.ignore), indent=2))
     else:

@@ -17,11 +17,10 @@ from robot_dynamics.tools.command_line import (
     add_robot,
     DONE,
     Parser,
-    prepare_file,
     read_parameters,
     read_robot,
     run_tool,
-    writing,
+    write_output,
 )
 
 
@@ -50,16 +49,9 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    if arguments.output is not None:
-        prepare_file(arguments.output, arguments.force)
     arm = arm_from_parameters(
         read_robot(arguments.urdf), read_parameters(arguments.parameters))
-    text = arm_to_mjcf(arm)
-    if arguments.output is None:
-        sys.stdout.write(text)
-    else:
-        with writing(arguments.output):
-            arguments.output.write_text(text, encoding='utf-8')
+    write_output(arguments.output, arm_to_mjcf(arm), arguments.force)
     omitted = omitted_friction(arm)
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)

@@ -49,6 +49,7 @@ from robot_dynamics.tools.command_line import (
     add_workers,
     DONE,
     FAILED,
+    number_in,
     origin_of,
     Parser,
     prepare_directory,
@@ -79,7 +80,7 @@ def _parser() -> Parser:
                'nothing could\nbe identified, 130 interrupted')
     add_recordings(parser, None)
     parser.add_argument(
-        '--train-fraction', type=_fraction, default=0.6, metavar='SHARE',
+        '--train-fraction', type=number_in(0.001, 1.0), default=0.6, metavar='SHARE',
         help='Fraction of the samples, from the first on, that is used for training; the others '
              'test the model (default: 0.6). With 1, the model is tested on the '
              'cross-validation folds')
@@ -122,16 +123,6 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
             f'{text!r}, expected LINK=KG or LINK=KG,X,Y,Z such as tool0=1.2,0,0,0.05, after '
             'RECORDING: for one recording')
     return recording, link, values
-
-
-def _fraction(text: str) -> float:
-    try:
-        fraction = float(text)
-    except ValueError:
-        fraction = float('nan')
-    if not 0.0 < fraction <= 1.0:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number in (0, 1]')
-    return fraction
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:

@@ -22,9 +22,8 @@ from robot_dynamics.tools.command_line import (
     add_force,
     DONE,
     Parser,
-    prepare_file,
     run_tool,
-    writing,
+    write_output,
 )
 
 
@@ -79,13 +78,7 @@ def _in_words(values: Sequence[float]) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    urdf = _urdf(arguments)
-    if arguments.output is None:
-        sys.stdout.write(urdf)
-    else:
-        prepare_file(arguments.output, arguments.force)
-        with writing(arguments.output):
-            arguments.output.write_text(urdf, encoding='utf-8')
+    write_output(arguments.output, _urdf(arguments), arguments.force)
     return DONE
 
 

@@ -40,6 +40,7 @@ from robot_dynamics.reporting.html_page import Verdict
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.command_line import (
     add_force,
+    add_robot,
     DONE,
     origin_of,
     Parser,
@@ -80,10 +81,7 @@ def _parser() -> Parser:
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
         help='Drawn quantity (default: %(default)s)')
-    parser.add_argument(
-        '--urdf', metavar='FILE',
-        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the planar two-link '
-             'arm)')
+    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE')
     parser.add_argument(
         '--joints', nargs=2, default=[], metavar='JOINT',
         help='Joints along the axes (default: the two joints with the largest gravity torque)')

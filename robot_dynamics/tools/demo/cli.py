@@ -13,7 +13,6 @@ import argparse
 from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
-import math
 import os
 from pathlib import Path
 import signal
@@ -26,6 +25,7 @@ from robot_dynamics.tools.command_line import (
     add_robot,
     DONE,
     INTERRUPTED,
+    number_in,
     origin_of,
     os_error_text,
     Parser,
@@ -74,11 +74,11 @@ def _parser() -> Parser:
         parser, '--robot',
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')
     parser.add_argument(
-        '--duration', type=_number(1.0, LONGEST_DURATION), metavar='S',
+        '--duration', type=number_in(1.0, LONGEST_DURATION), metavar='S',
         help=f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play '
              'only the first S seconds')
     parser.add_argument(
-        '--rate', type=_number(1.0, 10000.0), metavar='HZ',
+        '--rate', type=number_in(1.0, 10000.0), metavar='HZ',
         help=f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: largest '
              'rate (default: as fast as the node responds)')
     parser.add_argument(
@@ -107,20 +107,6 @@ def _parser() -> Parser:
     parser.add_argument(
         '--no-plot', action='store_true', help='Write neither the figure nor the report')
     return parser
-
-
-def _number(low: float, high: float) -> 'type[float]':
-    def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(
-                f'{text!r}, expected a number in [{low:g}, {high:g}]')
-        return value
-
-    return number  # type: ignore[return-value]
 
 
 def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
