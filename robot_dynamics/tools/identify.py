@@ -14,14 +14,7 @@ from functools import partial
 from pathlib import Path
 import sys
 
-from robot_dynamics.analysis.batch import (
-    Outcome,
-    require_dask,
-    run_tasks,
-    Settings,
-    Task,
-    TaskOutcome,
-)
+from robot_dynamics.analysis.batch import require_dask, run_tasks
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
@@ -149,12 +142,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
-        def run(
-            function: Task[Settings, Outcome], left: Sequence[Path], task: Settings,
-        ) -> list[TaskOutcome[Outcome]]:
-            return run_tasks(
-                function, left, task, arguments.jobs, kept, arguments.dask, progress.advance)
-
+        run = partial(
+            run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
+            on_done=progress.advance)
         found = identify_bags(
             bags, identification, run,
             None if arguments.effort == 'auto' else arguments.effort == 'current',
