@@ -38,17 +38,7 @@ from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.reporting.html_page import Verdict
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.command_line import (
-    add_force,
-    add_robot,
-    DONE,
-    origin_of,
-    Parser,
-    prepare_file,
-    read_robot,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
@@ -63,11 +53,11 @@ STEPS = 3
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('torque_map', partial(_run, arguments, argv))
+    return command_line.run_tool('torque_map', partial(_run, arguments, argv))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='torque_map',
         description='Draw over the positions of two joints, with the arm in some poses:\n'
                     '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
@@ -81,7 +71,7 @@ def _parser() -> Parser:
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
         help='Drawn quantity (default: %(default)s)')
-    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE')
+    command_line.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE')
     parser.add_argument(
         '--joints', nargs=2, default=[], metavar='JOINT',
         help='Joints along the axes (default: the two joints with the largest gravity torque)')
@@ -114,7 +104,7 @@ def _parser() -> Parser:
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
              '(default: out/<name of the arm>_<what>.png)')
-    add_force(parser)
+    command_line.add_force(parser)
     return parser
 
 
@@ -128,27 +118,28 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
     require('the tool', 'matplotlib')
-    arm = load_arm(read_robot(arguments.urdf))
+    arm = load_arm(command_line.read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
-    prepare_file(output, arguments.force)
+    command_line.prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
-        with writing(output):
+        with command_line.writing(output):
             if output.suffix.lower() == PAGE:
+                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
                 output.write_text(map_page(
-                    f'{arm.name}{load}: {arguments.what}', verdicts, figure,
-                    origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)), encoding='utf-8')
+                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
+                    encoding='utf-8')
             else:
                 save_figure(figure, output)
         progress.advance()
     print(f'{output.resolve()}: {said}')
-    return DONE
+    return command_line.DONE
 
 
 def _workspace(
