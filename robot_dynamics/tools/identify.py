@@ -17,18 +17,10 @@ import sys
 from robot_dynamics.analysis.batch import require_dask, run_tasks
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification import summary
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
 from robot_dynamics.identification.pipeline import STAGES
 from robot_dynamics.identification.report import file_notes, FILES, write_identification
-from robot_dynamics.identification.summary import (
-    fact_rows,
-    friction_rows,
-    gain_rows,
-    recording_lines,
-    residual_rows,
-    residual_title,
-    warnings,
-)
 from robot_dynamics.identification.tasks import IdentificationSettings
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.recordings.bag_files import find_recordings
@@ -147,16 +139,16 @@ def print_identification(
 ) -> None:
     """Print the results, the paths of the files, and notes about them."""
     identification = found.identification
-    print(text_table([], fact_rows(found)))
-    command_line.print_list('Recordings:', recording_lines(found))
-    print(f'\n{residual_title(identification)}, RMS relative to the effort:')
-    print(quantity_table(residual_rows(identification)))
+    print(text_table([], summary.fact_rows(found)))
+    command_line.print_list('Recordings:', summary.recording_lines(found))
+    print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
+    print(quantity_table(summary.residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
-    print(quantity_table(friction_rows(identification)))
+    print(quantity_table(summary.friction_rows(identification)))
     if identification.gains is not None:
         print('\nDrive gains:')
-        print(quantity_table(gain_rows(identification, identification.gains)))
-    command_line.print_list('Warnings:', warnings(identification))
+        print(quantity_table(summary.gain_rows(identification, identification.gains)))
+    command_line.print_list('Warnings:', summary.warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
     command_line.print_list('Notes on the files:', notes)
     command_line.print_failures('identify', found.failed)

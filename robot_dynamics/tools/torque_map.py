@@ -21,17 +21,9 @@ from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.pictures import torque_grid
 from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.pictures.torque_grid import (
-    gravity_efforts,
-    inertia_diagonal,
-    joint_index,
-    make_grid,
-    motion_efforts,
-    PositionGrid,
-    SAMPLES,
-)
 from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
@@ -98,7 +90,7 @@ def _parser() -> command_line.Parser:
         help='Positions along the axes at which the arm is drawn; may be repeated (default: '
              f'{POSES} × {POSES} evenly spaced poses)')
     parser.add_argument(
-        '--samples', type=int, default=SAMPLES, metavar='N',
+        '--samples', type=int, default=torque_grid.SAMPLES, metavar='N',
         help='Number of positions of each of the two joints (default: %(default)d)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
@@ -161,8 +153,9 @@ def _map(
 ) -> tuple[Any, str, list[Verdict]]:
     """Return the figure of a map over two joints, its summary, and the verdicts."""
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
-    grid = make_grid(arm, arguments.joints, arguments.position, samples)
-    shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
+    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, samples)
+    named = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
+    shown = named or list(grid.joints)
     values, title = _values(arguments, arm, grid)
     on_computed()
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
@@ -175,17 +168,17 @@ def _map(
 
 
 def _values(
-    arguments: argparse.Namespace, arm: ArmModel, grid: PositionGrid,
+    arguments: argparse.Namespace, arm: ArmModel, grid: torque_grid.PositionGrid,
 ) -> tuple[FloatArray, str]:
     """Return the drawn values of all joints (l, k, n), and their name."""
     if arguments.what == GRAVITY:
-        return gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
+        return torque_grid.gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
     if arguments.what == INERTIA:
-        return inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
+        return torque_grid.inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
     zero = np.zeros(arm.joint_count)
     v = arguments.velocity or zero
     a = arguments.acceleration or zero
-    efforts = motion_efforts(arm, grid, v, a)
+    efforts = torque_grid.motion_efforts(arm, grid, v, a)
     return efforts, f'effort τ at the velocity {_list(v)} and the acceleration {_list(a)}'
 
 

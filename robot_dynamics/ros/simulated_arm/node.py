@@ -16,6 +16,7 @@ from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, destroyed_unless_made
 from robot_dynamics.ros.middleware.shutdown import leave
+from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
     number,
@@ -27,16 +28,6 @@ from robot_dynamics.ros.parameters.declared_parameters import (
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC
-from robot_dynamics.ros.parameters.robot_description import (
-    ACTUATOR_SPECS,
-    check_joint_count,
-    description_from_parameters,
-    DESCRIPTION_SPECS,
-    DRIVE_SPECS,
-    embedded_description,
-    FRICTION_SPECS,
-    ROBOT_GRAVITY_SPEC,
-)
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
@@ -50,12 +41,12 @@ from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
 
 SPECS = (
-    *DESCRIPTION_SPECS,
-    *FRICTION_SPECS,
-    *ACTUATOR_SPECS,
-    *DRIVE_SPECS,
+    *robot_description.DESCRIPTION_SPECS,
+    *robot_description.FRICTION_SPECS,
+    *robot_description.ACTUATOR_SPECS,
+    *robot_description.DRIVE_SPECS,
     PAYLOAD_SPEC,
-    ROBOT_GRAVITY_SPEC,
+    robot_description.ROBOT_GRAVITY_SPEC,
     *LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position limit '
@@ -125,9 +116,10 @@ class SimulatedArmNode(PlantNode):
         self._settings = DeclaredParameters(
             self, SPECS, _check, self._apply, _specs_of_dynamics)
         values = self._settings.values
-        xml = description_from_parameters(values) or embedded_description()
+        xml = robot_description.description_from_parameters(values) or (
+            robot_description.embedded_description())
         self._arm = arm_from_parameters(xml, values)
-        check_joint_count(self._arm)
+        robot_description.check_joint_count(self._arm)
         self._simulation = ArmSimulation(
             self._arm,
             values['initial_position'] or None, values['initial_velocity'] or None,
