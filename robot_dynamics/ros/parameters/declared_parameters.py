@@ -11,6 +11,7 @@ with a reason, at start and at run time, and passes accepted changes to the node
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 import math
 from typing import Any
 
@@ -129,15 +130,16 @@ class DeclaredParameters:
     def __init__(
         self, node: Node, specs: Sequence[ParameterSpec],
         check: Callable[[Values], Any], apply: Callable[[Values], None],
-        others: Callable[[], Sequence[ParameterSpec]] = tuple,
+        others: Sequence[str] = (),
     ) -> None:
         """
         Declare all parameters; `values` are then the values of the command line and the files.
 
         `check` checks all values together and raises RobotDynamicsError if they are
-        inconsistent; `apply` applies an accepted change. `others` returns the parameters of the
-        node that shares a parameter file with this one; it is called if the file has some that
-        this node lacks. Raises InvalidInputError on an invalid start value.
+        inconsistent; `apply` applies an accepted change. `others` are modules whose SPECS
+        are those of nodes that share a parameter file with this one; they are imported if the
+        file has parameters that this node lacks. Raises InvalidInputError on an invalid start
+        value.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -179,7 +181,8 @@ class DeclaredParameters:
         """Log values whose names are parameters neither of this node nor of the other one."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
-        of_others = {spec.name for spec in self._others()} if unknown else set()
+        others = [import_module(module).SPECS for module in self._others] if unknown else []
+        of_others = {spec.name for specs in others for spec in specs}
         for name in unknown:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)

@@ -18,7 +18,6 @@ from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
     numbers,
-    ParameterSpec,
     text,
     texts,
     Values,
@@ -104,8 +103,9 @@ class MujocoArmNode(PlantNode):
             self._set_up()
 
     def _set_up(self) -> None:
-        values = DeclaredParameters(
-            self, SPECS, _check, self._apply, _specs_of_other_nodes).values
+        values = DeclaredParameters(self, SPECS, _check, self._apply, [
+            'robot_dynamics.ros.dynamics.parameters',
+            'robot_dynamics.ros.simulated_arm.node']).values
         if values['mjcf']:
             model = load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:
@@ -129,12 +129,6 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z; or none')
     check_pause(values)
-
-
-def _specs_of_other_nodes() -> Sequence[ParameterSpec]:
-    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-    return (*DYNAMICS_SPECS, *SIMULATED_ARM_SPECS)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -21,7 +21,6 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
     number,
     numbers,
-    ParameterSpec,
     text,
     texts,
     Values,
@@ -114,7 +113,7 @@ class SimulatedArmNode(PlantNode):
 
     def _set_up(self) -> None:
         self._settings = DeclaredParameters(
-            self, SPECS, _check, self._apply, _specs_of_dynamics)
+            self, SPECS, _check, self._apply, ['robot_dynamics.ros.dynamics.parameters'])
         values = self._settings.values
         xml = robot_description.description_from_parameters(values) or (
             robot_description.embedded_description())
@@ -163,11 +162,6 @@ def _check(values: Values) -> None:
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
     convention_from_parameters(values)
     check_pause(values)
-
-
-def _specs_of_dynamics() -> Sequence[ParameterSpec]:
-    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-    return DYNAMICS_SPECS
 
 
 def main(args: Sequence[str] | None = None) -> int:
