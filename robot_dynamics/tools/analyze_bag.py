@@ -41,23 +41,7 @@ from robot_dynamics.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics.reporting.html_page import Origin
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
-from robot_dynamics.tools.command_line import (
-    add_cutoff,
-    add_force,
-    add_parameters,
-    add_recordings,
-    add_workers,
-    DONE,
-    FAILED,
-    MISTAKE,
-    origin_of,
-    Parser,
-    prepare_directory,
-    print_failures,
-    print_list,
-    read_settings,
-    run_tool,
-)
+from robot_dynamics.tools import command_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -65,22 +49,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = _parser().parse_args(argv)
     interrupted = 'interrupted' + (
         '; run the same command to resume' if arguments.output else '')
-    origin = origin_of(
+    origin = command_line.origin_of(
         'analyze_bag', argv, arguments.urdf, f'{ROBOT_DESCRIPTION} of the recording')
-    return run_tool('analyze_bag', partial(_run, arguments, origin), interrupted=interrupted)
+    return command_line.run_tool(
+        'analyze_bag', partial(_run, arguments, origin), interrupted=interrupted)
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='analyze_bag',
         description='Compare the measured effort of recorded joint states with inverse dynamics '
                     'of a model:\nresidual per joint, effort by term, use of limits. '
                     'Reads rosbag2 recordings\n(sqlite3 or MCAP), also damaged ones.',
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
                'no recording\ncould be analysed, 130 interrupted')
-    add_recordings(parser, 'the description in the recording')
-    add_cutoff(parser)
-    add_parameters(
+    command_line.add_recordings(parser, 'the description in the recording')
+    command_line.add_cutoff(parser)
+    command_line.add_parameters(
         parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
     parser.add_argument(
         '--output', type=Path, metavar='DIR',
@@ -90,8 +75,8 @@ def _parser() -> Parser:
         '--parquet', action='store_true', help=f'Also write {PARQUET} (extra: parquet)')
     parser.add_argument(
         '--no-report', action='store_true', help=f'Write neither {REPORT} nor {PICTURE}')
-    add_force(parser)
-    add_workers(parser)
+    command_line.add_force(parser)
+    command_line.add_workers(parser)
     return parser
 
 
@@ -106,13 +91,13 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
         require_dask()
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
-    settings = read_settings(arguments)
+    settings = command_line.read_settings(arguments)
     task = AnalysisTask(settings, _outputs(arguments), origin=origin)
     kept, each = None, None
     if task.outputs:
         places = [
             arguments.output.resolve() / (name if len(bags) > 1 else '') for name in names]
-        kept = prepare_directory(
+        kept = command_line.prepare_directory(
             arguments.output, [place / name for place in places for name in task.outputs],
             arguments)
         each = [replace(task, directory=str(place)) for place in places]
@@ -125,8 +110,10 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
         if task.outputs:
             print(f'\nWritten to {arguments.output}, a directory for each recording')
     failed = [(name, outcome.error) for name, outcome in zip(names, outcomes) if outcome.error]
-    print_failures('analyze_bag', failed)
-    return DONE if not failed else FAILED if results else MISTAKE
+    command_line.print_failures('analyze_bag', failed)
+    if not failed:
+        return command_line.DONE
+    return command_line.FAILED if results else command_line.MISTAKE
 
 
 def _run_with_progress(
@@ -156,8 +143,8 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
 def print_one(result: AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
     print(text_table([], result.facts))
-    print_list('Lost:', result.losses)
-    print_list('Remarks:', result.remarks)
+    command_line.print_list('Lost:', result.losses)
+    command_line.print_list('Remarks:', result.remarks)
     _print_figures([result])
     if result.written:
         print('\nWritten:\n' + '\n'.join(f'  {path}' for path in result.written))

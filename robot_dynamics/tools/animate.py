@@ -30,15 +30,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.command_line import (
-    add_force,
-    DONE,
-    Parser,
-    prepare_file,
-    read_robot,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 
 DEFAULT_DURATION = 5.0
@@ -55,11 +47,11 @@ ROBOT_DESCRIPTION = '/robot_description'
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('animate', partial(_run, arguments))
+    return command_line.run_tool('animate', partial(_run, arguments))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='animate',
         description='Draw an animation of a planar chain: links, the force and the moment at each '
                     'joint,\nenergies, efforts by term, and at pauses of the motion both passes '
@@ -72,10 +64,9 @@ def _parser() -> Parser:
         help='Recording with joint states of the chain, drawn instead of a simulation')
     parser.add_argument(
         '--topic', metavar='NAME', help='Topic of the joint states in the recording')
-    parser.add_argument(
-        '--urdf', metavar='FILE',
-        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the description in '
-             'the recording, or else the planar two-link arm)')
+    command_line.add_robot(
+        parser, '--urdf', 'the description in the recording, or else the planar two-link arm',
+        'FILE')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints with parallel axes (default: all); the other joints are locked')
@@ -100,7 +91,7 @@ def _parser() -> Parser:
         '-o', '--output', type=Path, metavar='FILE',
         help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
              'arm>.gif)')
-    add_force(parser)
+    command_line.add_force(parser)
     return parser
 
 
@@ -122,10 +113,10 @@ def _run(arguments: argparse.Namespace) -> int:
             *(['rosbags', 'yaml', 'scipy'] if recorded else []))
     check_format(output)
     arm, series = _read_recording(arguments) if recorded else (
-        load_arm(read_robot(arguments.urdf), arguments.joints), None)
+        load_arm(command_line.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm
     output = arguments.output or Path('out', f'{arm.name}.gif')
-    prepare_file(output, arguments.force)
+    command_line.prepare_file(output, arguments.force)
     if series is not None:
         motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
     else:
@@ -133,10 +124,10 @@ def _run(arguments: argparse.Namespace) -> int:
     title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
     print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
     frames = chain_frames(motion, stops, speed, title)
-    with Progress(frame_count(motion, stops), 'frames') as progress, writing(output):
+    with Progress(frame_count(motion, stops), 'frames') as progress, command_line.writing(output):
         count = write_video(output, _counted(frames, progress))
     print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
-    return DONE
+    return command_line.DONE
 
 
 def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
@@ -160,7 +151,7 @@ def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSerie
         if arguments.urdf is None and described:
             urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
         else:
-            urdf = read_robot(arguments.urdf)
+            urdf = command_line.read_robot(arguments.urdf)
     return load_arm(urdf, arguments.joints), series
 
 

@@ -32,21 +32,7 @@ from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.html_page import summary
 from robot_dynamics.reporting.text_table import quantity_table, text_table
-from robot_dynamics.tools.command_line import (
-    add_force,
-    add_parameters,
-    add_recordings,
-    DONE,
-    FAILED,
-    origin_of,
-    Parser,
-    prepare_file,
-    read_parameters,
-    read_robot,
-    read_settings,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.tools.gravity_motion.options import add_motion_options, motion_request
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 
@@ -56,11 +42,11 @@ OUTPUT = Path('calibrated.yaml')
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('calibrate_gravity', partial(_run, arguments, argv))
+    return command_line.run_tool('calibrate_gravity', partial(_run, arguments, argv))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='calibrate_gravity',
         description='Calibrate effort scale and offset of each joint from recorded static holds, '
                     'each approached from\nboth sides. Writes a parameter file for dynamics_node '
@@ -68,7 +54,7 @@ def _parser() -> Parser:
         epilog='exit status: 0 done, 1 the nodes would not accept a value, or the motion ended '
                'early, 2 a mistake in\nthe arguments, in the recordings or in the configuration '
                'of the node, 130 interrupted')
-    add_recordings(parser, None, required=False)
+    command_line.add_recordings(parser, None, required=False)
     parser.add_argument(
         '--with-weight', nargs='+', type=Path, default=[], metavar='BAG',
         help='Recordings of holds with a known weight, which determines the scale; requires '
@@ -86,13 +72,13 @@ def _parser() -> Parser:
     parser.add_argument(
         '--tool-mass', type=float, metavar='KG',
         help='Known mass of this tool [kg]; required without --with-weight')
-    add_parameters(
+    command_line.add_parameters(
         parser, 'joints, gravity, motors, measured_effort, effort; all are copied to the output')
     parser.add_argument(
         '-o', '--output', type=Path, default=OUTPUT, metavar='FILE',
         help='Output parameter file; the report has the same name, with the suffix .html '
              '(default: %(default)s)')
-    add_force(parser)
+    command_line.add_force(parser)
     add_motion_options(parser)
     parser.set_defaults(cutoff=None)  # holds are not filtered
     return parser
@@ -124,11 +110,11 @@ def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     if not arguments.preview:
         prepare_outputs(arguments)
     request = motion_request(
-        arguments, None if arguments.urdf is None else read_robot(arguments.urdf),
-        read_parameters(arguments.parameters), loads(arguments)[0])
+        arguments, None if arguments.urdf is None else command_line.read_robot(arguments.urdf),
+        command_line.read_parameters(arguments.parameters), loads(arguments)[0])
     arguments.topic = record_holds(request)
     if arguments.topic is None:
-        return DONE
+        return command_line.DONE
     print('Recorded: ' + ', '.join(map(str, request.outputs)) + '\n', flush=True)
     return finish(arguments, argv, request.outputs[:1], request.outputs[1:])
 
@@ -136,7 +122,7 @@ def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 def prepare_outputs(arguments: argparse.Namespace) -> None:
     """Make the directory of the output files; raise InvalidInputError if a file exists."""
     for path in (arguments.output, _report_path(arguments)):
-        prepare_file(path, arguments.force)
+        command_line.prepare_file(path, arguments.force)
 
 
 def _report_path(arguments: argparse.Namespace) -> Path:
@@ -177,24 +163,22 @@ def finish(
     """Calibrate from recordings, write the files, print the results; return the exit status."""
     weight, tool = loads(arguments)
     found = calibrate_recordings(
-        bags, read_settings(arguments), weighted_bags, weight, tool)
-    origin = origin_of('calibrate_gravity', argv, arguments.urdf, '')
+        bags, command_line.read_settings(arguments), weighted_bags, weight, tool)
+    origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
     written = [_report_path(arguments)]
-    with writing(written[0]):
-        written[0].write_text(calibration_page(found, origin), encoding='utf-8')
+    command_line.write_file(written[0], calibration_page(found, origin))
     is_good = is_accepted(found.calibration)
     if is_good:
         given = '' if arguments.parameters is None else arguments.parameters.read_text(
             encoding='utf-8')
-        with writing(arguments.output):
-            arguments.output.write_text(calibrated_file(
-                given, found.calibration, header(found, arguments.output)), encoding='utf-8')
+        command_line.write_file(arguments.output, calibrated_file(
+            given, found.calibration, header(found, arguments.output)))
         written.insert(0, arguments.output)
     _print(found, written)
     if not is_good:
         print(f'calibrate_gravity: {arguments.output} is not written, because the nodes would not '
               'accept all values', file=sys.stderr)
-    return DONE if is_good else FAILED
+    return command_line.DONE if is_good else command_line.FAILED
 
 
 def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:

@@ -19,17 +19,7 @@ from robot_dynamics.model_check.report import (
     findings_report,
     joint_names_of,
 )
-from robot_dynamics.tools.command_line import (
-    add_force,
-    DONE,
-    FAILED,
-    MISTAKE,
-    origin_of,
-    Parser,
-    prepare_file,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.urdf.description_file import read_description
 
 
@@ -44,12 +34,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.urdf is None:
         parser.print_help(sys.stderr)
-        return MISTAKE
-    return run_tool('check_model', partial(_run, arguments, argv))
+        return command_line.MISTAKE
+    return command_line.run_tool('check_model', partial(_run, arguments, argv))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='check_model',
         description='Check the model in a URDF before its use.\n'
                     'dynamics_node rejects a model with errors; warnings are suspicious values.',
@@ -67,7 +57,7 @@ def _parser() -> Parser:
     parser.add_argument(
         '--report', type=Path, metavar='FILE',
         help='HTML file with a verdict and a next step per joint and link, to write')
-    add_force(parser)
+    command_line.add_force(parser)
     parser.add_argument('--json', action='store_true', help='Print the findings as JSON')
     return parser
 
@@ -76,20 +66,20 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     xml = read_description(arguments.urdf, 'URDF')
     meshes = MeshReader(arguments.urdf.parent)
     if arguments.report is not None:
-        prepare_file(arguments.report, arguments.force)
+        command_line.prepare_file(arguments.report, arguments.force)
     checked = check_description(xml, arguments.joints, meshes=meshes)
     if arguments.report is not None:
         text = findings_page(
             f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints),
             checked.findings, arguments.ignore, checked.unread,
-            origin_of('check_model', argv, arguments.urdf, ''))
-        with writing(arguments.report):
-            arguments.report.write_text(text, encoding='utf-8')
+            command_line.origin_of('check_model', argv, arguments.urdf, ''))
+        command_line.write_file(arguments.report, text)
     if arguments.json:
         print(json.dumps(findings_as_data(checked, arguments.ignore), indent=2))
     else:
         print(findings_report(arguments.urdf, checked, arguments.ignore))
-    return FAILED if errors_of(checked.findings, arguments.ignore) else DONE
+    has_errors = errors_of(checked.findings, arguments.ignore)
+    return command_line.FAILED if has_errors else command_line.DONE
 
 
 if __name__ == '__main__':

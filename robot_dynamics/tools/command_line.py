@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import json
+import math
 from pathlib import Path
 import sys
 import textwrap
@@ -135,6 +136,21 @@ def prepare_file(path: Path, force: bool) -> None:
             'replace it')
     with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
+
+
+def write_file(path: Path, text: str) -> None:
+    """Write an output file; raise ToolError."""
+    with writing(path):
+        path.write_text(text, encoding='utf-8')
+
+
+def write_output(path: Path | None, text: str, force: bool) -> None:
+    """Write an output file that `prepare_file` permits, or to stdout without a path."""
+    if path is None:
+        sys.stdout.write(text)
+    else:
+        prepare_file(path, force)
+        write_file(path, text)
 
 
 def prepare_directory(
@@ -268,6 +284,21 @@ def _pair(text: str) -> tuple[str, str]:
         raise argparse.ArgumentTypeError(
             f'{text!r}, expected two names such as fer_joint1=panda_joint1')
     return first, second
+
+
+def number_in(low: float, high: float) -> Callable[[str], float]:
+    """Return the type of an option whose number is in a range."""
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(
+                f'{text!r}, expected a number in [{low:g}, {high:g}]')
+        return value
+
+    return number
 
 
 def _count(text: str) -> int:

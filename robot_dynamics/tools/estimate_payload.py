@@ -25,27 +25,17 @@ from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import text_table
-from robot_dynamics.tools.command_line import (
-    add_parameters,
-    add_recordings,
-    DONE,
-    FAILED,
-    Parser,
-    print_failures,
-    print_list,
-    read_settings,
-    run_tool,
-)
+from robot_dynamics.tools import command_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('estimate_payload', partial(_run, arguments))
+    return command_line.run_tool('estimate_payload', partial(_run, arguments))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='estimate_payload',
         description='Estimate mass, first moments and inertia of what is attached to a link, from '
                     'recorded joint\nstates with effort: static holds in several poses, or a '
@@ -53,7 +43,7 @@ def _parser() -> Parser:
         epilog='exit status: 0 done, 1 mass or first moments are not observable or implausible, '
                'or some\nrecordings failed, 2 a mistake in the arguments or no recording can be '
                'used, 130 interrupted')
-    add_recordings(parser, None)
+    command_line.add_recordings(parser, None)
     parser.add_argument(
         '--link', required=True, metavar='NAME',
         help='Link to which the unknown body is attached; the URDF must not contain the body')
@@ -61,7 +51,7 @@ def _parser() -> Parser:
         '--cutoff', type=float, metavar='HZ',
         help='Cut-off frequency of the low-pass filter [Hz] (default: 5, or less for slow joint '
              'states)')
-    add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
+    command_line.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
     parser.add_argument(
         '--json', action='store_true', help='Print the result as JSON instead of text')
     return parser
@@ -69,7 +59,7 @@ def _parser() -> Parser:
 
 def _run(arguments: argparse.Namespace) -> int:
     bags = find_recordings(arguments.bags)
-    settings = read_settings(arguments)
+    settings = command_line.read_settings(arguments)
     with Progress(len(bags), 'recordings') as progress:
         found = estimate_from_bags(bags, arguments.link, settings, progress.advance)
     if arguments.json:
@@ -78,10 +68,10 @@ def _run(arguments: argparse.Namespace) -> int:
             'failed': {str(bag): error for bag, error in found.failed}}, indent=2))
     else:
         print_payload(found)
-    print_failures('estimate_payload', found.failed)
+    command_line.print_failures('estimate_payload', found.failed)
     estimate = found.estimate
     is_good = estimate.is_observable and not estimate.implausible and not found.failed
-    return DONE if is_good else FAILED
+    return command_line.DONE if is_good else command_line.FAILED
 
 
 def print_payload(found: RecordedPayload) -> None:
@@ -97,7 +87,7 @@ def print_payload(found: RecordedPayload) -> None:
             ('To make parameters observable:', estimate.advice),
             ('Dry friction at rest:', (estimate.friction,)),
             ('Remarks:', (*estimate.remarks, *found.remarks))):
-        print_list(title, lines)
+        command_line.print_list(title, lines)
 
 
 if __name__ == '__main__':

@@ -19,17 +19,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import quantity_table
-from robot_dynamics.tools.command_line import (
-    add_force,
-    add_parameters,
-    add_robot,
-    DONE,
-    Parser,
-    prepare_file,
-    read_parameters,
-    read_robot,
-    run_tool,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.trajectories.excitation import Excitation, find_excitation, GENERATIONS
 from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
 from robot_dynamics.trajectories.excitation_trajectory import (
@@ -46,23 +36,24 @@ DEFAULT_LEAD = 3.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('excite', partial(_run, arguments))
+    return command_line.run_tool('excite', partial(_run, arguments))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='excite',
         description='Find a trajectory that excites all parameters of an arm, for identify: a '
                     'Fourier series\nfrom rest to rest within the limits of the arm, with a small '
                     'condition number.',
         epilog='exit status: 0 done, 2 a mistake in the arguments or no motion can be found, 130 '
                'interrupted')
-    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
+    command_line.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', default=Path('trajectory.yaml'),
         help='Output file of the trajectory_msgs/JointTrajectory (default: %(default)s)')
-    add_force(parser)
-    add_parameters(parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+    command_line.add_force(parser)
+    command_line.add_parameters(
+        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(
         '--joints', nargs='+', default=[], metavar='JOINT',
         help='Joints to move, like the parameter joints (default: all); the others are locked')
@@ -96,7 +87,7 @@ def _parser() -> Parser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    prepare_file(arguments.output, arguments.force)
+    command_line.prepare_file(arguments.output, arguments.force)
     arm = _arm(arguments)
     dynamics = ArmDynamics(arm)
     fractions = LimitFractions(
@@ -114,12 +105,13 @@ def _run(arguments: argparse.Namespace) -> int:
     _report(arm, excitation, found)
     print(f'Trajectory         {arguments.output}')
     print('Collisions are not checked. Run the trajectory slowly first.')
-    return DONE
+    return command_line.DONE
 
 
 def _arm(arguments: argparse.Namespace) -> ArmModel:
     return arm_from_parameters(
-        read_robot(arguments.urdf), read_parameters(arguments.parameters), arguments.joints)
+        command_line.read_robot(arguments.urdf),
+        command_line.read_parameters(arguments.parameters), arguments.joints)
 
 
 def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) -> None:

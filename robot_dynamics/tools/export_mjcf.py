@@ -11,18 +11,7 @@ import sys
 
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
-from robot_dynamics.tools.command_line import (
-    add_force,
-    add_parameters,
-    add_robot,
-    DONE,
-    Parser,
-    prepare_file,
-    read_parameters,
-    read_robot,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,37 +22,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     arm. For status 1 and 2, one line on stderr has the reason.
     """
     arguments = _parser().parse_args(argv)
-    return run_tool('export_mjcf', partial(_run, arguments))
+    return command_line.run_tool('export_mjcf', partial(_run, arguments))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='export_mjcf', formatter_class=argparse.HelpFormatter,
         description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
                     'rotors and friction, motors, gravity. Geometry is not written.')
-    add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
-    add_parameters(parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+    command_line.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
+    command_line.add_parameters(
+        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
-    add_force(parser)
+    command_line.add_force(parser)
     return parser
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    if arguments.output is not None:
-        prepare_file(arguments.output, arguments.force)
     arm = arm_from_parameters(
-        read_robot(arguments.urdf), read_parameters(arguments.parameters))
-    text = arm_to_mjcf(arm)
-    if arguments.output is None:
-        sys.stdout.write(text)
-    else:
-        with writing(arguments.output):
-            arguments.output.write_text(text, encoding='utf-8')
+        command_line.read_robot(arguments.urdf),
+        command_line.read_parameters(arguments.parameters))
+    command_line.write_output(arguments.output, arm_to_mjcf(arm), arguments.force)
     omitted = omitted_friction(arm)
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
-    return DONE
+    return command_line.DONE
 
 
 if __name__ == '__main__':

@@ -14,49 +14,19 @@ from functools import partial
 from pathlib import Path
 import sys
 
-from robot_dynamics.analysis.batch import (
-    Outcome,
-    require_dask,
-    run_tasks,
-    Settings,
-    Task,
-    TaskOutcome,
-)
+from robot_dynamics.analysis.batch import require_dask, run_tasks
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification import summary
 from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
 from robot_dynamics.identification.pipeline import STAGES
 from robot_dynamics.identification.report import file_notes, FILES, write_identification
-from robot_dynamics.identification.summary import (
-    fact_rows,
-    friction_rows,
-    gain_rows,
-    recording_lines,
-    residual_rows,
-    residual_title,
-    warnings,
-)
 from robot_dynamics.identification.tasks import IdentificationSettings
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import quantity_table, text_table
-from robot_dynamics.tools.command_line import (
-    add_cutoff,
-    add_force,
-    add_parameters,
-    add_recordings,
-    add_workers,
-    DONE,
-    FAILED,
-    origin_of,
-    Parser,
-    prepare_directory,
-    print_failures,
-    print_list,
-    read_settings,
-    run_tool,
-)
+from robot_dynamics.tools import command_line
 
 OUTPUT = Path('identified')
 
@@ -64,22 +34,22 @@ OUTPUT = Path('identified')
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool; return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool(
+    return command_line.run_tool(
         'identify', partial(_run, arguments, argv),
         interrupted='interrupted; run the same command to resume')
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='identify',
         description='Identify masses, inertias, rotors and friction of an arm from recorded joint '
                     'states with\neffort. Writes a URDF, a parameter file for dynamics_node, '
                     'and a report.',
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
                'nothing could\nbe identified, 130 interrupted')
-    add_recordings(parser, None)
+    command_line.add_recordings(parser, None)
     parser.add_argument(
-        '--train-fraction', type=_fraction, default=0.6, metavar='SHARE',
+        '--train-fraction', type=command_line.number_in(0.001, 1.0), default=0.6, metavar='SHARE',
         help='Fraction of the samples, from the first on, that is used for training; the others '
              'test the model (default: 0.6). With 1, the model is tested on the '
              'cross-validation folds')
@@ -87,7 +57,7 @@ def _parser() -> Parser:
         '--samples', action='store_true',
         help='Also write the samples of the test part of each recording, with the effort of the '
              'model, to test_samples_RECORDING.csv')
-    add_cutoff(parser)
+    command_line.add_cutoff(parser)
     parser.add_argument(
         '--effort', choices=('auto', 'torque', 'current'), default='auto',
         help='Meaning of the recorded effort: torque (or force), or current. For current, the '
@@ -100,12 +70,13 @@ def _parser() -> Parser:
         help='Load that the arm carries in all recordings, or in the recording of this name: '
              'mass [kg] and centre of mass [m] in the frame of the link. It is neither identified '
              'nor part of the output; may be repeated')
-    add_parameters(parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
+    command_line.add_parameters(
+        parser, 'joints, gravity, motors, measured_effort, effort.scale, effort.offset')
     parser.add_argument(
         '--output', type=Path, default=OUTPUT, metavar='DIR',
         help=f'Output directory (default: {OUTPUT})')
-    add_force(parser)
-    add_workers(parser)
+    command_line.add_force(parser)
+    command_line.add_workers(parser)
     return parser
 
 
@@ -124,20 +95,10 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
     return recording, link, values
 
 
-def _fraction(text: str) -> float:
-    try:
-        fraction = float(text)
-    except ValueError:
-        fraction = float('nan')
-    if not 0.0 < fraction <= 1.0:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number in (0, 1]')
-    return fraction
-
-
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
-    settings = read_settings(arguments)
+    settings = command_line.read_settings(arguments)
     if arguments.dask is not None:
         require_dask()
     payloads = [
@@ -154,16 +115,13 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
                 f'{[bag.name for bag in bags]}')
         identification.arm((), recording)  # report a mistake before the recordings are read
     samples = [f'test_samples_{bag.stem}.csv' for bag in bags if arguments.samples]
-    directory = prepare_directory(
+    directory = command_line.prepare_directory(
         arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
-        def run(
-            function: Task[Settings, Outcome], left: Sequence[Path], task: Settings,
-        ) -> list[TaskOutcome[Outcome]]:
-            return run_tasks(
-                function, left, task, arguments.jobs, kept, arguments.dask, progress.advance)
-
+        run = partial(
+            run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
+            on_done=progress.advance)
         found = identify_bags(
             bags, identification, run,
             None if arguments.effort == 'auto' else arguments.effort == 'current',
@@ -171,9 +129,9 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             arguments.samples)
     paths = write_identification(
         found, settings.urdf, arguments.output, settings.parameters,
-        origin_of('identify', argv, arguments.urdf, ''))
+        command_line.origin_of('identify', argv, arguments.urdf, ''))
     print_identification(found, paths, file_notes(found.identification, settings.urdf))
-    return FAILED if found.failed else DONE
+    return command_line.FAILED if found.failed else command_line.DONE
 
 
 def print_identification(
@@ -181,19 +139,19 @@ def print_identification(
 ) -> None:
     """Print the results, the paths of the files, and notes about them."""
     identification = found.identification
-    print(text_table([], fact_rows(found)))
-    print_list('Recordings:', recording_lines(found))
-    print(f'\n{residual_title(identification)}, RMS relative to the effort:')
-    print(quantity_table(residual_rows(identification)))
+    print(text_table([], summary.fact_rows(found)))
+    command_line.print_list('Recordings:', summary.recording_lines(found))
+    print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
+    print(quantity_table(summary.residual_rows(identification)))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
-    print(quantity_table(friction_rows(identification)))
+    print(quantity_table(summary.friction_rows(identification)))
     if identification.gains is not None:
         print('\nDrive gains:')
-        print(quantity_table(gain_rows(identification, identification.gains)))
-    print_list('Warnings:', warnings(identification))
+        print(quantity_table(summary.gain_rows(identification, identification.gains)))
+    command_line.print_list('Warnings:', summary.warnings(identification))
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in paths))
-    print_list('Notes on the files:', notes)
-    print_failures('identify', found.failed)
+    command_line.print_list('Notes on the files:', notes)
+    command_line.print_failures('identify', found.failed)
 
 
 if __name__ == '__main__':

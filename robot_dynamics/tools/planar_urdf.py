@@ -18,14 +18,7 @@ from robot_dynamics.planar.urdf import (
     GENEROUS_VELOCITY_LIMIT,
     planar_arm_urdf,
 )
-from robot_dynamics.tools.command_line import (
-    add_force,
-    DONE,
-    Parser,
-    prepare_file,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,11 +29,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     line on stderr has the reason.
     """
     arguments = _parser().parse_args(argv)
-    return run_tool('planar_urdf', partial(_run, arguments))
+    return command_line.run_tool('planar_urdf', partial(_run, arguments))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='planar_urdf', formatter_class=argparse.HelpFormatter,
         description='Write the URDF of a planar arm, with one value per link, base first. '
                     'Without arguments: the default two-link arm of this package.')
@@ -66,7 +59,7 @@ def _parser() -> Parser:
         '--name', default='planar_arm', help='name of the robot (default: %(default)s)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE', help='output file (default: stdout)')
-    add_force(parser)
+    command_line.add_force(parser)
     return parser
 
 
@@ -79,14 +72,8 @@ def _in_words(values: Sequence[float]) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    urdf = _urdf(arguments)
-    if arguments.output is None:
-        sys.stdout.write(urdf)
-    else:
-        prepare_file(arguments.output, arguments.force)
-        with writing(arguments.output):
-            arguments.output.write_text(urdf, encoding='utf-8')
-    return DONE
+    command_line.write_output(arguments.output, _urdf(arguments), arguments.force)
+    return command_line.DONE
 
 
 def _urdf(arguments: argparse.Namespace) -> str:

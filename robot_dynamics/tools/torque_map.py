@@ -21,33 +21,16 @@ from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.pictures import torque_grid
 from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.pictures.torque_grid import (
-    gravity_efforts,
-    inertia_diagonal,
-    joint_index,
-    make_grid,
-    motion_efforts,
-    PositionGrid,
-    SAMPLES,
-)
 from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
 from robot_dynamics.pictures.workspace_gravity import map_gravity
 from robot_dynamics.pictures.workspace_map import workspace_figure
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.reporting.html_page import Verdict
 from robot_dynamics.reporting.progress import Progress
-from robot_dynamics.tools.command_line import (
-    add_force,
-    DONE,
-    origin_of,
-    Parser,
-    prepare_file,
-    read_robot,
-    run_tool,
-    writing,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
@@ -62,11 +45,11 @@ STEPS = 3
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the tool, and return its exit status."""
     arguments = _parser().parse_args(argv)
-    return run_tool('torque_map', partial(_run, arguments, argv))
+    return command_line.run_tool('torque_map', partial(_run, arguments, argv))
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='torque_map',
         description='Draw over the positions of two joints, with the arm in some poses:\n'
                     '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
@@ -80,10 +63,7 @@ def _parser() -> Parser:
     parser.add_argument(
         'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
         help='Drawn quantity (default: %(default)s)')
-    parser.add_argument(
-        '--urdf', metavar='FILE',
-        help='URDF of the arm: a path, or package://PACKAGE/PATH (default: the planar two-link '
-             'arm)')
+    command_line.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE')
     parser.add_argument(
         '--joints', nargs=2, default=[], metavar='JOINT',
         help='Joints along the axes (default: the two joints with the largest gravity torque)')
@@ -110,13 +90,13 @@ def _parser() -> Parser:
         help='Positions along the axes at which the arm is drawn; may be repeated (default: '
              f'{POSES} × {POSES} evenly spaced poses)')
     parser.add_argument(
-        '--samples', type=int, default=SAMPLES, metavar='N',
+        '--samples', type=int, default=torque_grid.SAMPLES, metavar='N',
         help='Number of positions of each of the two joints (default: %(default)d)')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
              '(default: out/<name of the arm>_<what>.png)')
-    add_force(parser)
+    command_line.add_force(parser)
     return parser
 
 
@@ -130,27 +110,28 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
     require('the tool', 'matplotlib')
-    arm = load_arm(read_robot(arguments.urdf))
+    arm = load_arm(command_line.read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
     arm = arm.with_payloads([make_payload(link, arguments.payload)])
     output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
-    prepare_file(output, arguments.force)
+    command_line.prepare_file(output, arguments.force)
     with Progress(STEPS, 'steps') as progress:
         draw = _workspace if arguments.what == WORKSPACE else _map
         figure, said, verdicts = draw(arguments, arm, load, progress.advance)
         progress.advance()
-        with writing(output):
+        with command_line.writing(output):
             if output.suffix.lower() == PAGE:
+                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
                 output.write_text(map_page(
-                    f'{arm.name}{load}: {arguments.what}', verdicts, figure,
-                    origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)), encoding='utf-8')
+                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
+                    encoding='utf-8')
             else:
                 save_figure(figure, output)
         progress.advance()
     print(f'{output.resolve()}: {said}')
-    return DONE
+    return command_line.DONE
 
 
 def _workspace(
@@ -172,8 +153,9 @@ def _map(
 ) -> tuple[Any, str, list[Verdict]]:
     """Return the figure of a map over two joints, its summary, and the verdicts."""
     samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
-    grid = make_grid(arm, arguments.joints, arguments.position, samples)
-    shown = [joint_index(arm, '--at', name) for name in arguments.at] or list(grid.joints)
+    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, samples)
+    named = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
+    shown = named or list(grid.joints)
     values, title = _values(arguments, arm, grid)
     on_computed()
     panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
@@ -186,17 +168,17 @@ def _map(
 
 
 def _values(
-    arguments: argparse.Namespace, arm: ArmModel, grid: PositionGrid,
+    arguments: argparse.Namespace, arm: ArmModel, grid: torque_grid.PositionGrid,
 ) -> tuple[FloatArray, str]:
     """Return the drawn values of all joints (l, k, n), and their name."""
     if arguments.what == GRAVITY:
-        return gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
+        return torque_grid.gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
     if arguments.what == INERTIA:
-        return inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
+        return torque_grid.inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
     zero = np.zeros(arm.joint_count)
     v = arguments.velocity or zero
     a = arguments.acceleration or zero
-    efforts = motion_efforts(arm, grid, v, a)
+    efforts = torque_grid.motion_efforts(arm, grid, v, a)
     return efforts, f'effort τ at the velocity {_list(v)} and the acceleration {_list(a)}'
 
 

@@ -341,7 +341,8 @@ def test_mistakes_are_reported_in_one_line(tmp_path, urdf, capsys, arguments, wo
 
 
 @pytest.mark.parametrize(('option', 'value', 'words'), [
-    ('--payload', 'tool', 'expected LINK=KG'), ('--train-fraction', '2', r'a number in \(0, 1\]'),
+    ('--payload', 'tool', 'expected LINK=KG'),
+    ('--train-fraction', '2', r'a number in \[0.001, 1\]'),
     ('--jobs', '0', 'at least 1'), ('--map', 'x', 'two names')])
 def test_options_are_checked(capsys, option, value, words):
     with pytest.raises(SystemExit) as error:

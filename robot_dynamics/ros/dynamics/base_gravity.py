@@ -15,7 +15,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import flag, number, numbers, Values
 from robot_dynamics.urdf.values import rotation
 from sensor_msgs.msg import Imu
 
@@ -31,22 +31,17 @@ PLAUSIBLE = (0.5, 2.0)
 """Range of a measured acceleration, as multiples of the gravity of the parameter."""
 
 GRAVITY_SPECS = (
-    ParameterSpec(
-        'gravity_rate_limit', Type.DOUBLE, 20.0,
+    number('gravity_rate_limit', 20.0, 0.1, 1e6, (
         'Largest rate of change of gravity [m/s^3] after a change of the parameter gravity or a '
-        'message of the IMU. A base that tilts with 1 rad/s changes gravity by 9.81 m/s^3.',
-        minimum=0.1, maximum=1e6),
-    ParameterSpec(
-        'gravity_from_imu', Type.BOOL, False,
+        'message of the IMU. A base that tilts with 1 rad/s changes gravity by 9.81 m/s^3.')),
+    flag('gravity_from_imu', False, (
         'Take gravity from the topic base_imu (sensor_msgs/msg/Imu) instead of the parameter '
         'gravity, whose magnitude is still used: from the orientation, or from the linear '
-        'acceleration if there is no orientation. For arms on mobile or tilting bases.',
+        'acceleration if there is no orientation. For arms on mobile or tilting bases.'),
         read_only=True),
-    ParameterSpec(
-        'imu_rpy', Type.DOUBLE_ARRAY, [],
+    numbers('imu_rpy', -math.tau, math.tau, (
         'Roll, pitch and yaw [rad] of the frame of the IMU in the base frame of the arm, as in a '
-        'URDF. If empty, the axes of both frames are parallel.',
-        read_only=True, minimum=-math.tau, maximum=math.tau),
+        'URDF. If empty, the axes of both frames are parallel.'), read_only=True),
 )
 
 

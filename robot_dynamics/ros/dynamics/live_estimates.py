@@ -30,7 +30,7 @@ from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import number, Values
 from sensor_msgs.msg import JointState
 
 DEFAULT_BANDWIDTH = 10.0
@@ -41,14 +41,11 @@ NEWEST_ONLY = QoSProfile(depth=1)
 NO_SUBSCRIBERS = 'no subscribers'
 
 ESTIMATE_SPECS = (
-    ParameterSpec(
-        'external_effort_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
-        'Bandwidth [Hz] of the momentum observer: ~/external_effort responds like a first- '
-        'order low-pass filter with this cut-off frequency.', minimum=0.01, maximum=1000.0),
-    ParameterSpec(
-        'residual_bandwidth', Type.DOUBLE, DEFAULT_BANDWIDTH,
-        'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.',
-        minimum=0.01, maximum=1000.0),
+    number('external_effort_bandwidth', DEFAULT_BANDWIDTH, 0.01, 1000.0, (
+        'Bandwidth [Hz] of the momentum observer: ~/external_effort responds like a first- order '
+        'low-pass filter with this cut-off frequency.')),
+    number('residual_bandwidth', DEFAULT_BANDWIDTH, 0.01, 1000.0, (
+        'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.')),
 )
 
 

@@ -60,7 +60,6 @@ from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.middleware.urgent_service import UrgentService
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
-    ParameterSpec,
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
@@ -138,7 +137,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._settings = DeclaredParameters(
-            self, SPECS, self._check, self._apply, _specs_of_simulated_arm)
+            self, SPECS, self._check, self._apply, ['robot_dynamics.ros.simulated_arm.node'])
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
         self._gravity = BaseGravity(self, lambda: self._settings.values)
         self._path = ControlPath(
@@ -387,11 +386,6 @@ def _stiffness_values(controller: Controller) -> dict[str, str]:
         joint_key(beginning, name, unit[i]): f'{value:.4g}'
         for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))
         for name, unit, value in zip(arm.joint_names, units, values) if math.isfinite(value)}
-
-
-def _specs_of_simulated_arm() -> Sequence[ParameterSpec]:
-    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-    return SIMULATED_ARM_SPECS
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -29,7 +29,14 @@ from robot_dynamics.model.arm_parameters import check_order_is_given, convention
 from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import (
+    flag,
+    number,
+    numbers,
+    text,
+    texts,
+    Values,
+)
 from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPEC
 from robot_dynamics.ros.parameters.robot_description import (
     ACTUATOR_SPECS,
@@ -43,76 +50,52 @@ from robot_dynamics.ros.parameters.robot_description import (
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
-    ParameterSpec(
-        'fault_action', Type.STRING, FAULT_ACTIONS[0],
-        'Reaction of effort_command to a fault: hold_gravity_then_ramp compensates gravity '
-        'for hold_time and then ramps to zero, ramp_to_zero ramps at once, stop_publishing '
-        'publishes no further command.', choices=FAULT_ACTIONS),
-    ParameterSpec(
-        'hold_time', Type.DOUBLE, 1.0,
-        'Time [s] for which hold_gravity_then_ramp compensates gravity before the ramp.',
-        minimum=0.0, maximum=3600.0),
-    ParameterSpec(
-        'ramp_time', Type.DOUBLE, 0.5,
+    text('fault_action', FAULT_ACTIONS[0], (
+        'Reaction of effort_command to a fault: hold_gravity_then_ramp compensates gravity for '
+        'hold_time and then ramps to zero, ramp_to_zero ramps at once, stop_publishing publishes '
+        'no further command.'), choices=FAULT_ACTIONS),
+    number('hold_time', 1.0, 0.0, 3600.0, (
+        'Time [s] for which hold_gravity_then_ramp compensates gravity before the ramp.')),
+    number('ramp_time', 0.5, 0.0, 60.0, (
         'Duration [s] of the ramp of the efforts to zero after a fault and, once the arm has '
         'stopped, at deactivation and at shutdown. The ramp takes longer if effort_rate_limit '
-        'requires it.',
-        minimum=0.0, maximum=60.0),
-    ParameterSpec(
-        'state_timeout', Type.DOUBLE, 0.05,
-        'Longest time [s] without a valid joint state, measured on the steady clock. A longer '
-        'gap is a fault.',
-        minimum=0.001, maximum=60.0),
-    ParameterSpec(
-        'state_max_age', Type.DOUBLE, DEFAULT_STATE_MAX_AGE,
+        'requires it.')),
+    number('state_timeout', 0.05, 0.001, 60.0, (
+        'Longest time [s] without a valid joint state, measured on the steady clock. A longer gap '
+        'is a fault.')),
+    number('state_max_age', DEFAULT_STATE_MAX_AGE, 0.0, 60.0, (
         'Largest difference [s] between the stamp of a joint state and the clock of this '
-        'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the '
-        'stamps come from another clock; the limit then applies to the change of its offset. '
-        'Stamps before 2001 are simulated time, which may run slowly.',
-        minimum=0.0, maximum=60.0),
-    ParameterSpec(
-        'reference_timeout', Type.DOUBLE, 0.1,
+        'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the stamps '
+        'come from another clock; the limit then applies to the change of its offset. Stamps '
+        'before 2001 are simulated time, which may run slowly.')),
+    number('reference_timeout', 0.1, 0.001, 60.0, (
         'Longest pause [s] of a stream of moving set-points. After a longer pause the arm stops '
-        'and holds its position.',
-        minimum=0.001, maximum=60.0),
-    ParameterSpec(
-        'condition_references', Type.BOOL, True,
-        'Limit every reference to velocities, accelerations and jerks that the arm can '
-        'follow. If false, a step of the reference causes a step of the effort.'),
-    ParameterSpec(
-        'infeasible_trajectory', Type.STRING, INFEASIBLE_TRAJECTORY[0],
-        'Reaction to a trajectory that exceeds a limit of the arm: reject rejects it, '
-        'slow_down lowers its velocities, clip also clips its positions to the position '
-        'limits. Paths without velocities are always slowed down as needed.',
-        choices=INFEASIBLE_TRAJECTORY),
-    ParameterSpec(
-        'following_error_limit', Type.DOUBLE_ARRAY, [],
+        'and holds its position.')),
+    flag('condition_references', True, (
+        'Limit every reference to velocities, accelerations and jerks that the arm can follow. If '
+        'false, a step of the reference causes a step of the effort.')),
+    text('infeasible_trajectory', INFEASIBLE_TRAJECTORY[0], (
+        'Reaction to a trajectory that exceeds a limit of the arm: reject rejects it, slow_down '
+        'lowers its velocities, clip also clips its positions to the position limits. Paths '
+        'without velocities are always slowed down as needed.'), choices=INFEASIBLE_TRAJECTORY),
+    numbers('following_error_limit', 0.0, 1e9, (
         'Distance [rad] or [m] between position and reference above which a fault occurs; one '
         'value for all joints or one per joint, 0 for no limit. If empty, the limit is the '
-        'distance at the velocity limit in 0.3 s.',
-        minimum=0.0, maximum=1e9),
-    ParameterSpec(
-        'overspeed_factor', Type.DOUBLE, 1.2,
-        'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.',
-        minimum=0.0, maximum=1e9),
-    ParameterSpec(
-        'external_effort_limit', Type.DOUBLE_ARRAY, [],
+        'distance at the velocity limit in 0.3 s.')),
+    number('overspeed_factor', 1.2, 0.0, 1e9, (
+        'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.')),
+    numbers('external_effort_limit', 0.0, 1e9, (
         'Estimated external effort [N m] or [N] above which a fault occurs; one value for all '
         'joints or one per joint. 0 or an empty array disables this check. The estimate is '
-        'published on ~/external_effort.', minimum=0.0, maximum=1e9),
-    ParameterSpec(
-        'effort_rate_limit', Type.DOUBLE, 0.0,
+        'published on ~/external_effort.')),
+    number('effort_rate_limit', 0.0, 0.0, 1e9, (
         'Largest rate of change [N m/s] or [N/s] of effort_command for every joint; 0 for the '
-        'effort limit of each joint per 0.1 s.', minimum=0.0, maximum=1e9),
-    ParameterSpec(
-        'position_margin', Type.DOUBLE, POSITION_MARGIN,
-        'Distance [rad] or [m] before a position limit from which no effort may accelerate '
-        'the joint toward the limit.',
-        minimum=0.0, maximum=10.0),
-    ParameterSpec(
-        'position_fault_margin', Type.DOUBLE, 0.0087,
-        'Distance [rad] or [m] beyond a position limit at which a fault occurs.',
-        minimum=0.0, maximum=1e9),
+        'effort limit of each joint per 0.1 s.')),
+    number('position_margin', POSITION_MARGIN, 0.0, 10.0, (
+        'Distance [rad] or [m] before a position limit from which no effort may accelerate the '
+        'joint toward the limit.')),
+    number('position_fault_margin', 0.0087, 0.0, 1e9, (
+        'Distance [rad] or [m] beyond a position limit at which a fault occurs.')),
 )
 
 SPECS = (
@@ -121,87 +104,64 @@ SPECS = (
     *ACTUATOR_SPECS,
     *DRIVE_SPECS,
     *UNCERTAINTY_SPECS,
-    ParameterSpec(
-        'ignore_checks', Type.STRING_ARRAY, [],
+    texts('ignore_checks', (
         'Names of model checks whose errors are logged as warnings instead of rejecting the '
-        'model.',
-        read_only=True, choices=tuple(CHECKS)),
+        'model.'), choices=tuple(CHECKS), read_only=True),
     PAYLOAD_SPEC,
-    ParameterSpec(
-        'command', Type.STRING, 'computed_torque',
+    text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
         'computed_torque stops the arm from the first joint state and holds it; '
-        'gravity_compensation does not hold it. Other packages may add laws.',
+        'gravity_compensation does not hold it. Other packages may add laws.'),
         choices=command_modes()),
-    ParameterSpec(
-        'gains.natural_frequency', Type.DOUBLE_ARRAY, [DEFAULT_NATURAL_FREQUENCY],
+    numbers('gains.natural_frequency', 0.0, 1e4, (
         'Natural frequency [rad/s] of the tracking error; one value for all joints or one per '
-        'joint. K_p is its square.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.damping_ratio', Type.DOUBLE_ARRAY, [DEFAULT_DAMPING_RATIO],
-        'Damping ratio of the tracking error; one value for all joints or one per joint. K_d '
-        'is 2 times this ratio times the natural frequency.', minimum=0.0, maximum=1e4),
-    ParameterSpec(
-        'gains.kp', Type.DOUBLE_ARRAY, [],
-        'Proportional gain K_p [1/s^2], which replaces gains.natural_frequency; one value for '
-        'all joints or one per joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'gains.kd', Type.DOUBLE_ARRAY, [],
-        'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all '
-        'joints or one per joint.', minimum=0.0, maximum=1e8),
-    ParameterSpec(
-        'soften_gains', Type.BOOL, True,
+        'joint. K_p is its square.'), default=[DEFAULT_NATURAL_FREQUENCY]),
+    numbers('gains.damping_ratio', 0.0, 1e4, (
+        'Damping ratio of the tracking error; one value for all joints or one per joint. K_d is 2 '
+        'times this ratio times the natural frequency.'), default=[DEFAULT_DAMPING_RATIO]),
+    numbers('gains.kp', 0.0, 1e8, (
+        'Proportional gain K_p [1/s^2], which replaces gains.natural_frequency; one value for all '
+        'joints or one per joint.')),
+    numbers('gains.kd', 0.0, 1e8, (
+        'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all joints '
+        'or one per joint.')),
+    flag('soften_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
-        'false, the arm can oscillate.'),
-    ParameterSpec(
-        'friction_compensation', Type.STRING, 'reference',
-        'Velocity at which computed torque compensates friction: reference uses the velocity '
-        'of the reference, corrected by the tracking error (robust); measured uses the '
-        'measured velocity (exact linearisation, for stiff gears without delay); none '
-        'disables the compensation.', choices=FRICTION_MODES),
-    ParameterSpec(
-        'effort_scale', Type.DOUBLE, 1.0,
-        'Fraction of the URDF effort limits to which effort_command is clamped.',
-        minimum=0.0, maximum=1.0),
-    ParameterSpec(
-        'measured_effort', Type.STRING, 'joint_torque',
-        'Meaning of the field effort in joint_states: joint_torque, '
-        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (the last two '
-        'require actuator parameters), or none.',
-        read_only=True, choices=MEASURED_EFFORTS),
-    ParameterSpec(
-        'robot_compensates', Type.STRING_ARRAY, [],
-        'Terms that the robot adds automatically to the commanded effort, and that '
-        'effort_command therefore omits: gravity, friction.',
-        read_only=True, choices=ROBOT_COMPENSATIONS),
+        'false, the arm can oscillate.')),
+    text('friction_compensation', 'reference', (
+        'Velocity at which computed torque compensates friction: reference uses the velocity of '
+        'the reference, corrected by the tracking error (robust); measured uses the measured '
+        'velocity (exact linearisation, for stiff gears without delay); none disables the '
+        'compensation.'), choices=FRICTION_MODES),
+    number('effort_scale', 1.0, 0.0, 1.0, (
+        'Fraction of the URDF effort limits to which effort_command is clamped.')),
+    text('measured_effort', 'joint_torque', (
+        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
+        'motor_torque [N m] or motor_current [A] (the last two require actuator parameters), or '
+        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    texts('robot_compensates', (
+        'Terms that the robot adds automatically to the commanded effort, and that effort_command '
+        'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     ROBOT_GRAVITY_SPEC,
     *GRAVITY_SPECS,
-    ParameterSpec(
-        'require_measured_velocities', Type.BOOL, False,
-        'Follow references only if the joint states contain velocities. By default, '
-        'velocities that are missing or NaN are estimated from the positions with a delay of '
-        '5 ms or half a period of the states, and the gains are lowered accordingly.'),
-    ParameterSpec(
-        'joint_sample_max_age', Type.DOUBLE, 0.0,
-        'Largest difference [s] between the stamps of the samples of one state, if the joints '
-        'of the arm are spread over several messages; 0 for half a period of these messages.',
-        minimum=0.0, maximum=10.0),
-    ParameterSpec(
-        'effort_check', Type.BOOL, True,
+    flag('require_measured_velocities', False, (
+        'Follow references only if the joint states contain velocities. By default, velocities '
+        'that are missing or NaN are estimated from the positions with a delay of 5 ms or half a '
+        'period of the states, and the gains are lowered accordingly.')),
+    number('joint_sample_max_age', 0.0, 0.0, 10.0, (
+        'Largest difference [s] between the stamps of the samples of one state, if the joints of '
+        'the arm are spread over several messages; 0 for half a period of these messages.')),
+    flag('effort_check', True, (
         'Compare measured effort, command and g(q) once while the arm holds still, and log a '
-        'warning if gravity is compensated twice or not as declared.', read_only=True),
+        'warning if gravity is compensated twice or not as declared.'), read_only=True),
     *ESTIMATE_SPECS,
     *SAFETY_SPECS,
-    ParameterSpec(
-        'autostart', Type.BOOL, True,
+    flag('autostart', True, (
         'Configure and activate the node at start. If false, the node waits for '
-        '~/change_state.',
-        read_only=True),
-    ParameterSpec(
-        'state_thread', Type.BOOL, True,
+        '~/change_state.'), read_only=True),
+    flag('state_thread', True, (
         'Receive joint states in a separate thread, with little delay, instead of in the '
-        'executor.',
-        read_only=True),
+        'executor.'), read_only=True),
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 

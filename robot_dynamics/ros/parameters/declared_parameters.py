@@ -11,6 +11,7 @@ with a reason, at start and at run time, and passes accepted changes to the node
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 import math
 from typing import Any
 
@@ -85,21 +86,60 @@ class ParameterSpec:
                 check_scalar(f'{self.name}[{i}]', number, low, high)
 
 
+def number(
+    name: str, default: float, minimum: float, maximum: float, description: str,
+    read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of a number; a whole number if the default is one."""
+    kind = Type.INTEGER if isinstance(default, int) else Type.DOUBLE
+    return ParameterSpec(name, kind, default, description, read_only, minimum, maximum)
+
+
+def numbers(
+    name: str, minimum: float, maximum: float, description: str,
+    default: Sequence[float] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of an array of numbers."""
+    return ParameterSpec(
+        name, Type.DOUBLE_ARRAY, list(default), description, read_only, minimum, maximum)
+
+
+def flag(name: str, default: bool, description: str, read_only: bool = False) -> ParameterSpec:
+    """Return the specification of a parameter that is true or false."""
+    return ParameterSpec(name, Type.BOOL, default, description, read_only)
+
+
+def text(
+    name: str, default: str, description: str, choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of a text, which is one of the choices if there are any."""
+    return ParameterSpec(name, Type.STRING, default, description, read_only, choices=choices)
+
+
+def texts(
+    name: str, description: str, choices: tuple[str, ...] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the specification of an array of texts, which is empty by default."""
+    return ParameterSpec(name, Type.STRING_ARRAY, [], description, read_only, choices=choices)
+
+
 class DeclaredParameters:
     """The parameters of one node."""
 
     def __init__(
         self, node: Node, specs: Sequence[ParameterSpec],
         check: Callable[[Values], Any], apply: Callable[[Values], None],
-        others: Callable[[], Sequence[ParameterSpec]] = tuple,
+        others: Sequence[str] = (),
     ) -> None:
         """
         Declare all parameters; `values` are then the values of the command line and the files.
 
         `check` checks all values together and raises RobotDynamicsError if they are
-        inconsistent; `apply` applies an accepted change. `others` returns the parameters of the
-        node that shares a parameter file with this one; it is called if the file has some that
-        this node lacks. Raises InvalidInputError on an invalid start value.
+        inconsistent; `apply` applies an accepted change. `others` are modules whose SPECS
+        are those of nodes that share a parameter file with this one; they are imported if the
+        file has parameters that this node lacks. Raises InvalidInputError on an invalid start
+        value.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -141,7 +181,8 @@ class DeclaredParameters:
         """Log values whose names are parameters neither of this node nor of the other one."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
-        of_others = {spec.name for spec in self._others()} if unknown else set()
+        others = [import_module(module).SPECS for module in self._others] if unknown else []
+        of_others = {spec.name for specs in others for spec in specs}
         for name in unknown:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)

@@ -10,13 +10,12 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import Payload, with_payload_on
 from robot_dynamics.model.payload_check import check_payloads
 from robot_dynamics.ros.middleware.conversions import payload_from_ros
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import flag, Values
 
-PAYLOAD_SPEC = ParameterSpec(
-    'allow_implausible_payload', Type.BOOL, False,
+PAYLOAD_SPEC = flag('allow_implausible_payload', False, (
     'Accept payloads that are rejected by default: those whose weight exceeds the effort limits '
     'in more than 99 % of the poses of the arm, and those whose centre of mass is farther from '
-    'the origin of their link than 2 times the reach of the arm.')
+    'the origin of their link than 2 times the reach of the arm.'))
 _REMEDY = ' (allow_implausible_payload: true accepts it)'
 
 

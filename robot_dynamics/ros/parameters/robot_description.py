@@ -12,7 +12,14 @@ from robot_dynamics.joints.drive_effort import LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import (
+    number,
+    numbers,
+    ParameterSpec,
+    text,
+    texts,
+    Values,
+)
 from robot_dynamics.urdf.description_file import read_description_file
 from robot_dynamics.validation import LARGEST_VALUE
 
@@ -21,34 +28,28 @@ MOST_JOINTS = 100
 """Joints of an arm; the model check takes 2 s for this number, and minutes for more."""
 
 DESCRIPTION_SPECS = (
-    ParameterSpec(
-        'robot_description', Type.STRING, '',
-        'URDF of the arm as XML text.', read_only=True),
-    ParameterSpec(
-        'robot_description_file', Type.STRING, '',
+    text('robot_description', '', (
+        'URDF of the arm as XML text.'), read_only=True),
+    text('robot_description_file', '', (
         'URDF file of the arm: a path or package://PACKAGE/PATH. A .xacro file is expanded if '
-        'xacro is installed.', read_only=True),
-    ParameterSpec(
-        'joints', Type.STRING_ARRAY, [],
-        'Names of the actuated joints, in the order of all arrays. If empty, all joints that '
-        'move and do not mimic others, in the order of the URDF. Moving joints that are not '
-        'named are locked.', read_only=True),
-    ParameterSpec(
-        'gravity', Type.DOUBLE_ARRAY, [0.0, 0.0, -9.81],
+        'xacro is installed.'), read_only=True),
+    texts('joints', (
+        'Names of the actuated joints, in the order of all arrays. If empty, all joints that move '
+        'and do not mimic others, in the order of the URDF. Moving joints that are not named are '
+        'locked.'), read_only=True),
+    numbers('gravity', -1000.0, 1000.0, (
         'Gravitational acceleration in the base frame [m/s^2]. A change at run time takes effect '
-        'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.',
-        minimum=-1000.0, maximum=1000.0),
+        'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.'),
+        default=[0.0, 0.0, -9.81]),
 )
-ROBOT_GRAVITY_SPEC = ParameterSpec(
-    'robot_gravity', Type.DOUBLE_ARRAY, [],
+ROBOT_GRAVITY_SPEC = numbers('robot_gravity', -1000.0, 1000.0, (
     'Gravitational acceleration in the base frame [m/s^2] that the robot itself assumes, if '
-    'robot_compensates contains gravity. If empty, that of the parameter gravity.',
-    read_only=True, minimum=-1000.0, maximum=1000.0)
+    'robot_compensates contains gravity. If empty, that of the parameter gravity.'),
+    read_only=True)
 
 FRICTION_SPECS = tuple(
-    ParameterSpec(
-        f'friction.{field.name}', Type.DOUBLE_ARRAY, [], field.description, read_only=True,
-        minimum=field.minimum, maximum=field.maximum)
+    numbers(f'friction.{field.name}', field.minimum, field.maximum, field.description,
+            read_only=True)
     for field in FRICTION_FIELDS)
 
 
@@ -56,10 +57,9 @@ def _actuator_spec(
     field: str, description: str, without: str, low: float, high: float,
 ) -> ParameterSpec:
     """`without` describes the meaning of an empty array."""
-    return ParameterSpec(
-        f'actuator.{field}', Type.DOUBLE_ARRAY, [],
-        f'{description}; one value for all joints or one per joint. If empty, {without}.',
-        read_only=True, minimum=low, maximum=high)
+    return numbers(
+        f'actuator.{field}', low, high, f'{description}; one value for all joints or one per '
+        f'joint. If empty, {without}.', read_only=True)
 
 
 ACTUATOR_SPECS = (
@@ -92,48 +92,38 @@ ACTUATOR_SPECS = (
         'simulated_arm', '0', 0, 1),
 )
 UNCERTAINTY_SPECS = (
-    ParameterSpec(
-        'uncertainty.parameters', Type.STRING_ARRAY, [],
+    texts('uncertainty.parameters', (
         'Names of the model parameters whose covariance is known, such as mz(LINK), '
         'viscous(JOINT). If empty, the effort deviations of the model are unknown. identify '
-        'writes these names.', read_only=True),
-    ParameterSpec(
-        'uncertainty.covariance', Type.DOUBLE_ARRAY, [],
-        'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, '
-        'row by row.', read_only=True, minimum=-1e12, maximum=1e12),
-    ParameterSpec(
-        'uncertainty.effort_noise', Type.DOUBLE_ARRAY, [],
+        'writes these names.'), read_only=True),
+    numbers('uncertainty.covariance', -1e12, 1e12, (
+        'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, row '
+        'by row.'), read_only=True),
+    numbers('uncertainty.effort_noise', 0.0, 1e9, (
         'Standard deviation [N m] or [N] of the measured effort about the model, after a filter '
-        'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. '
-        'If empty, 0.', read_only=True, minimum=0.0, maximum=1e9),
-    ParameterSpec(
-        'uncertainty.noise_bandwidth', Type.DOUBLE, 0.0,
-        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.effort_noise '
-        'refers. It must be above 0 if uncertainty.effort_noise is set.', read_only=True,
-        minimum=0.0, maximum=1e6),
+        'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. If '
+        'empty, 0.'), read_only=True),
+    number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
+        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.effort_noise refers. '
+        'It must be above 0 if uncertainty.effort_noise is set.'), read_only=True),
 )
 
 DRIVE_SPECS = (
-    ParameterSpec(
-        'effort.scale', Type.DOUBLE_ARRAY, [],
+    numbers('effort.scale', LEAST_SCALE, LARGEST_SCALE, (
         'Torque at the joint per unit of effort of the driver, commanded or measured; differs '
         'from 1 if the torque constants of the driver are wrong. One value for all joints or one '
         'per joint. If empty, 1. dynamics converts with it the measured effort and the command; '
-        'simulated_arm has drives of this scale.',
-        read_only=True, minimum=LEAST_SCALE, maximum=LARGEST_SCALE),
-    ParameterSpec(
-        'effort.offset', Type.DOUBLE_ARRAY, [],
+        'simulated_arm has drives of this scale.'), read_only=True),
+    numbers('effort.offset', -LARGEST_VALUE, LARGEST_VALUE, (
         'Effort [N m] or [N] of the driver, commanded or measured, at zero torque at the joint; '
         'at most 20 % of the effort limit of the URDF. One value for all joints or one per joint. '
         'If empty, 0. dynamics subtracts it from the measured effort and adds it to the command; '
-        'simulated_arm has drives with this offset.',
-        read_only=True, minimum=-LARGEST_VALUE, maximum=LARGEST_VALUE),
-    ParameterSpec(
-        'effort.covariance', Type.DOUBLE_ARRAY, [],
+        'simulated_arm has drives with this offset.'), read_only=True),
+    numbers('effort.covariance', -1e12, 1e12, (
         'Covariance of effort.scale of all joints, then effort.offset of all joints: the lower '
         'triangle of the matrix, row by row. calibrate_gravity writes it. The deviations of '
-        'estimate_payload contain it. If empty, scale and offset count as exact.',
-        read_only=True, minimum=-1e12, maximum=1e12),
+        'estimate_payload contain it. If empty, scale and offset count as exact.'),
+        read_only=True),
 )
 
 

@@ -17,8 +17,9 @@ from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_mad
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
-    ParameterSpec,
-    Type,
+    numbers,
+    text,
+    texts,
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
@@ -41,30 +42,24 @@ from robot_dynamics.simulation.plant import Plant
 from robot_dynamics.urdf.description_file import description_path
 
 SPECS = (
-    ParameterSpec(
-        'mjcf', Type.STRING, '',
+    text('mjcf', '', (
         'MJCF file of the arm and its surroundings: a path or package://PACKAGE/PATH. If empty, '
-        'the planar two-link arm.', read_only=True),
-    ParameterSpec(
-        'mjcf_joints', Type.STRING_ARRAY, [],
+        'the planar two-link arm.'), read_only=True),
+    texts('mjcf_joints', (
         'Names in the MJCF of the joints that the efforts drive, in the order of all arrays. If '
         'empty, the names in joints; if these are empty too, the joints on which an actuator of '
-        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.',
+        'the MJCF acts directly, or, without such actuators, all hinge and slide joints.'),
         read_only=True),
-    ParameterSpec(
-        'joints', Type.STRING_ARRAY, [],
+    texts('joints', (
         'Names of the driven joints in joint_states and effort_command, as in the URDF of '
-        'dynamics. If empty, the names in the MJCF.', read_only=True),
-    ParameterSpec(
-        'gravity', Type.DOUBLE_ARRAY, [],
-        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.',
-        minimum=-1000.0, maximum=1000.0),
+        'dynamics. If empty, the names in the MJCF.'), read_only=True),
+    numbers('gravity', -1000.0, 1000.0, (
+        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.')),
     *LOOP_SPECS,
-    ParameterSpec(
-        'initial_position', Type.DOUBLE_ARRAY, [],
+    numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '
-        'first keyframe of the MJCF; without a keyframe, the reference pose or the position '
-        'limit nearest to it.', read_only=True, minimum=-1e6, maximum=1e6),
+        'first keyframe of the MJCF; without a keyframe, the reference pose or the position limit '
+        'nearest to it.'), read_only=True),
     *BRAKE_SPECS,
     *NOISE_SPECS,
 )
@@ -108,8 +103,9 @@ class MujocoArmNode(PlantNode):
             self._set_up()
 
     def _set_up(self) -> None:
-        values = DeclaredParameters(
-            self, SPECS, _check, self._apply, _specs_of_other_nodes).values
+        values = DeclaredParameters(self, SPECS, _check, self._apply, [
+            'robot_dynamics.ros.dynamics.parameters',
+            'robot_dynamics.ros.simulated_arm.node']).values
         if values['mjcf']:
             model = load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:
@@ -133,12 +129,6 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z; or none')
     check_pause(values)
-
-
-def _specs_of_other_nodes() -> Sequence[ParameterSpec]:
-    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-    from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-    return (*DYNAMICS_SPECS, *SIMULATED_ARM_SPECS)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -16,24 +16,17 @@ from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, destroyed_unless_made
 from robot_dynamics.ros.middleware.shutdown import leave
+from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
-    ParameterSpec,
-    Type,
+    number,
+    numbers,
+    text,
+    texts,
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC
-from robot_dynamics.ros.parameters.robot_description import (
-    ACTUATOR_SPECS,
-    check_joint_count,
-    description_from_parameters,
-    DESCRIPTION_SPECS,
-    DRIVE_SPECS,
-    embedded_description,
-    FRICTION_SPECS,
-    ROBOT_GRAVITY_SPEC,
-)
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
@@ -47,41 +40,34 @@ from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
 
 SPECS = (
-    *DESCRIPTION_SPECS,
-    *FRICTION_SPECS,
-    *ACTUATOR_SPECS,
-    *DRIVE_SPECS,
+    *robot_description.DESCRIPTION_SPECS,
+    *robot_description.FRICTION_SPECS,
+    *robot_description.ACTUATOR_SPECS,
+    *robot_description.DRIVE_SPECS,
     PAYLOAD_SPEC,
-    ROBOT_GRAVITY_SPEC,
+    robot_description.ROBOT_GRAVITY_SPEC,
     *LOOP_SPECS,
-    ParameterSpec(
-        'initial_position', Type.DOUBLE_ARRAY, [],
-        'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position '
-        'limit nearest to it.',
-        read_only=True, minimum=-1e6, maximum=1e6),
-    ParameterSpec(
-        'initial_velocity', Type.DOUBLE_ARRAY, [],
-        'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.',
-        read_only=True, minimum=-1e6, maximum=1e6),
+    numbers('initial_position', -1e6, 1e6, (
+        'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position limit '
+        'nearest to it.'), read_only=True),
+    numbers('initial_velocity', -1e6, 1e6, (
+        'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.'),
+        read_only=True),
     *BRAKE_SPECS,
-    ParameterSpec(
-        'measured_effort', Type.STRING, 'joint_torque',
-        'Meaning of the field effort in joint_states: joint_torque, '
-        'joint_torque_without_gravity, motor_torque [N m] or motor_current [A] (the last two '
-        'require actuator parameters), or none.', read_only=True, choices=MEASURED_EFFORTS),
-    ParameterSpec(
-        'robot_compensates', Type.STRING_ARRAY, [],
-        'Terms that the simulated arm adds automatically to the commanded effort, computed '
-        'with its own model without payloads: gravity, friction.',
-        read_only=True, choices=ROBOT_COMPENSATIONS),
-    ParameterSpec(
-        'encoders', Type.STRING, 'joint',
+    text('measured_effort', 'joint_torque', (
+        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
+        'motor_torque [N m] or motor_current [A] (the last two require actuator parameters), or '
+        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    texts('robot_compensates', (
+        'Terms that the simulated arm adds automatically to the commanded effort, computed with '
+        'its own model without payloads: gravity, friction.'),
+        choices=ROBOT_COMPENSATIONS, read_only=True),
+    text('encoders', 'joint', (
         'Side of the gear on which joint_states measures position and velocity if there is '
-        'backlash: joint or motor.', read_only=True, choices=('joint', 'motor')),
+        'backlash: joint or motor.'), choices=('joint', 'motor'), read_only=True),
     *NOISE_SPECS,
-    ParameterSpec(
-        'max_step', Type.DOUBLE, DEFAULT_MAX_STEP,
-        'Longest integration step [s].', read_only=True, minimum=1e-6, maximum=0.1),
+    number('max_step', DEFAULT_MAX_STEP, 1e-6, 0.1, (
+        'Longest integration step [s].'), read_only=True),
 )
 
 USAGE = NodeUsage(
@@ -127,11 +113,12 @@ class SimulatedArmNode(PlantNode):
 
     def _set_up(self) -> None:
         self._settings = DeclaredParameters(
-            self, SPECS, _check, self._apply, _specs_of_dynamics)
+            self, SPECS, _check, self._apply, ['robot_dynamics.ros.dynamics.parameters'])
         values = self._settings.values
-        xml = description_from_parameters(values) or embedded_description()
+        xml = robot_description.description_from_parameters(values) or (
+            robot_description.embedded_description())
         self._arm = arm_from_parameters(xml, values)
-        check_joint_count(self._arm)
+        robot_description.check_joint_count(self._arm)
         self._simulation = ArmSimulation(
             self._arm,
             values['initial_position'] or None, values['initial_velocity'] or None,
@@ -175,11 +162,6 @@ def _check(values: Values) -> None:
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
     convention_from_parameters(values)
     check_pause(values)
-
-
-def _specs_of_dynamics() -> Sequence[ParameterSpec]:
-    from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-    return DYNAMICS_SPECS
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -19,66 +19,48 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type, Values
+from robot_dynamics.ros.parameters.declared_parameters import flag, number, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.plant import Plant
 from std_srvs.srv import Trigger
 
 LOOP_SPECS = (
-    ParameterSpec(
-        'rate', Type.DOUBLE, 500.0,
-        'Rate [Hz] of the joint states. The effort is constant between two states.',
-        read_only=True, minimum=1.0, maximum=10000.0),
-    ParameterSpec(
-        'lock_step', Type.BOOL, False,
+    number('rate', 500.0, 1.0, 10000.0, (
+        'Rate [Hz] of the joint states. The effort is constant between two states.'),
+        read_only=True),
+    flag('lock_step', False, (
         'Advance simulated time only when the effort with the stamp of the newest joint state '
-        'arrives. Simulated time is published on /clock.', read_only=True),
-    ParameterSpec(
-        'real_time_factor', Type.DOUBLE, 0.0,
-        'Upper limit of the speed of simulated time with lock_step, as a multiple of real '
-        'time; 0 for no limit.',
-        read_only=True, minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'publish_clock', Type.BOOL, False,
-        'Count simulated time from 0 and publish it on /clock. With lock_step this is always '
-        'the case.', read_only=True),
-    ParameterSpec(
-        'paused', Type.BOOL, False,
-        'Stop simulated time and publish the same joint state every 0.1 s. Requires lock_step '
-        'or publish_clock.'),
+        'arrives. Simulated time is published on /clock.'), read_only=True),
+    number('real_time_factor', 0.0, 0.0, 1e6, (
+        'Upper limit of the speed of simulated time with lock_step, as a multiple of real time; 0 '
+        'for no limit.'), read_only=True),
+    flag('publish_clock', False, (
+        'Count simulated time from 0 and publish it on /clock. With lock_step this is always the '
+        'case.'), read_only=True),
+    flag('paused', False, (
+        'Stop simulated time and publish the same joint state every 0.1 s. Requires lock_step or '
+        'publish_clock.')),
 )
 BRAKE_SPECS = (
-    ParameterSpec(
-        'brakes', Type.BOOL, True,
-        'Engage the brakes until the first effort arrives, and after command_timeout until '
-        'the next effort. If false, the arm falls freely in these times.', read_only=True),
-    ParameterSpec(
-        'command_timeout', Type.DOUBLE, 0.2,
-        'Time [s] without a valid effort after which the brakes engage until the next effort; '
-        '0 disables this timeout. With lock_step, simulated time waits for the effort '
-        'instead.', minimum=0.0, maximum=3600.0),
-    ParameterSpec(
-        'clip_efforts', Type.BOOL, True,
-        'Clip each received effort to the effort limits of the model, as a drive does, and '
-        'log a warning that names joint, value and limit. If false, any effort acts on the arm.'),
+    flag('brakes', True, (
+        'Engage the brakes until the first effort arrives, and after command_timeout until the '
+        'next effort. If false, the arm falls freely in these times.'), read_only=True),
+    number('command_timeout', 0.2, 0.0, 3600.0, (
+        'Time [s] without a valid effort after which the brakes engage until the next effort; 0 '
+        'disables this timeout. With lock_step, simulated time waits for the effort instead.')),
+    flag('clip_efforts', True, (
+        'Clip each received effort to the effort limits of the model, as a drive does, and log a '
+        'warning that names joint, value and limit. If false, any effort acts on the arm.')),
 )
 NOISE_SPECS = (
-    ParameterSpec(
-        'position_noise', Type.DOUBLE, 0.0,
-        'Standard deviation [rad] or [m] of the noise on measured positions.',
-        minimum=0.0, maximum=1.0),
-    ParameterSpec(
-        'velocity_noise', Type.DOUBLE, 0.0,
-        'Standard deviation [rad/s] or [m/s] of the noise on measured velocities.',
-        minimum=0.0, maximum=10.0),
-    ParameterSpec(
-        'effort_noise', Type.DOUBLE, 0.0,
-        'Standard deviation of the noise on measured efforts, in the unit of measured_effort.',
-        minimum=0.0, maximum=1e6),
-    ParameterSpec(
-        'seed', Type.INTEGER, 0,
-        'Seed of the random number generator of the noise.', read_only=True,
-        minimum=0, maximum=2**31 - 1),
+    number('position_noise', 0.0, 0.0, 1.0, (
+        'Standard deviation [rad] or [m] of the noise on measured positions.')),
+    number('velocity_noise', 0.0, 0.0, 10.0, (
+        'Standard deviation [rad/s] or [m/s] of the noise on measured velocities.')),
+    number('effort_noise', 0.0, 0.0, 1e6, (
+        'Standard deviation of the noise on measured efforts, in the unit of measured_effort.')),
+    number('seed', 0, 0, 2**31 - 1, (
+        'Seed of the random number generator of the noise.'), read_only=True),
 )
 
 

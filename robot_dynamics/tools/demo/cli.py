@@ -13,7 +13,6 @@ import argparse
 from collections.abc import Sequence
 from datetime import datetime
 from functools import partial
-import math
 import os
 from pathlib import Path
 import signal
@@ -22,18 +21,7 @@ from typing import TYPE_CHECKING
 
 from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.tools.command_line import (
-    add_robot,
-    DONE,
-    INTERRUPTED,
-    origin_of,
-    os_error_text,
-    Parser,
-    read_parameters,
-    read_robot,
-    run_tool,
-    ToolError,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
@@ -54,31 +42,31 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(getattr(signal, name), _interrupt)
     default = 'the planar two-link arm of this package' if arguments.replay is None else (
         'robot_description of the recording, or else the planar two-link arm of this package')
-    origin = origin_of('demo', argv, arguments.robot, default)
-    return run_tool('demo', partial(_run, arguments, origin))
+    origin = command_line.origin_of('demo', argv, arguments.robot, default)
+    return command_line.run_tool('demo', partial(_run, arguments, origin))
 
 
 def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def _parser() -> Parser:
-    parser = Parser(
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
         prog='demo',
         description='A simulated arm follows a trajectory under computed torque, with both nodes '
                     'as separate\nprocesses. With --replay, the model is compared with the '
                     'efforts of a recording.',
         epilog='exit status: 0 done and tracked, 1 not tracked or a node failed, 2 a mistake in '
                'the arguments,\n130 interrupted')
-    add_robot(
+    command_line.add_robot(
         parser, '--robot',
         'the planar two-link arm, or with --replay the description in the recording', 'URDF')
     parser.add_argument(
-        '--duration', type=_number(1.0, LONGEST_DURATION), metavar='S',
+        '--duration', type=command_line.number_in(1.0, LONGEST_DURATION), metavar='S',
         help=f'Duration of the motion [s] (default: {DEFAULT_DURATION:g}); with --replay: play '
              'only the first S seconds')
     parser.add_argument(
-        '--rate', type=_number(1.0, 10000.0), metavar='HZ',
+        '--rate', type=command_line.number_in(1.0, 10000.0), metavar='HZ',
         help=f'Rate of the joint states [Hz] (default: {DEFAULT_RATE:g}); with --replay: largest '
              'rate (default: as fast as the node responds)')
     parser.add_argument(
@@ -109,20 +97,6 @@ def _parser() -> Parser:
     return parser
 
 
-def _number(low: float, high: float) -> 'type[float]':
-    def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(
-                f'{text!r}, expected a number in [{low:g}, {high:g}]')
-        return value
-
-    return number  # type: ignore[return-value]
-
-
 def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     if arguments.topic is not None and arguments.replay is None:
         raise InvalidInputError(
@@ -136,7 +110,7 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     try:
         directory = _make_directory(arguments.out)
     except OSError as error:
-        raise InvalidInputError(f'--out: {os_error_text(error)}') from None
+        raise InvalidInputError(f'--out: {command_line.os_error_text(error)}') from None
     print(f'Writing to {directory}', flush=True)
     from robot_dynamics.tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
@@ -184,19 +158,20 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin
             print(f'Report           {directory / REPORT}')
     except (RobotDynamicsError, OSError) as error:
         if not run.interrupted:
-            raise ToolError(str(error)) from None
+            raise command_line.ToolError(str(error)) from None
     if run.interrupted:
         print(f'demo: interrupted; partial results are in {directory}', file=sys.stderr)
-        return INTERRUPTED
+        return command_line.INTERRUPTED
     if report.missed:
-        raise ToolError(f'did not track: RMS error too large at {", ".join(report.missed)}')
+        raise command_line.ToolError(
+            f'did not track: RMS error too large at {", ".join(report.missed)}')
     print('All joints tracked.')
-    return DONE
+    return command_line.DONE
 
 
 def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
     from robot_dynamics.model.arm_parameters import arm_from_parameters
-    return arm_from_parameters(urdf, read_parameters(parameters))
+    return arm_from_parameters(urdf, command_line.read_parameters(parameters))
 
 
 def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':
@@ -220,14 +195,15 @@ def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') ->
         print_one(analyze_task(directory / RECORDING, AnalysisTask(
             settings, outputs, str(directory), origin)), is_resumed=False)
     except (RobotDynamicsError, OSError) as error:
-        raise ToolError(str(error)) from None
-    return DONE
+        raise command_line.ToolError(str(error)) from None
+    return command_line.DONE
 
 
 def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
     """Return the URDF, and write it into `directory`."""
     from robot_dynamics.tools.demo.session import DESCRIPTION
-    urdf = recorded if robot is None and recorded is not None else read_robot(robot, '--robot')
+    urdf = recorded if robot is None and recorded is not None else (
+        command_line.read_robot(robot, '--robot'))
     (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
     return urdf
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 import time
 
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, ROBOT_DESCRIPTION
 from robot_dynamics.exceptions import InvalidInputError
@@ -16,15 +15,20 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
-from robot_dynamics.ros.middleware.recorder import Recorder
 from robot_dynamics.tools.demo.processes import DemoError, DYNAMICS
-from robot_dynamics.tools.demo.session import DESCRIPTION, GRAVITY, JOINT_STATES, recording_session
+from robot_dynamics.tools.demo.session import (
+    DESCRIPTION,
+    GRAVITY,
+    JOINT_STATES,
+    recording_session,
+    Session,
+)
 from sensor_msgs.msg import JointState
 
 RESEND_PERIOD = 0.5
 """[s] after which a state is retransmitted: subscriptions to joint states are best effort."""
-TIMEOUT = 10.0
-"""Longest wait [s] for a response."""
+MOST_RESENT = 20
+"""Transmissions without a response after which the playback ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,7 @@ def play_recording(
             'command': 'gravity_compensation',  # a recorded arm cannot be held
             'state_max_age': 0.0,  # a recording may have any age
             'effort_check': False})  # no command of this node held the recorded arm
-        playback = Playback(session.node, session.recorder, JOINT_STATES, GRAVITY, series)
+        playback = Playback(session, series)
         session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
         print('Playing the recorded states, each after the response to the state before ...',
               flush=True)
@@ -90,10 +94,7 @@ def play_recording(
                 now['ns'] = int(series.stamps_ns[done - 1])
                 progress.update(done)
 
-            try:
-                played = playback.play(rate, on_progress, session.processes.check)
-            except DemoError as error:
-                raise DemoError(f'{error}.\n{session.processes.logs()}') from None
+            played = playback.play(rate, on_progress)
         lost = sum(count.lost for count in session.recorder.counts.values())
     print(f'\n{played}; {lost} messages dropped by the recorder\n')
     return AnalysisSettings(urdf, JOINT_STATES, parameters={'joints': joints})
@@ -102,63 +103,53 @@ def play_recording(
 class Playback:
     """Publishes the samples of a series as a robot does, with their recorded stamps."""
 
-    def __init__(
-        self, node: Node, recorder: Recorder, topic: str, answer_topic: str,
-        series: JointSeries,
-    ) -> None:
-        """Take a recorder of `answer_topic`, whose stamps are those of the answered states."""
-        self._recorder, self._answers = recorder, answer_topic
-        self._series = series
-        self._publisher = node.create_publisher(JointState, topic, QoSProfile(depth=1))
+    def __init__(self, session: Session, series: JointSeries) -> None:
+        """Take a session that records GRAVITY, whose stamps are those of the answered states."""
+        self._session, self._series = session, series
+        self._publisher = session.node.create_publisher(
+            JointState, JOINT_STATES, QoSProfile(depth=1))
 
     @property
     def found(self) -> bool:
         """Whether there is a subscriber in addition to the recorder."""
         return bool(self._publisher.get_subscription_count() >= 2)
 
-    def play(
-        self, rate: float | None, on_progress: Callable[[int], None],
-        check: Callable[[], None],
-    ) -> str:
+    def play(self, rate: float | None, on_progress: Callable[[int], None]) -> str:
         """
         Play all samples, at most at `rate` [Hz] (None: as fast as the node responds).
 
-        Returns what was played, in a line. `on_progress` receives the number of played samples;
-        `check` is called during the wait for a response, and may raise. Raises DemoError if a
-        state gets no response.
+        Returns what was played, in a line. `on_progress` receives the number of played samples.
+        Raises DemoError if a state gets no response, or the node ends.
         """
         start, resent = time.monotonic(), 0
         for i in range(len(self._series.stamps_ns)):
             if rate is not None:
-                self._record_until(start + i / rate)
-            resent += self._ask(i, check)
+                self._receive_until(start + i / rate)
+            resent += self._ask(i)
             on_progress(i + 1)
         count, seconds = len(self._series.stamps_ns), time.monotonic() - start
         return f'{count} states played in {seconds:.1f} s, all answered ({resent} retransmitted)'
 
-    def _record_until(self, deadline: float) -> None:
+    def _receive_until(self, deadline: float, stamp: int | None = None) -> bool:
+        """Record until the deadline; return early and True at the answer with this stamp."""
+        recorder = self._session.recorder
         while (remaining := deadline - time.monotonic()) > 0.0:
-            self._recorder.wait(self._answers, remaining)
-            self._recorder.drain()
+            recorder.wait(GRAVITY, remaining)
+            self._session.on_turn()
+            if recorder.counts[GRAVITY].stamp_ns == stamp:
+                return True
+        return False
 
-    def _ask(self, i: int, check: Callable[[], None]) -> int:
+    def _ask(self, i: int) -> int:
         """Publish a state until it is answered; return the number of retransmissions."""
-        stamp = int(self._series.stamps_ns[i])
-        state, count = self._message(i), self._recorder.counts[self._answers]
-        give_up = time.monotonic() + TIMEOUT
-        said = 0
-        while time.monotonic() < give_up:
+        stamp, state = int(self._series.stamps_ns[i]), self._message(i)
+        for resent in range(MOST_RESENT):
             self._publisher.publish(state)
-            said += 1
-            again = time.monotonic() + RESEND_PERIOD
-            while (remaining := again - time.monotonic()) > 0.0:
-                self._recorder.wait(self._answers, remaining)
-                self._recorder.drain()
-                if count.stamp_ns == stamp:
-                    return said - 1
-            check()
+            if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
+                return resent
         raise DemoError(
-            f'the state of stamp {stamp} ns got no answer on {self._answers} in {TIMEOUT:g} s')
+            f'the state of stamp {stamp} ns got no answer on {GRAVITY} in '
+            f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
 
     def _message(self, i: int) -> JointState:
         series = self._series

@@ -33,9 +33,6 @@ LARGEST_TURN = 1.5
 """[rad]: largest step of a continuous joint, for which the node takes the shortest angle."""
 APPROACH_SHARE = 0.05
 """Largest default of the approach, as a share of the position range."""
-FIRSTS = 3
-"""Number of first poses that are tried for a short order."""
-Lengths = list[list[float]]
 
 
 class MotionSettings(NamedTuple):

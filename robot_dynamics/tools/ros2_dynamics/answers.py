@@ -53,16 +53,14 @@ class Units(NamedTuple):
             return cls('m', 'N', {})
         return cls('rad, m', 'N m, N', {name: kinds.get(name, '') for name in names})
 
-    def first(self, name: str) -> list[str]:
-        """Return the first cells of the row of a joint."""
-        return [name, self.kinds[name]] if self.kinds else [name]
-
-    def table(self, headings: Sequence[str], columns: Mapping[str, Sequence[float]]) -> str:
+    def table(
+        self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]],
+    ) -> str:
         """Return a table of values by joint; `columns` have a unit in their headings."""
-        names = list(headings)
         heads = ['joint', 'kind'] if self.kinds else ['joint']
-        return text_table([*heads, *columns], [
-            [*self.first(name), *values] for name, *values in zip(names, *columns.values())])
+        rows = [[name, self.kinds[name], *values] if self.kinds else [name, *values]
+                for name, *values in zip(headings, *columns.values())]
+        return text_table([*heads, *columns], rows, left_columns=len(heads))
 
 
 def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:

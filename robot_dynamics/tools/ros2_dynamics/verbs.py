@@ -11,21 +11,14 @@ Without ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from importlib import import_module
 import json
 from pathlib import Path
 import re
 import sys
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.tools.command_line import DONE, MISTAKE, Parser, run_tool
-from robot_dynamics.tools.ros2_dynamics.answers import (
-    Answer,
-    answer_check,
-    answer_equation,
-    answer_inverse,
-    answer_payload,
-    answer_status,
-)
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, TIMEOUT
 from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_checks,
@@ -35,6 +28,9 @@ from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_nothing,
     complete_topics,
 )
+
+if TYPE_CHECKING:
+    from robot_dynamics.tools.ros2_dynamics.answers import Answer
 
 _NEGATIVE = re.compile(r'^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$', re.IGNORECASE)
 
@@ -127,28 +123,6 @@ def _record_arguments(parser: argparse.ArgumentParser) -> None:
          help='Duration of the recording [s]. Without it, Ctrl-C ends the recording.')
 
 
-# These modules load the library of the model, which the other verbs do not need.
-
-def _answer_estimate_payload(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
-    from robot_dynamics.tools.ros2_dynamics.payload_estimate import answer_estimate_payload
-    return answer_estimate_payload(client, arguments)
-
-
-def _answer_move(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
-    from robot_dynamics.tools.ros2_dynamics.move import answer_move
-    return answer_move(client, arguments)
-
-
-def _answer_watch(client: DynamicsClient, arguments: argparse.Namespace) -> None:
-    from robot_dynamics.tools.ros2_dynamics.watch import answer_watch
-    answer_watch(client, arguments)
-
-
-def _answer_record(client: DynamicsClient, arguments: argparse.Namespace) -> Answer:
-    from robot_dynamics.tools.ros2_dynamics.record import answer_record
-    return answer_record(client, arguments)
-
-
 def _add_position(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_joints, 'position', nargs='+', metavar='POSITION',
          help='positions [rad] or [m]: a number for each joint in order, or JOINT=NUMBER')
@@ -168,40 +142,34 @@ def _add(
 
 
 class Verb(NamedTuple):
-    """One verb: its help in a line, its arguments, and what answers."""
+    """One verb: its help in a line, its arguments, and the function that answers."""
 
     help: str
     add_arguments: Callable[[argparse.ArgumentParser], None]
-    answer: Callable[[DynamicsClient, argparse.Namespace], Answer | None]
-    """Returns None if it has printed its answer."""
+    module: str
+    """Module of the function `answer_VERB`, imported for this verb only: some load the library."""
 
 
 VERBS: Mapping[str, Verb] = {
     'inverse': Verb(
-        'Which efforts a motion takes, split by term', _inverse_arguments, answer_inverse),
+        'Which efforts a motion takes, split by term', _inverse_arguments, 'answers'),
     'equation': Verb(
-        'M(q), C(q, v), g(q), friction and energies at a state', _equation_arguments,
-        answer_equation),
+        'M(q), C(q, v), g(q), friction and energies at a state', _equation_arguments, 'answers'),
     'check': Verb(
-        'Whether the model of the node is fit to compute with', _check_arguments, answer_check),
+        'Whether the model of the node is fit to compute with', _check_arguments, 'answers'),
     'payload': Verb(
-        'Show the active loads, put one on a link, or remove them', _payload_arguments,
-        answer_payload),
+        'Show the active loads, put one on a link, or remove them', _payload_arguments, 'answers'),
     'estimate_payload': Verb(
         'Estimate what is attached to a link from measured efforts', _estimate_payload_arguments,
-        _answer_estimate_payload),
+        'payload_estimate'),
     'status': Verb(
-        'How the node is: lifecycle, command, payload, diagnostics', _status_arguments,
-        answer_status),
+        'How the node is: lifecycle, command, payload, diagnostics', _status_arguments, 'answers'),
     'move': Verb(
         'Move the arm to a position, and report the position that it reached', _move_arguments,
-        _answer_move),
-    'watch': Verb(
-        'Print a table of the joints again and again', _watch_arguments,
-        _answer_watch),
+        'move'),
+    'watch': Verb('Print a table of the joints again and again', _watch_arguments, 'watch'),
     'record': Verb(
-        'Record the topics of the node to a rosbag2 directory', _record_arguments,
-        _answer_record),
+        'Record the topics of the node to a rosbag2 directory', _record_arguments, 'record'),
 }
 
 
@@ -231,9 +199,10 @@ def run(
     explains an error.
     """
     def answer() -> int:
+        module = import_module(f'robot_dynamics.tools.ros2_dynamics.{VERBS[name].module}')
         with client_for(arguments.node, arguments.timeout) as client:
-            found = VERBS[name].answer(client, arguments)
-        if found is None:
+            found: Answer | None = getattr(module, f'answer_{name}')(client, arguments)
+        if found is None:  # the verb has printed its answers
             return DONE
         print(json.dumps(found.data, indent=2) if arguments.json else found.text)
         return found.status

@@ -13,7 +13,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import qos_profile_sensor_data
-from robot_dynamics.reporting.text_table import percent, text_table
+from robot_dynamics.reporting.text_table import percent
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.tools.ros2_dynamics.answers import Units, values_at_rest
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -107,15 +107,12 @@ class JointTable:
             columns[f'stiffness [{", ".join(map("/".join, pairs))}]'] = data['stiffness']
         if 'friction_error' in data:
             columns[f'error held by friction [{units.position}]'] = data['friction_error']
-        heads = ['joint', 'kind'] if units.kinds else ['joint']
-        rows = [[*units.first(name), *(
-            _cell(value, heading) for value, heading in zip(values, columns))]
-            for name, *values in zip(self._names, *columns.values())]
         age = time.monotonic() - self._received
         state = f'stamp {data["stamp"]:.3f} s' + (
             f', no joint states for {age:.1f} s' if age > STALE_TIME else '')
-        return f'{self._client.name}: {state}\n' + text_table(
-            [*heads, *columns], rows, left_columns=len(heads))
+        return f'{self._client.name}: {state}\n' + units.table(self._names, {
+            heading: [_cell(value, heading) for value in values]
+            for heading, values in columns.items()})
 
 
 def _cell(value: float | None, heading: str) -> str:

@@ -138,23 +138,19 @@ class ViewerNode:
         self, name: str, payload: InertiaStamped, seconds: float, report: Callable[[str], None],
     ) -> None:
         """Set the load on the arm of node `name`, m = 0 to remove it; `report` the response."""
-        client = self._payloads[name]
-        if not client.service_is_ready():
-            report(f'node {name} not found')
-            return
-        future = client.call_async(
-            SetPayload.Request(payload=payload, transition_time=seconds))
-        future.add_done_callback(lambda done: self._hand_on(
-            done, lambda response: report(f'{name}: {response.message or "done"}')))
+        self._ask(name, self._payloads[name], SetPayload.Request(
+            payload=payload, transition_time=seconds), report)
 
     def reset_simulated_arm(self, report: Callable[[str], None]) -> None:
         """Reset the simulated arm to its initial pose; `report` the response."""
-        if not self._reset.service_is_ready():
-            report(f'node {self.simulated_arm} not found')
+        self._ask(self.simulated_arm, self._reset, Trigger.Request(), report)
+
+    def _ask(self, name: str, client: Any, request: Any, report: Callable[[str], None]) -> None:
+        if not client.service_is_ready():
+            report(f'node {name} not found')
             return
-        self._reset.call_async(Trigger.Request()).add_done_callback(
-            lambda done: self._hand_on(done, lambda response: report(
-                f'{self.simulated_arm}: {response.message or "done"}')))
+        client.call_async(request).add_done_callback(lambda done: self._hand_on(
+            done, lambda response: report(f'{name}: {response.message or "done"}')))
 
     def _hand_on(self, future: Any, answered: Callable[[Any], None]) -> None:
         self._turned = True
