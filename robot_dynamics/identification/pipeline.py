@@ -18,9 +18,8 @@ from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
-from robot_dynamics.identification.fold_residual import cross_validated_tests
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import merge_tests, ModelTest
+from robot_dynamics.identification.holdout import cross_validated_tests, merge_tests, ModelTest
 from robot_dynamics.identification.model_selection import choose_model, ModelChoice
 from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm

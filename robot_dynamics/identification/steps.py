@@ -8,11 +8,13 @@ Results of several recordings combine exactly (`qr_information`, `holdout`), so 
 run on the recordings in any order and process.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
 from robot_dynamics.identification.qr_information import QrInformation
@@ -22,7 +24,6 @@ from robot_dynamics.identification.regression import (
     reduce_motion,
 )
 from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.identification.sample_export import sample_table, SampleTable
 from robot_dynamics.model.arm import ArmModel
 
 SHOWN = 3000
@@ -95,12 +96,16 @@ class EffortSeries:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRecording:
-    """The tests of the models on a recording, by name, and the facts about the recording."""
+    """
+    The tests of the models on a recording, by name, and the facts about the recording.
+
+    `samples` are the columns of the samples of the test part, with the effort of the model shown.
+    """
 
     facts: RecordingFacts
     tests: dict[str, ModelTest]
     shown: EffortSeries
-    samples: SampleTable | None = None
+    samples: dict[str, FloatArray] | None = None
 
 
 def recording_facts(
@@ -136,16 +141,34 @@ def evaluate_recording(
     every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
     model, _ = model_effort(recording.arm, motion, step.models[step.shown])
     first = parts_of(motion, train_fraction).test.start
+    efforts = {'measured': motion.effort, 'model': model, 'residual': motion.effort - model}
+    samples = {name: column[first:] for name, column in motion_columns(
+        recording.arm, motion, efforts).items()}
     test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
     return EvaluatedRecording(
         recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
                      model[::every], test_from),
-        sample_table(recording.arm, motion, model, parts_of(motion, train_fraction).test)
-        if step.keeps_samples else None)
+        samples if step.keeps_samples else None)
 
 
 def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:
     if motion.effort is None or drive_gain is None:
         return motion
     return replace(motion, effort=motion.effort * drive_gain)
+
+
+def write_samples(
+    tables: Sequence[dict[str, FloatArray] | None], names: Sequence[str], directory: Path,
+) -> list[Path]:
+    """Write one CSV file per table, named after its recording, and return their paths."""
+    paths = []
+    for number, (table, name) in enumerate(zip(tables, names)):
+        if table is None:
+            continue
+        same = f'_{number}' if names.count(name) > 1 else ''
+        paths.append(directory / f'test_samples_{name}{same}.csv')
+        np.savetxt(
+            paths[-1], np.column_stack(list(table.values())), fmt='%.9g', delimiter=',',
+            header=','.join(table), comments='', encoding='utf-8')
+    return paths

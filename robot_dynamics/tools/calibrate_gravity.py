@@ -176,8 +176,7 @@ def finish(
     """Calibrate from recordings, write the files, print the results; return the exit status."""
     from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
     from robot_dynamics.gravity_calibration.recorded_holds import calibrate_recordings
-    from robot_dynamics.gravity_calibration.report import calibration_page
-    from robot_dynamics.gravity_calibration.verdict import is_accepted
+    from robot_dynamics.gravity_calibration.report import calibration_page, is_accepted
     weight, tool = loads(arguments)
     found = calibrate_recordings(
         bags, read_settings(arguments), weighted_bags, weight, tool)
@@ -201,8 +200,13 @@ def finish(
 
 
 def _print(found: 'RecordedCalibration', written: Sequence[Path]) -> None:
-    from robot_dynamics.gravity_calibration.summary import fact_rows, joint_rows, notes, tool_rows
-    from robot_dynamics.gravity_calibration.verdict import joint_verdicts
+    from robot_dynamics.gravity_calibration.report import (
+        fact_rows,
+        joint_rows,
+        joint_verdicts,
+        notes,
+        tool_rows,
+    )
     from robot_dynamics.reporting.html_page import summary
     from robot_dynamics.reporting.text_table import quantity_table, text_table
     verdicts = joint_verdicts(found.calibration)

@@ -118,19 +118,17 @@ def _fraction(text: str) -> float:
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     from robot_dynamics.analysis.batch import (
-        Outcome,
         require_dask,
         run_tasks,
-        Settings,
-        Task,
-        TaskOutcome,
     )
     from robot_dynamics.dependencies import require
     from robot_dynamics.exceptions import InvalidInputError
-    from robot_dynamics.identification.bag_identification import identify_bags
+    from robot_dynamics.identification.bag_identification import (
+        IdentificationSettings,
+        identify_bags,
+    )
     from robot_dynamics.identification.pipeline import STAGES
     from robot_dynamics.identification.report import file_notes, FILES, write_identification
-    from robot_dynamics.identification.tasks import IdentificationSettings
     from robot_dynamics.model.payload import make_payload
     from robot_dynamics.recordings.bag_files import find_recordings
     from robot_dynamics.reporting.progress import Progress
@@ -157,14 +155,10 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
-        def run(
-            function: Task[Settings, Outcome], left: Sequence[Path], task: Settings,
-        ) -> list[TaskOutcome[Outcome]]:
-            return run_tasks(
-                function, left, task, arguments.jobs, kept, arguments.dask, progress.advance)
-
         found = identify_bags(
-            bags, identification, run,
+            bags, identification, partial(
+                run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
+                on_done=progress.advance),
             None if arguments.effort == 'auto' else arguments.effort == 'current',
             lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None,
             arguments.samples)

@@ -8,9 +8,9 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
+from robot_dynamics.analysis.report import joint_verdict as comparison_verdict
+from robot_dynamics.analysis.report import RULE as COMPARISON_RULE
 from robot_dynamics.analysis.residual import residual_statistics
-from robot_dynamics.analysis.verdict import joint_verdict as comparison_verdict
-from robot_dynamics.analysis.verdict import RULE as COMPARISON_RULE
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.html_page import (
     Grade,
