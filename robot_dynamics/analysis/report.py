@@ -72,13 +72,6 @@ def residual_rows(statistics: ResidualStatistics, joint_kinds: Sequence[str]) ->
     return rows
 
 
-def limit_rows(analysis: BagAnalysis) -> Rows:
-    """Return the use of the limits at each joint, after a row of titles."""
-    use, arm = analysis.limit_use, analysis.arm
-    whose = 'measured' if analysis.measured is not None else 'model'
-    return limit_use_rows(use, arm.joint_names, arm.joint_kinds, whose)
-
-
 def limit_use_rows(
     use: LimitUse, joint_names: Sequence[str], joint_kinds: Sequence[str], whose: str,
 ) -> Rows:
@@ -263,7 +256,9 @@ def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes, scatter: bytes 
     figures = zoomable_figures(
         arm.joint_names, arm.joint_kinds, effort_panels(analysis), None,
         image(efforts, 'Measured and model effort'))
-    body += ['<h2>Use of limits</h2>', table(limit_rows(analysis)),
+    body += ['<h2>Use of limits</h2>', table(limit_use_rows(
+        analysis.limit_use, arm.joint_names, arm.joint_kinds,
+        'model' if analysis.measured is None else 'measured')),
              '<h2>Effort over time</h2>', figures.figures]
     if scatter is not None:
         body += ['<h2>Residual over velocity</h2>', image(scatter, 'Residual over velocity')]

@@ -152,8 +152,9 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
     scatter = scatter_figure(
         f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
         shown.velocity, shown.measured - shown.model)
+    first = f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''
     body += [
-        f'<h2>Effort over time{_first_of(found)}</h2>', figures.figures,
+        f'<h2>Effort over time{first}</h2>', figures.figures,
         '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity'),
         '<h2>Base parameters</h2>', table(with_units(identification), kind='long'),
         '<p>By least squares without regularisation; * marks regrouped parameters.</p>']
@@ -174,10 +175,6 @@ def _lists(found: BagIdentification) -> list[str]:
     if said:
         body += ['<h2>Recordings</h2>', items(said)]
     return body
-
-
-def _first_of(found: BagIdentification) -> str:
-    return f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''
 
 
 def _efforts(found: BagIdentification) -> Zoomable:

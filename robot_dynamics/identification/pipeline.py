@@ -19,7 +19,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import cross_validated_tests, merge_tests, ModelTest
 from robot_dynamics.identification.model_selection import choose_model, ModelChoice
 from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm
@@ -34,9 +33,12 @@ from robot_dynamics.identification.regularized_fit import (
 )
 from robot_dynamics.identification.steps import (
     ArmMotion,
+    cross_validated_tests,
     evaluate_recording,
     EvaluatedRecording,
     Evaluation,
+    merge_tests,
+    ModelTest,
     recording_facts,
     reduce_recording,
     Reduction,
@@ -245,7 +247,8 @@ def identify_recordings(
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))
-    tests = merge_tests([recording.tests for recording in evaluated])
+    tests = {name: merge_tests([recording.tests[name] for recording in evaluated])
+             for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
         tests = cross_validated_tests(
