@@ -4,7 +4,7 @@
 """
 The steps of an identification that process samples: functions of one motion, with small results.
 
-Results of several recordings combine exactly (`qr_information`, `holdout`), so that the steps may
+Results of several recordings combine exactly (`qr_information`), so that the steps may
 run on the recordings in any order and process.
 """
 
