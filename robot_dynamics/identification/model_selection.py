@@ -41,14 +41,13 @@ class ModelChoice:
 
     `structures` are those of the n joints, `regularization` is κ, `weights` (n,) are those of the
     residuals. `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that
-    of the effort; `by_regularization` (len(REGULARIZATIONS), n) is the same for each κ.
+    of the effort.
     """
 
     structures: tuple[FrictionStructure, ...]
     regularization: float
     weights: FloatArray
     validated: FloatArray
-    by_regularization: FloatArray
 
 
 class CrossValidation:
@@ -113,8 +112,7 @@ def choose_model(
     best = _best_regularization(by_regularization, validation.is_measured)
     return ModelChoice(
         tuple(chosen), REGULARIZATIONS[best], weights,
-        validation.relative(by_regularization[best]),
-        np.stack([validation.relative(squares) for squares in by_regularization]))
+        validation.relative(by_regularization[best]))
 
 
 def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
