@@ -8,7 +8,7 @@ Results of several recordings combine exactly (`qr_information`), so that the st
 run on the recordings in any order and process.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,8 +16,7 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.identification.consistent_fit import consistent_fit
-from robot_dynamics.identification.model_selection import ModelChoice
+from robot_dynamics.identification.model_selection import fit_models, FittedModels
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import (
     model_effort,
@@ -28,12 +27,12 @@ from robot_dynamics.identification.regularized_fit import (
     Fit,
     grams_of,
     Prior,
-    solve,
-    solve_bounded,
-    URDF_REGULARIZATION,
     without_memory,
 )
 from robot_dynamics.model.arm import ArmModel
+
+SHOWN = 3000
+"""Largest number of samples of a recording that are plotted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,38 +97,25 @@ def _squares(values: FloatArray) -> FloatArray:
 
 
 def cross_validated_tests(
-    information: QrInformation, prior: Prior, choice: ModelChoice, urdf: Fit,
+    information: QrInformation, prior: Prior, models: FittedModels,
     trained: Mapping[str, ModelTest],
 ) -> dict[str, ModelTest]:
     """Return the tests with the residual of the folds; `trained` are those of the training."""
-    args = (choice.structures, choice.weights, prior)
-    kappa = choice.regularization
-
-    def consistent(factors: FloatArray) -> Fit:
-        return consistent_fit(factors, *args, kappa, solve_bounded(factors, *args, kappa))
-
-    fits: dict[str, Callable[[FloatArray], Fit]] = {
-        'urdf': lambda factors: urdf,
-        'urdf and friction': lambda factors: solve_bounded(factors, *args, URDF_REGULARIZATION),
-        'base': lambda factors: solve_bounded(factors, *args, kappa),
-        'unbounded': lambda factors: solve(grams_of(factors), *args, kappa),
-        'consistent': consistent}
+    fitted = [fit_models(
+        information.all_but(i), models.choice, prior, models.urdf.parameters).by_name
+        for i in information.folds]
     blocks = [grams_of(information.block(i)) for i in information.folds]
     effort = np.sum([grams[:, -1, -1] for grams in blocks], axis=0)
     count = int(information.rows[::2].sum())
     tests = {}
     for name, test in trained.items():
-        found = [fits[name](information.all_but(i)) for i in information.folds]
-        along, single = (
-            np.sum([fit.squares(grams) for fit, grams in zip(each, blocks)], axis=0)
-            for each in (found, [without_memory(fit) for fit in found]))
+        along = sum(fits[name].squares(grams) for fits, grams in zip(fitted, blocks))
+        single = sum(
+            without_memory(fits[name]).squares(grams) for fits, grams in zip(fitted, blocks))
         tests[name] = ModelTest(
-            test.train, along, single, test.train_effort, effort, (test.samples[0], count))
+            test.train, np.asarray(along), np.asarray(single), test.train_effort, effort,
+            (test.samples[0], count))
     return tests
-
-
-SHOWN = 3000
-"""Largest number of samples of a recording that are plotted."""
 
 
 @dataclass(frozen=True)
