@@ -4,11 +4,7 @@
 """The results of a calibration of gravity: verdicts, rows of text, and the HTML report."""
 
 import numpy as np
-from robot_dynamics.gravity_calibration.calibration import (
-    Calibration,
-    LEAST_POSES,
-    Reference,
-)
+from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_POSES, Reference
 from robot_dynamics.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration, RecordedHolds
 from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE

@@ -21,10 +21,7 @@ from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.model_selection import choose_model, fit_models, FittedModels
 from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm
-from robot_dynamics.identification.regularized_fit import (
-    make_prior,
-    Prior,
-)
+from robot_dynamics.identification.regularized_fit import make_prior, Prior
 from robot_dynamics.identification.steps import (
     ArmMotion,
     cross_validated_tests,

@@ -4,8 +4,15 @@
 """
 The steps of an identification that process samples: functions of one motion, with small results.
 
-Results of several recordings combine exactly (`qr_information`), so that the steps may
-run on the recordings in any order and process.
+Results of several recordings combine exactly (`qr_information`, `ModelTest`), so that the steps
+may run on the recordings in any order and process.
+
+The residual of a model on samples that were not used for training is given relative to the effort,
+RMS to RMS. It is computed twice: along the motion, with presliding hysteresis, and sample by
+sample, like an answer of the node to a single state. If no samples are left for a test, every
+cross-validation fold is predicted by models that are fitted to the other folds, with the
+structures and the regularization of all folds. The residual is then slightly too small, because
+these were selected with the same folds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,17 +25,8 @@ from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.model_selection import fit_models, FittedModels
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.regression import (
-    model_effort,
-    parts_of,
-    reduce_motion,
-)
-from robot_dynamics.identification.regularized_fit import (
-    Fit,
-    grams_of,
-    Prior,
-    without_memory,
-)
+from robot_dynamics.identification.regression import model_effort, parts_of, reduce_motion
+from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
 
 SHOWN = 3000
