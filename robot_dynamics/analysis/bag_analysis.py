@@ -24,6 +24,7 @@ from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
+from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.term_series import model_terms, TermSeries
 
 
@@ -119,6 +120,18 @@ def joint_effort(
         effort = arm.drive.torque(effort)
         remarks.append('the measured effort is converted by effort.scale and effort.offset')
     return effort, '; '.join(remarks)
+
+
+def with_joint_effort(
+    motion: FilteredMotion, arm: ArmModel, parameters: Mapping[str, Any],
+) -> tuple[FilteredMotion, str]:
+    """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
+    zero = np.zeros_like(motion.position)
+    gravity = RigidBody(arm).inverse_dynamics_batch(motion.position, zero, zero)
+    effort, remark = joint_effort(motion, gravity, arm, parameters)
+    if effort is None:
+        raise RecordingError('the recording has no effort, expected the measured effort')
+    return replace(motion, effort=effort), remark
 
 
 def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> LimitUse:

@@ -24,12 +24,7 @@ import signal
 import threading
 from typing import Any, Generic, get_type_hints, TypeVar
 
-from robot_dynamics.analysis.result_store import (
-    from_plain,
-    load_result,
-    plain_value,
-    save_result,
-)
+from robot_dynamics.analysis.result_store import from_plain, load_result, plain_value, save_result
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.recordings.bag_files import METADATA, storage_groups

@@ -3,13 +3,15 @@
 
 """The samples of an analysis as files: a table (CSV or Parquet) and a recording of the terms."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.bag_analysis import BagAnalysis
+from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.recordings.bag_files import METADATA
 from robot_dynamics.recordings.message_encoding import (
     dynamics_terms_messages,
@@ -29,11 +31,19 @@ def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
 
     A joint's columns begin with its name: `shoulder_pan_joint.position [rad]`.
     """
-    arm, motion = analysis.arm, analysis.motion
-    columns: dict[str, FloatArray] = {'time [s]': motion.times}
-    efforts: dict[str, FloatArray | None] = {
+    columns = motion_columns(analysis.arm, analysis.motion, {
         'measured': analysis.measured, 'model': analysis.terms.effort,
-        'residual': analysis.residual, **analysis.terms.by_name}
+        'residual': analysis.residual, **analysis.terms.by_name})
+    columns['kinetic_energy [J]'] = analysis.terms.kinetic_energy
+    columns['potential_energy [J]'] = analysis.terms.potential_energy
+    return columns
+
+
+def motion_columns(
+    arm: ArmModel, motion: FilteredMotion, efforts: Mapping[str, FloatArray | None],
+) -> dict[str, FloatArray]:
+    """Return time, motion and the efforts (m, n) that are not None, as `sample_columns`."""
+    columns: dict[str, FloatArray] = {'time [s]': motion.times}
     for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
         unit, effort_unit = ('m', 'N') if kind == 'prismatic' else ('rad', 'N m')
         columns[f'{name}.position [{unit}]'] = motion.position[:, j]
@@ -42,8 +52,6 @@ def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
         for what, values in efforts.items():
             if values is not None:
                 columns[f'{name}.{what} [{effort_unit}]'] = values[:, j]
-    columns['kinetic_energy [J]'] = analysis.terms.kinetic_energy
-    columns['potential_energy [J]'] = analysis.terms.potential_energy
     return columns
 
 

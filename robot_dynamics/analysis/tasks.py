@@ -15,10 +15,9 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.analysis.bag_analysis import analyze_recording, LimitUse
-from robot_dynamics.analysis.report import write_report
+from robot_dynamics.analysis.report import facts, write_report
 from robot_dynamics.analysis.residual import ResidualStatistics
 from robot_dynamics.analysis.sample_files import write_csv, write_parquet, write_terms
-from robot_dynamics.analysis.summary import facts
 from robot_dynamics.reporting.html_page import Origin
 
 REPORT, PICTURE, TABLE, PARQUET, TERMS = (

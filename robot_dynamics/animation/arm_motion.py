@@ -66,12 +66,10 @@ class ArmMotion:
     def at(self, times: FloatArray) -> 'ArmMotion':
         """Return the instants next to these times [s]."""
         rows = np.abs(self.times[:, None] - times).argmin(axis=0)
-        return replace(
-            self, times=self.times[rows], position=self.position[rows],
-            velocity=self.velocity[rows], acceleration=self.acceleration[rows],
-            terms={name: values[rows] for name, values in self.terms.items()},
-            kinetic=self.kinetic[rows], potential=self.potential[rows], work=self.work[rows],
-            heat=self.heat[rows], driven=self.driven[rows])
+        arrays = {name: values[rows] for name, values in vars(self).items()
+                  if isinstance(values, np.ndarray)}
+        terms = {name: values[rows] for name, values in self.terms.items()}
+        return replace(self, **arrays, terms=terms)
 
 
 def simulate_motion(

@@ -12,7 +12,7 @@ the exit status of ffmpeg, so that a path that cannot be written would raise no 
 also make the library a requirement where ffmpeg is installed already.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 import shutil
 import subprocess
@@ -67,31 +67,18 @@ def write_video(path: Path, frames: Iterable[Frame]) -> int:
     Raises as `check_format`, InvalidInputError without a frame, and OSError.
     """
     check_format(path)
-    counted = _Counted(frames)
-    if path.suffix.lower() == '.gif':
-        _write_gif(path, counted)
-    else:
-        _write_mp4(path, counted)
-    return counted.count
+    write = _write_gif if path.suffix.lower() == '.gif' else _write_mp4
+    count = write(path, frames)
+    if not count:
+        raise InvalidInputError('the moving picture has 0 frames, expected at least 1')
+    return count
 
 
-class _Counted:
-    """Passes frames on, and counts them."""
-
-    def __init__(self, frames: Iterable[Frame]) -> None:
-        self._frames, self.count = iter(frames), 0
-
-    def __iter__(self) -> Iterator[Frame]:
-        for frame in self._frames:
-            self.count += 1
-            yield frame
-        if not self.count:
-            raise InvalidInputError('the moving picture has 0 frames, expected at least 1')
-
-
-def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
+def _write_gif(path: Path, frames: Iterable[Frame]) -> int:
     image = optional('PIL.Image', 'a GIF')
     kept = list(frames)
+    if not kept:
+        return 0
     some = np.concatenate(
         [frame.pixels for frame in kept[::max(1, len(kept) // _LOOKED_AT)]], axis=1)
     palette = image.fromarray(some).quantize(
@@ -103,6 +90,7 @@ def _write_gif(path: Path, frames: Iterable[Frame]) -> None:
         path, format='GIF', save_all=True, append_images=others, loop=0, optimize=False,
         palette=bytes(palette.getpalette()),  # the same for all frames
         duration=_milliseconds([frame.seconds for frame in kept]))
+    return len(kept)
 
 
 def _milliseconds(seconds: list[float]) -> list[int]:
@@ -111,12 +99,13 @@ def _milliseconds(seconds: list[float]) -> list[int]:
     return [10 * int(step) for step in np.diff(ends, prepend=0)]
 
 
-def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
+def _write_mp4(path: Path, frames: Iterable[Frame]) -> int:
     """Pass each frame to ffmpeg as often as its duration at MP4_RATE requires."""
-    process, shown, due = None, 0, 0.0
+    process, count, shown, due = None, 0, 0, 0.0
     with tempfile.TemporaryFile() as said:
         try:
             for frame in frames:
+                count += 1
                 # The pixel format that every player supports needs even sizes.
                 pixels = frame.pixels[:frame.pixels.shape[0] // 2 * 2,
                                       :frame.pixels.shape[1] // 2 * 2]
@@ -137,6 +126,7 @@ def _write_mp4(path: Path, frames: Iterable[Frame]) -> None:
             said.seek(0)
             reason = said.read().decode(errors='replace').strip().splitlines()
             raise OSError(f'ffmpeg failed: {reason[-1] if reason else process.returncode}')
+    return count
 
 
 def _command(path: Path, pixels: Pixels) -> list[str]:

@@ -71,10 +71,10 @@ class Calibration:
     """
     Effort scale (n,) and offset (n,) [N·m] or [N] of an arm.
 
-    They have standard deviations and half widths of the 95 % intervals (n,), infinite if kept, and
-    the `covariance` (2n, 2n) of all scales, then all offsets, which is never infinite: a scale
-    that is kept has the relative deviation TYPICAL_SCALE_ERROR, an offset UNKNOWN_OFFSET. Few
-    residuals enlarge it as the intervals, so that ±1.96 deviations contain the truth in 95 %.
+    They have half widths of the 95 % intervals (n,), infinite if kept, and the `covariance`
+    (2n, 2n) of all scales, then all offsets, which is never infinite: a scale that is kept has the
+    relative deviation TYPICAL_SCALE_ERROR, an offset UNKNOWN_OFFSET. Few residuals enlarge it as
+    the intervals, so that ±1.96 deviations contain the truth in 95 %.
     A joint that `is_observable` does not mark keeps its previous scale; one with fewer than
     LEAST_POSES poses (`pose_count`) also keeps its previous offset. `noise` is the standard
     deviation of the effort at a pose, `torque_range` the range of the gravity torque in the poses,
@@ -89,9 +89,7 @@ class Calibration:
     tool: ToolEstimate | None
     scale: FloatArray
     offset: FloatArray
-    scale_deviation: FloatArray
     scale_interval: FloatArray
-    offset_deviation: FloatArray
     offset_interval: FloatArray
     covariance: FloatArray
     is_observable: BoolArray
@@ -156,9 +154,8 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
         arm, reference, tuple(sets),
         None if tool is None else estimate_tool(arm, tool, has_weight, basis, fit),
         scale, offset,
-        np.where(is_observable, k.deviation * scale**2, np.inf),
         np.where(is_observable, k.interval * scale**2, np.inf),
-        np.where(has_enough, o.deviation, np.inf), np.where(has_enough, o.interval, np.inf),
+        np.where(has_enough, o.interval, np.inf),
         _covariance(arm, seen, fit, spread, scale, is_observable, has_enough), is_observable,
         counts, fit.noise,
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0

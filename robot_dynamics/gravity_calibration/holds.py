@@ -121,8 +121,10 @@ def _of_part(
     for rows in _rests(times, position, per_joint(REST_SPEED, joint_kinds)):
         used = rows[(times[rows] >= times[rows[0]] + SETTLING)
                     & (times[rows] <= times[rows[-1]] - BLOCK)]
-        if (times[rows[-1]] - times[rows[0]] < LEAST_DURATION
-                or (_range_of_blocks(times[used], position[used]) > drift).any()):
+        if times[rows[-1]] - times[rows[0]] < LEAST_DURATION:
+            continue
+        means = [position[used[block]].mean(axis=0) for block in _blocks(times[used])]
+        if (np.ptp(means, axis=0) > drift).any():
             continue
         q = position[used].mean(axis=0)
         found.append(Hold(
@@ -149,11 +151,6 @@ def _rests(times: FloatArray, position: FloatArray, speed: FloatArray) -> list[I
     rests = np.asarray(is_slow.all(axis=1))
     runs = np.split(np.arange(len(rests)), np.flatnonzero(np.diff(rests)) + 1)
     return [np.concatenate(blocks[run[0]:run[-1] + 2]) for run in runs if rests[run[0]]]
-
-
-def _range_of_blocks(times: FloatArray, position: FloatArray) -> FloatArray:
-    means = np.array([position[rows].mean(axis=0) for rows in _blocks(times)])
-    return np.asarray(np.ptp(means, axis=0))
 
 
 def _approach(distance: FloatArray, joint_kinds: Sequence[str]) -> IntArray:

@@ -3,9 +3,12 @@
 
 """Identification of the parameters of an arm from recordings."""
 
-from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
+from robot_dynamics.identification.bag_identification import (
+    BagIdentification,
+    IdentificationSettings,
+    identify_bags,
+)
 from robot_dynamics.identification.pipeline import Identification, identify
-from robot_dynamics.identification.tasks import IdentificationSettings
 
 __all__ = [
     'BagIdentification',

@@ -4,37 +4,96 @@
 """
 Identification from recordings on disk: the steps of `pipeline` run as tasks.
 
-Each recording is read three times: for its information with the load of the URDF, for its
-information with the load of the first model, and for the test. The caller passes the function that
-runs the tasks: in this process, in several processes or on a cluster.
+A task reads a recording and runs one step on it. Each recording is read three times: for its
+information with the load of the URDF, for its information with the load of the first model, and
+for the test. The caller passes the function that runs the tasks: in this process, in several
+processes or on a cluster.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
-from robot_dynamics.analysis.batch import Outcome, Settings, Task, TaskOutcome
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.analysis.bag_analysis import with_joint_effort
+from robot_dynamics.analysis.batch import Outcome, Task, TaskOutcome
+from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.pipeline import Identification, identify_recordings
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.steps import EvaluatedRecording, Evaluation, Reduction
-from robot_dynamics.identification.tasks import (
-    evaluate_task,
-    IdentificationSettings,
-    IdentificationTask,
-    reduce_task,
+from robot_dynamics.identification.steps import (
+    ArmMotion,
+    evaluate_recording,
+    EvaluatedRecording,
+    Evaluation,
+    recording_facts,
+    reduce_recording,
+    Reduction,
 )
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.payload_check import check_payloads
 
 
-class TaskRunner(Protocol):
-    """Runs a task on recordings, such as `batch.run_tasks`."""
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """
+    Options of reading recordings, the fraction for training, and the payloads of the arm.
 
-    def __call__(
-        self, function: Task[Settings, Outcome], bags: Sequence[Path], settings: Settings, /,
-    ) -> list[TaskOutcome[Outcome]]:
-        """Return an outcome for each recording, in their order."""
+    `recording_payloads` are payloads in only one recording, with the name of its file.
+    """
+
+    analysis: AnalysisSettings
+    train_fraction: float
+    payloads: tuple[Payload, ...] = ()
+    recording_payloads: tuple[tuple[str, Payload], ...] = ()
+
+    def arm(self, joint_names: Sequence[str], recording: str | None = None) -> ArmModel:
+        """
+        Return the arm of these joints, with parameters and payloads, in a recording of this name.
+
+        Raises InvalidInputError for a payload that the arm cannot carry.
+        """
+        arm = arm_from_parameters(self.analysis.urdf, self.analysis.parameters, joint_names)
+        payloads = [*self.payloads, *(
+            payload for name, payload in self.recording_payloads if name == recording)]
+        check_payloads(arm, payloads)
+        return arm.with_payloads(payloads)
+
+
+def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
+    """
+    Return the filtered motion of a recording, with the effort at the joints.
+
+    Raises the errors of `read_for_arm` and `filter_motion`, and RecordingError if there is no
+    effort.
+    """
+    read = read_for_arm(bag, settings.analysis)
+    arm = settings.arm(read.arm.joint_names, bag.name)
+    motion = filter_motion(read.series, settings.analysis.cutoff_hz)
+    motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
+    remarks = (*read.remarks, remark) if remark else read.remarks
+    return ArmMotion(arm, motion, recording_facts(motion, read.losses, remarks))
+
+
+def reduce_task(bag: Path, task: tuple[IdentificationSettings, Reduction]) -> QrInformation:
+    """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
+    settings, step = task
+    return reduce_recording(read_motion(bag, settings), settings.train_fraction, step)
+
+
+def evaluate_task(
+    bag: Path, task: tuple[IdentificationSettings, Evaluation],
+) -> EvaluatedRecording:
+    """Return the tests of models on a recording; raise the errors of `read_motion`."""
+    settings, step = task
+    return evaluate_recording(read_motion(bag, settings), settings.train_fraction, step)
+
+
+TaskRunner = Callable[[Task[Any, Any], Sequence[Path], Any], list[TaskOutcome[Any]]]
+"""Runs a task on recordings with settings, such as `batch.run_tasks`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +126,11 @@ class BagRecordings:
 
     def reduce(self, step: Reduction) -> list[QrInformation]:
         """Return the information in each recording; raise RecordingError if all fail."""
-        return self._results(self._run(
-            reduce_task, self.left, IdentificationTask(self._settings, step)))
+        return self._results(self._run(reduce_task, self.left, (self._settings, step)))
 
     def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
         """Return the tests of the models on each recording; raise RecordingError if all fail."""
-        return self._results(self._run(
-            evaluate_task, self.left, IdentificationTask(self._settings, step)))
+        return self._results(self._run(evaluate_task, self.left, (self._settings, step)))
 
     def _results(self, outcomes: Sequence[TaskOutcome[Outcome]]) -> list[Outcome]:
         self.failed.update({

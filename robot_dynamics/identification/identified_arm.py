@@ -168,7 +168,7 @@ def parameter_values(
     kept = {name: value for name, value in (given or {}).items()
             if not name.startswith(replaced)}
     values: dict[str, Any] = {
-        'command': 'none',
+        'command': kept.get('command', 'none'),
         'joints': list(arm.joint_names),
         'gravity': [float(x) for x in arm.pinocchio_model.gravity.linear],
         **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
@@ -193,14 +193,7 @@ def parameter_values(
             values['effort.covariance'] = lower_triangle(C)
     if drive_gain is not None:
         values['measured_effort'] = 'motor_current'
-    values['command'] = kept.get('command', values['command'])
-    return dict(sorted({**kept, **values}.items(), key=lambda item: _order(item[0])))
-
-
-def _order(name: str) -> tuple[bool, str, bool]:
-    """Sort the plain parameters before the groups, `joints` first."""
-    prefix, separator, _ = name.rpartition('.')
-    return (bool(separator), prefix, name != 'joints')
+    return {**kept, **values}
 
 
 def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:

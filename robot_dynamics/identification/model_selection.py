@@ -17,13 +17,22 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.friction_regressor import (
     FrictionStructure,
     SIMPLEST,
     structures,
 )
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.regularized_fit import Fit, grams_of, is_physical, Prior, solve
+from robot_dynamics.identification.regularized_fit import (
+    Fit,
+    grams_of,
+    is_physical,
+    Prior,
+    solve,
+    solve_bounded,
+    URDF_REGULARIZATION,
+)
 
 REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
 """Candidates of κ; the last one leaves the bodies of the URDF unchanged."""
@@ -41,14 +50,36 @@ class ModelChoice:
 
     `structures` are those of the n joints, `regularization` is κ, `weights` (n,) are those of the
     residuals. `validated` (n,) is the RMS of the residual on the omitted blocks, relative to that
-    of the effort; `by_regularization` (len(REGULARIZATIONS), n) is the same for each κ.
+    of the effort.
     """
 
     structures: tuple[FrictionStructure, ...]
     regularization: float
     weights: FloatArray
     validated: FloatArray
-    by_regularization: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModels:
+    """
+    Models of one arm, fitted to the same samples, and how they were chosen.
+
+    `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the URDF and
+    fitted friction, `base` the regularized base parameters, `consistent` the physically consistent
+    set. `unbounded` is like `base`, but friction and rotors may be negative.
+    """
+
+    choice: ModelChoice
+    urdf: Fit
+    friction: Fit
+    base: Fit
+    consistent: Fit
+    unbounded: Fit
+
+    @property
+    def by_name(self) -> dict[str, Fit]:
+        return {'urdf': self.urdf, 'urdf and friction': self.friction, 'base': self.base,
+                'unbounded': self.unbounded, 'consistent': self.consistent}
 
 
 class CrossValidation:
@@ -113,8 +144,20 @@ def choose_model(
     best = _best_regularization(by_regularization, validation.is_measured)
     return ModelChoice(
         tuple(chosen), REGULARIZATIONS[best], weights,
-        validation.relative(by_regularization[best]),
-        np.stack([validation.relative(squares) for squares in by_regularization]))
+        validation.relative(by_regularization[best]))
+
+
+def fit_models(
+    factors: FloatArray, choice: ModelChoice, prior: Prior, urdf: FloatArray,
+) -> FittedModels:
+    """Return all models, fitted to factors R (n, k, k); `urdf` (p,) are the bodies of the URDF."""
+    problem, regularization = (choice.structures, choice.weights, prior), choice.regularization
+    base = solve_bounded(factors, *problem, regularization)
+    return FittedModels(
+        choice, urdf=Fit(urdf, np.zeros_like(base.joint_values), choice.structures),
+        friction=solve_bounded(factors, *problem, URDF_REGULARIZATION), base=base,
+        consistent=consistent_fit(factors, *problem, regularization, base),
+        unbounded=solve(grams_of(factors), *problem, regularization))
 
 
 def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:

@@ -16,28 +16,20 @@ from typing import Protocol
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
-from robot_dynamics.identification.fold_residual import cross_validated_tests
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.holdout import merge_tests, ModelTest
-from robot_dynamics.identification.model_selection import choose_model, ModelChoice
+from robot_dynamics.identification.model_selection import choose_model, fit_models, FittedModels
 from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm
-from robot_dynamics.identification.regularized_fit import (
-    Fit,
-    grams_of,
-    make_prior,
-    Prior,
-    solve,
-    solve_bounded,
-    URDF_REGULARIZATION,
-)
+from robot_dynamics.identification.regularized_fit import make_prior, Prior
 from robot_dynamics.identification.steps import (
     ArmMotion,
+    cross_validated_tests,
     evaluate_recording,
     EvaluatedRecording,
     Evaluation,
+    merge_tests,
+    ModelTest,
     recording_facts,
     reduce_recording,
     Reduction,
@@ -57,29 +49,6 @@ from robot_dynamics.model.rigid_body import RigidBody
 TRAIN_FRACTION = 0.6
 STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
 _STATES = 60
-
-
-@dataclass(frozen=True, eq=False)
-class FittedModels:
-    """
-    Models of one arm, fitted to the same samples, and how they were chosen.
-
-    `urdf` has the bodies of the URDF and no friction, `friction` has the bodies of the URDF and
-    fitted friction, `base` the regularized base parameters, `consistent` the physically consistent
-    set. `unbounded` is like `base`, but friction and rotors may be negative.
-    """
-
-    choice: ModelChoice
-    urdf: Fit
-    friction: Fit
-    base: Fit
-    consistent: Fit
-    unbounded: Fit
-
-    @property
-    def by_name(self) -> dict[str, Fit]:
-        return {'urdf': self.urdf, 'urdf and friction': self.friction, 'base': self.base,
-                'unbounded': self.unbounded, 'consistent': self.consistent}
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,18 +149,8 @@ def fit_model(
     """Return the models that are fitted to the information of all recordings."""
     prior = prior_of(arm).for_effort(information)
     choice = choose_model(information, prior, first)
-    factors = information.together()
-    n = len(information.joint_names)
-    base = solve_bounded(factors, choice.structures, choice.weights, prior, choice.regularization)
-    friction = solve_bounded(
-        factors, choice.structures, choice.weights, prior, URDF_REGULARIZATION)
-    consistent = consistent_fit(
-        factors, choice.structures, choice.weights, prior, choice.regularization, base)
-    urdf = Fit(inertial_parameters(bare_arm(arm)), np.zeros_like(base.joint_values[:n]),
-               choice.structures)
-    unbounded = solve(
-        grams_of(factors), choice.structures, choice.weights, prior, choice.regularization)
-    return FittedModels(choice, urdf, friction, base, consistent, unbounded)
+    return fit_models(
+        information.together(), choice, prior, inertial_parameters(bare_arm(arm)))
 
 
 def describe(arm: ArmModel, models: FittedModels, information: QrInformation) -> (
@@ -246,11 +205,12 @@ def identify_recordings(
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))
-    tests = merge_tests([recording.tests for recording in evaluated])
+    tests = {name: merge_tests([recording.tests[name] for recording in evaluated])
+             for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
         tests = cross_validated_tests(
-            information, prior_of(arm).for_effort(information), models.choice, models.urdf, tests)
+            information, prior_of(arm).for_effort(information), models, tests)
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
         is_cross_validated)

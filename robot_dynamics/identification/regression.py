@@ -171,11 +171,6 @@ def bare_arm(arm: ArmModel) -> ArmModel:
     return arm.with_payloads(())
 
 
-def column_names(arm: ArmModel) -> tuple[str, ...]:
-    """Return the names of the columns of X."""
-    return (*parameter_names(arm), *COLUMN_NAMES)
-
-
 def reduce_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
     keeps_payload: bool = False,
@@ -205,7 +200,7 @@ def reduce_motion(
         X, y = X * root[:, :, np.newaxis], y * root
     gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(
-        arm.joint_names, column_names(arm), X, y, gap, independent,
+        arm.joint_names, (*parameter_names(arm), *COLUMN_NAMES), X, y, gap, independent,
         excitation_of(motion, arm.joint_kinds, train), step)
 
 

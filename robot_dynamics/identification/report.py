@@ -19,7 +19,7 @@ from robot_dynamics.identification.identified_arm import (
 )
 from robot_dynamics.identification.page import identification_page
 from robot_dynamics.identification.pipeline import Identification
-from robot_dynamics.identification.sample_export import write_samples
+from robot_dynamics.identification.steps import write_samples
 from robot_dynamics.identification.summary import (
     bounds_by_joint,
     not_separable,

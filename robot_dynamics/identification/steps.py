@@ -4,29 +4,116 @@
 """
 The steps of an identification that process samples: functions of one motion, with small results.
 
-Results of several recordings combine exactly (`qr_information`, `holdout`), so that the steps may
-run on the recordings in any order and process.
+Results of several recordings combine exactly (`qr_information`, `ModelTest`), so that the steps
+may run on the recordings in any order and process.
+
+The residual of a model on samples that were not used for training is given relative to the effort,
+RMS to RMS. It is computed twice: along the motion, with presliding hysteresis, and sample by
+sample, like an answer of the node to a single state. If no samples are left for a test, every
+cross-validation fold is predicted by models that are fitted to the other folds, with the
+structures and the regularization of all folds. The residual is then slightly too small, because
+these were selected with the same folds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.identification.holdout import evaluate_motion, ModelTest
+from robot_dynamics.identification.model_selection import fit_models, FittedModels
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.regression import (
-    model_effort,
-    parts_of,
-    reduce_motion,
-)
-from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.identification.sample_export import sample_table, SampleTable
+from robot_dynamics.identification.regression import model_effort, parts_of, reduce_motion
+from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
 
 SHOWN = 3000
 """Largest number of samples of a recording that are plotted."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelTest:
+    """
+    Sums of squares over samples, each (n,): of a model's residual, and of the effort itself.
+
+    `train` and `test` are along the motion, `test_by_sample` is sample by sample; `train_effort`
+    and `test_effort` are those of the measured effort; `samples` are the counts (training, test).
+    """
+
+    train: FloatArray
+    test: FloatArray
+    test_by_sample: FloatArray
+    train_effort: FloatArray
+    test_effort: FloatArray
+    samples: tuple[int, int]
+
+    def relative(self, which: str = 'test') -> FloatArray:
+        """Return RMS of residual / RMS of effort, (n,), for 'train', 'test', …; NaN if empty."""
+        effort = self.train_effort if which == 'train' else self.test_effort
+        squares: FloatArray = getattr(self, which)
+        return np.sqrt(np.divide(
+            squares, effort, out=np.full_like(squares, np.nan), where=effort > 0.0))
+
+    def rms(self, which: str = 'test') -> FloatArray:
+        """Return the RMS of the residual, (n,) [N·m] or [N]."""
+        count = max(self.samples[0 if which == 'train' else 1], 1)
+        return np.asarray(np.sqrt(getattr(self, which) / count))
+
+
+def evaluate_motion(
+    arm: ArmModel, motion: FilteredMotion, train_fraction: float, models: Mapping[str, Fit],
+) -> dict[str, ModelTest]:
+    """Return the test of each model on the samples of one recording."""
+    parts = parts_of(motion, train_fraction)
+    tests = {}
+    for name, fit in models.items():
+        along, single = model_effort(arm, motion, fit)
+        effort = np.zeros_like(along) if motion.effort is None else motion.effort
+        residual, by_sample = effort - along, (effort - single)[parts.test]
+        tests[name] = ModelTest(
+            _squares(residual[parts.train]), _squares(residual[parts.test]), _squares(by_sample),
+            _squares(effort[parts.train]), _squares(effort[parts.test]),
+            (len(residual[parts.train]), len(residual[parts.test])))
+    return tests
+
+
+def merge_tests(tests: Sequence[ModelTest]) -> ModelTest:
+    """Return the combined test of a model on several recordings."""
+    def total(field: str) -> FloatArray:
+        return np.asarray(np.sum([getattr(test, field) for test in tests], axis=0))
+
+    return ModelTest(
+        total('train'), total('test'), total('test_by_sample'), total('train_effort'),
+        total('test_effort'), (
+            sum(test.samples[0] for test in tests), sum(test.samples[1] for test in tests)))
+
+
+def _squares(values: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(values**2, axis=0))
+
+
+def cross_validated_tests(
+    information: QrInformation, prior: Prior, models: FittedModels,
+    trained: Mapping[str, ModelTest],
+) -> dict[str, ModelTest]:
+    """Return the tests with the residual of the folds; `trained` are those of the training."""
+    fitted = [fit_models(
+        information.all_but(i), models.choice, prior, models.urdf.parameters).by_name
+        for i in information.folds]
+    blocks = [grams_of(information.block(i)) for i in information.folds]
+    effort = np.sum([grams[:, -1, -1] for grams in blocks], axis=0)
+    count = int(information.rows[::2].sum())
+    tests = {}
+    for name, test in trained.items():
+        along = sum(fits[name].squares(grams) for fits, grams in zip(fitted, blocks))
+        single = sum(
+            without_memory(fits[name]).squares(grams) for fits, grams in zip(fitted, blocks))
+        tests[name] = ModelTest(
+            test.train, np.asarray(along), np.asarray(single), test.train_effort, effort,
+            (test.samples[0], count))
+    return tests
 
 
 @dataclass(frozen=True)
@@ -95,12 +182,16 @@ class EffortSeries:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRecording:
-    """The tests of the models on a recording, by name, and the facts about the recording."""
+    """
+    The tests of the models on a recording, by name, and the facts about the recording.
+
+    `samples` are the columns of the samples of the test part, with the effort of the model shown.
+    """
 
     facts: RecordingFacts
     tests: dict[str, ModelTest]
     shown: EffortSeries
-    samples: SampleTable | None = None
+    samples: dict[str, FloatArray] | None = None
 
 
 def recording_facts(
@@ -136,16 +227,34 @@ def evaluate_recording(
     every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
     model, _ = model_effort(recording.arm, motion, step.models[step.shown])
     first = parts_of(motion, train_fraction).test.start
+    efforts = {'measured': motion.effort, 'model': model, 'residual': motion.effort - model}
+    samples = {name: column[first:] for name, column in motion_columns(
+        recording.arm, motion, efforts).items()}
     test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
     return EvaluatedRecording(
         recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
                      model[::every], test_from),
-        sample_table(recording.arm, motion, model, parts_of(motion, train_fraction).test)
-        if step.keeps_samples else None)
+        samples if step.keeps_samples else None)
 
 
 def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:
     if motion.effort is None or drive_gain is None:
         return motion
     return replace(motion, effort=motion.effort * drive_gain)
+
+
+def write_samples(
+    tables: Sequence[dict[str, FloatArray] | None], names: Sequence[str], directory: Path,
+) -> list[Path]:
+    """Write one CSV file per table, named after its recording, and return their paths."""
+    paths = []
+    for number, (table, name) in enumerate(zip(tables, names)):
+        if table is None:
+            continue
+        same = f'_{number}' if names.count(name) > 1 else ''
+        paths.append(directory / f'test_samples_{name}{same}.csv')
+        np.savetxt(
+            paths[-1], np.column_stack(list(table.values())), fmt='%.9g', delimiter=',',
+            header=','.join(table), comments='', encoding='utf-8')
+    return paths

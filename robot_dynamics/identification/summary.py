@@ -1,25 +1,26 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The results of an identification as rows of text, for the console and for the report."""
+"""
+The results of an identification as rows of text, for the console and for the report.
+
+They include the bounds of friction and rotors that act: parameters that the data place beyond a
+bound.
+"""
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.analysis.summary import Rows
-from robot_dynamics.identification.active_bounds import (
-    active_bounds,
-    ActiveBound,
-    bounds_text,
-)
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
+from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, INERTIA, OFFSET, VISCOUS
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.joints.parameter_field import ParameterField
-from robot_dynamics.reporting.text_table import percent
+from robot_dynamics.reporting.text_table import percent, Rows
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',
@@ -32,6 +33,19 @@ LOST = 1.2
 SEEMS_OFF = 2.0
 """A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 _MOST_NAMES = 12
+LEAST_DIFFERENCE = 1e-6
+"""Smallest difference from the estimate without bounds, relative to the largest value."""
+_UNITS = {INERTIA: 'kg·m² or kg', VISCOUS: 'N·m·s/rad or N·s/m'}
+
+
+class ActiveBound(NamedTuple):
+    """A parameter at its bound, and its estimate without any bounds."""
+
+    joint: int
+    parameter: str
+    unit: str
+    value: float
+    unbounded: float
 
 
 def fact_rows(found: BagIdentification) -> Rows:
@@ -155,11 +169,17 @@ def _of_friction(identification: Identification) -> Iterator[str]:
 
 
 def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBound]]:
-    """Return the bounds that act, by the number of the joint."""
-    models = identification.models
+    """Return the bounds that keep a parameter at 0, or make it smaller, by number of the joint."""
+    bounded, unbounded = identification.models.base, identification.models.unbounded
     by_joint: dict[int, list[ActiveBound]] = {}
-    for bound in active_bounds(models.base, models.unbounded):
-        by_joint.setdefault(bound.joint, []).append(bound)
+    for j, structure in enumerate(bounded.structures):
+        for column in structure.columns:
+            value = float(bounded.joint_values[j, column])
+            other = float(unbounded.joint_values[j, column])
+            least = LEAST_DIFFERENCE * max(abs(value), abs(other))
+            if column != OFFSET and other < -least and abs(value) <= -1e-3 * other:
+                by_joint.setdefault(j, []).append(ActiveBound(
+                    j, COLUMN_NAMES[column], _UNITS.get(column, 'N·m or N'), value, other))
     return by_joint
 
 
@@ -167,7 +187,10 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
     tests = identification.tests
     base, unbounded = tests['base'].relative(), tests['unbounded'].relative()
     for j, bounds in bounds_by_joint(identification).items():
-        yield (f'{identification.arm.joint_names[j]}: bounds act: {bounds_text(bounds)}; without '
+        listed = ', '.join(
+            f'{bound.parameter} {bound.value:.3g} instead of {bound.unbounded:.3g} {bound.unit}'
+            for bound in bounds)
+        yield (f'{identification.arm.joint_names[j]}: bounds act: {listed}; without '
                f'bounds, the residual of the base parameters is {percent(unbounded[j])} instead '
                f'of {percent(base[j])}')
 

@@ -49,7 +49,6 @@ class ParameterEstimate:
     base_count: int
     condition: float
     excited: FloatArray
-    sigma: FloatArray
 
     @property
     def relative_deviations(self) -> FloatArray:
@@ -105,8 +104,7 @@ def estimate_parameters(
     excited = np.concatenate([
         deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
     return ParameterEstimate(
-        names, x, deviations, before, r, _condition(s_base), excited,
-        sigma)
+        names, x, deviations, before, r, _condition(s_base), excited)
 
 
 def _columns(

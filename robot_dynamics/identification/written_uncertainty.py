@@ -19,12 +19,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.identification.friction_regressor import (
-    COULOMB,
-    LOAD,
-    OFFSET,
-    VISCOUS,
-)
+from robot_dynamics.identification.friction_regressor import COULOMB, LOAD, OFFSET, VISCOUS
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem

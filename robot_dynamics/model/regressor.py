@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import COUNT, NAMES
 
 
@@ -39,24 +40,56 @@ def inertial_parameters(arm: ArmModel) -> FloatArray:
     return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])
 
 
+def load_parameters(payload: Payload) -> FloatArray:
+    """Return π (10,) of a payload, in the frame of its link."""
+    inertia = pin.Inertia(payload.mass, payload.com, payload.inertia)
+    return np.asarray(inertia.toDynamicParameters())
+
+
 class TorqueRegressor:
     """The regressor Y of one arm; for one thread, because of Pinocchio's scratch memory."""
 
     def __init__(self, arm: ArmModel) -> None:
         self.arm = arm
         self.parameter_count = COUNT * (arm.pinocchio_model.njoints - 1)
-        self._data = arm.pinocchio_model.createData()
+        self._model, self._data = arm.pinocchio_model, arm.pinocchio_model.createData()
 
     def __call__(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return Y, (m, n, parameters), at m samples of shape (m, n)."""
-        x, model, data = self.arm.coordinates, self.arm.pinocchio_model, self._data
-        states = zip(x.position(q), x.rate(v), x.rate(a))
-        tree = np.empty((len(q), model.nv, self.parameter_count))
-        for row, state in zip(tree, states):
-            row[:] = pin.computeJointTorqueRegressor(model, data, *state)
+        x = self.arm.coordinates
+        tree = np.empty((len(q), self._model.nv, self.parameter_count))
+        for row, *state in zip(tree, x.position(q), x.rate(v), x.rate(a)):
+            row[:] = self._of_state(*state)
         if x.is_identity:
             return tree
         return np.asarray(np.einsum('mtp,tj->mjp', tree, x.G, optimize=True))
+
+    def _of_state(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return Y of the joints of Pinocchio."""
+        return np.asarray(pin.computeJointTorqueRegressor(self._model, self._data, q, v, a))
+
+
+class LoadRegressor(TorqueRegressor):
+    """
+    The regressor Y of a body that is rigidly attached to a link: τ = Y(q, q̇, q̈) π.
+
+    π = (m, m c, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz), first moments and tensor about the origin of
+    the link, in its frame. Y = J_Lᵀ A, with the Jacobian of the link and the regressor A of its
+    Newton–Euler equations.
+    """
+
+    def __init__(self, arm: ArmModel, link: str) -> None:
+        """Raise InvalidInputError for an unknown link."""
+        super().__init__(arm)
+        arm.link_frame(link, 'link')
+        self.parameter_count = COUNT
+        self._frame = self._model.getFrameId(link, pin.FrameType.BODY)
+
+    def _of_state(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        model, data, frame = self._model, self._data, self._frame
+        pin.rnea(model, data, q, v, a)  # computes the accelerations that include gravity
+        body = pin.frameBodyRegressor(model, data, frame)
+        return np.asarray(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL).T @ body)
 
 
 def random_states(arm: ArmModel, count: int, seed: int = 0) -> (

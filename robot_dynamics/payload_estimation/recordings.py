@@ -4,12 +4,12 @@
 """Estimation of what is attached to a link from recordings on disk."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics.analysis.bag_analysis import joint_effort
+from robot_dynamics.analysis.bag_analysis import with_joint_effort
 from robot_dynamics.analysis.motion_filter import (
     filter_motion,
     filter_motion_below,
@@ -18,7 +18,6 @@ from robot_dynamics.analysis.motion_filter import (
 from robot_dynamics.exceptions import RecordingError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation.estimator import PayloadEstimator
 from robot_dynamics.payload_estimation.result import PayloadEstimate
 
@@ -95,13 +94,8 @@ def _read(
     read = read_for_arm(bag, settings)
     motion = filter_motion_below(read.series, CUTOFF) if settings.cutoff_hz is None else (
         filter_motion(read.series, settings.cutoff_hz))
-    zero = np.zeros_like(motion.position)
-    gravity = RigidBody(read.arm).inverse_dynamics_batch(motion.position, zero, zero)
-    effort, remark = joint_effort(motion, gravity, read.arm, settings.parameters)
-    if effort is None:
-        raise RecordingError('the recording has no effort, expected the measured effort')
-    return read.arm, replace(motion, effort=effort), tuple(
-        filter(None, (*read.losses, *read.remarks, remark)))
+    motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
+    return read.arm, motion, tuple(filter(None, (*read.losses, *read.remarks, remark)))
 
 
 def _add(estimator: PayloadEstimator, motion: FilteredMotion) -> None:

@@ -9,11 +9,10 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.load_regressor import LoadRegressor
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
-from robot_dynamics.model.regressor import random_states
+from robot_dynamics.model.regressor import LoadRegressor, random_states
 from robot_dynamics.payload_estimation.advice import advise, Knowledge
 from robot_dynamics.payload_estimation.information import inverse_of, Solution
 from robot_dynamics.payload_estimation.pairing import RestRows
@@ -147,18 +146,14 @@ def make_result(
     remarks: tuple[str, ...] = ()
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
         remarks = ('no mass distribution has the estimated inertia: its error is too large',)
+    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
     deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
     return PayloadEstimate(
         link, solution.values, deviations, solution.covariance, verdicts,
         solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
         int((~rests.paired).sum()), int(rows.count.sum()),
         _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
-        (_effort_remark(arm), *remarks))
-
-
-def _effort_remark(arm: ArmModel) -> str:
-    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
-    return MASS_REMARK if is_calibrated else EFFORT_REMARK
+        (MASS_REMARK if is_calibrated else EFFORT_REMARK, *remarks))
 
 
 def _verdicts(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.torque_map import MapPanel
-from robot_dynamics.pictures.workspace_gravity import WorkspaceGravity
+from robot_dynamics.pictures.workspace_map import WorkspaceGravity
 from robot_dynamics.reporting.html_page import Grade, image, Origin, png, report_page, Verdict
 
 RESERVE = 0.8

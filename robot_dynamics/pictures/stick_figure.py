@@ -44,8 +44,11 @@ class StickFigure:
     def tip(self, q: FloatArray) -> FloatArray:
         """Return the origin of the link at many positions (m, n), in the base frame (m, 3) [m]."""
         model, data = self._arm.pinocchio_model, self._data
-        return np.array([
-            _tip(model, data, row, self._link) for row in self._arm.coordinates.position(q)])
+        points = np.empty((len(q), 3))
+        for point, row in zip(points, self._arm.coordinates.position(q)):
+            pin.forwardKinematics(model, data, row)
+            point[:] = pin.updateFramePlacement(model, data, self._link).translation
+        return points
 
 
 def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
@@ -66,8 +69,3 @@ def side_view(arm: ArmModel, points: FloatArray) -> FloatArray:
     side = side / np.linalg.norm(side)
     # Of both directions, the one in which the axes of the base frame are positive.
     return np.array([side if side[int(np.abs(side).argmax())] > 0.0 else -side, up])
-
-
-def _tip(model: pin.Model, data: pin.Data, q: FloatArray, frame: int) -> FloatArray:
-    pin.forwardKinematics(model, data, q)
-    return np.array(pin.updateFramePlacement(model, data, frame).translation)

@@ -10,7 +10,6 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.pictures.contour_labels import along, label_contours
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.pictures.torque_grid import PositionGrid
@@ -80,11 +79,9 @@ def map_figure(
         for one in axes[len(panels):]:
             one.set_visible(False)
         for one, panel in zip(axes, panels):
-            lines = _draw_map(figure, one, grid, panel)
+            _draw_map(figure, one, grid, panel)
             _label_axes(one, arm, grid)
-            drawn = _draw_poses(one, arm, grid, poses)
-            if lines is not None:
-                label_contours(one, lines, drawn)
+            _draw_poses(one, arm, grid, poses)
         if notes:
             figure.supxlabel('\n'.join(notes), fontsize=10)
     return figure
@@ -102,8 +99,7 @@ def even_poses(grid: PositionGrid, count: int) -> FloatArray:
     return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
 
 
-def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> Any:
-    """Draw the values; return the contour lines, or None if the values are constant."""
+def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> None:
     values, largest = panel.values, max(float(np.abs(panel.values).max()), 1e-9)
     low = -largest if panel.signed else 0.0
     image = axes.pcolormesh(
@@ -113,9 +109,10 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> An
     bar.set_label(f'[{panel.unit}]')
     bar.outline.set_visible(False)
     axes.grid(False)
-    lines = axes.contour(
-        grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.7,
-        alpha=0.6) if _varies(panel) else None
+    if _varies(panel):
+        lines = axes.contour(
+            grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.7, alpha=0.6)
+        axes.clabel(lines, colors=BLACK, fontsize=9, zorder=2.5)
     reached = largest > panel.limit
     if reached:
         size = np.abs(values)
@@ -131,7 +128,6 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> An
         f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
         f'within the limit of {panel.limit:g} {panel.unit} everywhere')
     title_axes(axes, panel.title, note)
-    return lines
 
 
 def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
@@ -163,16 +159,10 @@ def _angle_name(quarters: int) -> str:
     return f'{sign}{"" if number == 1 else number}π' + ('' if size % 2 == 0 else '/2')
 
 
-def _draw_poses(
-    axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray,
-) -> FloatArray:
-    """
-    Draw the arm at points of the grid: its base is at the point, up is up.
-
-    Return points (k, 2) along what is drawn.
-    """
+def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:
+    """Draw the arm at points of the grid: its base is at the point, up is up."""
     if not len(poses):
-        return np.empty((0, 2))
+        return
     figure = StickFigure(arm, tool_link(arm))
     base = grid.positions[0, 0]
     lines = []
@@ -184,16 +174,15 @@ def _draw_poses(
     flat = [(points - points[0]) @ view.T for points in lines]
     reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
     if reach == 0.0:
-        return np.empty((0, 2))
+        return
     each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
-    drawn = [pose + scale * points for pose, points in zip(poses, flat)]
-    for pose, line in zip(poses, drawn):
+    for pose, points in zip(poses, flat):
+        line = pose + scale * points
         for colour, width in (('white', 4.2), (BLACK, 1.8)):
             axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
                       markersize=width, solid_capstyle='round', clip_on=True)
         axes.plot(*pose, 's', color=BLACK, markerfacecolor='white', markersize=5.0)
-    return np.concatenate([along(line) for line in drawn])
 
 
 def _stands_upright(arm: ArmModel) -> bool:

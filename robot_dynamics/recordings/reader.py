@@ -26,12 +26,7 @@ from robot_dynamics.recordings.joint_series import JointSeries, RecordedJointSta
 from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.storage import StoredFile
-from robot_dynamics.recordings.topics import (
-    common_types,
-    JOINT_STATE,
-    RecordedTopic,
-    TopicQos,
-)
+from robot_dynamics.recordings.topics import common_types, JOINT_STATE, RecordedTopic, TopicQos
 from robot_dynamics.recordings.writer import RecordingWriter
 
 __all__ = [

@@ -14,6 +14,8 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 
 Cell = str | float
+Rows = list[tuple[str, ...]]
+"""Rows of cells that are text already, the first of which may be headings."""
 _ROUNDING = 1e-12
 """A number with a smaller magnitude is displayed as 0."""
 

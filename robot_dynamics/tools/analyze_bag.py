@@ -19,9 +19,9 @@ import numpy as np
 from robot_dynamics.analysis.arm_recording import ROBOT_DESCRIPTION
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
+from robot_dynamics.analysis.report import limit_use_rows, residual_rows
 from robot_dynamics.analysis.residual import merged_statistics
 from robot_dynamics.analysis.sample_files import require_parquet
-from robot_dynamics.analysis.summary import limit_use_rows, residual_rows
 from robot_dynamics.analysis.tasks import (
     AnalysisResult,
     AnalysisTask,

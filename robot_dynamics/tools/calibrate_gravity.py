@@ -24,10 +24,16 @@ from robot_dynamics.gravity_calibration.recorded_holds import (
     calibrate_recordings,
     RecordedCalibration,
 )
-from robot_dynamics.gravity_calibration.report import calibration_page
-from robot_dynamics.gravity_calibration.summary import fact_rows, joint_rows, notes, tool_rows
+from robot_dynamics.gravity_calibration.report import (
+    calibration_page,
+    fact_rows,
+    is_accepted,
+    joint_rows,
+    joint_verdicts,
+    notes,
+    tool_rows,
+)
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
-from robot_dynamics.gravity_calibration.verdict import is_accepted, joint_verdicts
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.html_page import summary

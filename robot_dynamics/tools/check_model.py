@@ -11,11 +11,11 @@ from pathlib import Path
 import sys
 
 from robot_dynamics.model_check.finding import CHECKS, errors_of
-from robot_dynamics.model_check.html_report import findings_page
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.report import (
     check_description,
     findings_as_data,
+    findings_page,
     findings_report,
     joint_names_of,
 )

@@ -18,10 +18,13 @@ from robot_dynamics.analysis.batch import require_dask, run_tasks
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification import summary
-from robot_dynamics.identification.bag_identification import BagIdentification, identify_bags
+from robot_dynamics.identification.bag_identification import (
+    BagIdentification,
+    IdentificationSettings,
+    identify_bags,
+)
 from robot_dynamics.identification.pipeline import STAGES
 from robot_dynamics.identification.report import file_notes, FILES, write_identification
-from robot_dynamics.identification.tasks import IdentificationSettings
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.progress import Progress
@@ -119,11 +122,10 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
         arguments.output, [arguments.output / name for name in (*FILES, *samples)], arguments)
     kept = directory if len(bags) > 1 else None
     with Progress(3 * len(bags) + 2, 'steps') as progress:
-        run = partial(
-            run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
-            on_done=progress.advance)
         found = identify_bags(
-            bags, identification, run,
+            bags, identification, partial(
+                run_tasks, workers=arguments.jobs, cache=kept, dask=arguments.dask,
+                on_done=progress.advance),
             None if arguments.effort == 'auto' else arguments.effort == 'current',
             lambda stage: progress.advance() if stage in (STAGES[1], STAGES[3]) else None,
             arguments.samples)

@@ -25,8 +25,7 @@ from robot_dynamics.pictures import torque_grid
 from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
-from robot_dynamics.pictures.workspace_gravity import map_gravity
-from robot_dynamics.pictures.workspace_map import workspace_figure
+from robot_dynamics.pictures.workspace_map import map_gravity, workspace_figure
 from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.reporting.html_page import Verdict
 from robot_dynamics.reporting.progress import Progress

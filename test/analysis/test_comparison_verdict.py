@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.analysis.verdict import joint_verdict
+from robot_dynamics.analysis.report import joint_verdict
 from robot_dynamics.reporting.html_page import Grade
 
 TIMES = np.linspace(0.0, 20.0, 4001)

@@ -138,7 +138,7 @@ def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale() -> None:
     drives = exact_drives(arm)
     found = calibrate_holds(arm, drives.holds(poses_of(arm)))
     assert found.is_observable.tolist() == [False] + 6 * [True]
-    assert (found.scale[0], found.scale_deviation[0]) == (1.0, np.inf)
+    assert (found.scale[0], found.scale_interval[0]) == (1.0, np.inf)
     assert abs(found.offset[0] - drives.offset[0]) < EXACT
 
 
@@ -150,7 +150,7 @@ def test_a_joint_that_came_from_one_side_only_is_left_as_it_is() -> None:
     found = calibrate_holds(arm, holds)
     assert found.pose_count.tolist() == [12, 12, 12, 0, 12, 12, 12]
     assert (found.scale[3], found.offset[3]) == (1.0, 0.0)
-    assert np.isinf([found.scale_deviation[3], found.offset_deviation[3]]).all()
+    assert np.isinf([found.scale_interval[3], found.offset_interval[3]]).all()
     others = np.array([1, 2, 4, 5, 6])
     np.testing.assert_allclose(found.scale[others], drives.scale[others], atol=EXACT)
 

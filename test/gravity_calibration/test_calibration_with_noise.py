@@ -7,8 +7,8 @@ from calibration_bench import arm_of, load_on, noisy_drives, poses_of, TOOL_LINK
 import numpy as np
 import pytest
 from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration
+from robot_dynamics.gravity_calibration.report import joint_verdicts
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
-from robot_dynamics.gravity_calibration.verdict import joint_verdicts
 from robot_dynamics.reporting.html_page import Grade
 
 WEIGHTS = {'default': 2.0, 'ur10': 5.0, 'panda': 2.0, 'xarm7': 2.0}

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.identified_arm import joint_estimates
 from robot_dynamics.identification.pipeline import identify
+from robot_dynamics.identification.steps import evaluate_motion
 from robot_dynamics.identification.summary import (
     bounds_by_joint,
     not_separable,

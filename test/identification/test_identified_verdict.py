@@ -4,7 +4,7 @@
 """The verdict of `identify` on a joint, from the residuals of three models."""
 
 import pytest
-from robot_dynamics.identification.verdict import joint_verdict
+from robot_dynamics.identification.page import joint_verdict
 from robot_dynamics.reporting.html_page import Grade
 
 

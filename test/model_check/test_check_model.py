@@ -14,9 +14,8 @@ import children
 import pytest
 from report_page import ReportPage
 from robot_dynamics.model_check.finding import CHECKS
-from robot_dynamics.model_check.html_report import NEXT_STEPS
 from robot_dynamics.model_check.mesh_bounds import MeshReader
-from robot_dynamics.model_check.report import check_description
+from robot_dynamics.model_check.report import check_description, NEXT_STEPS
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import missing, PACKAGE, robot_path
 

@@ -22,7 +22,7 @@ from robot_dynamics.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics.pictures.workspace_gravity import limit_ratios, map_gravity
+from robot_dynamics.pictures.workspace_map import limit_ratios, map_gravity
 from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
