@@ -7,12 +7,16 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, INERTIA, OFFSET, VISCOUS
+from robot_dynamics.identification.friction_regressor import (
+    COLUMN_NAMES,
+    FRICTION_COLUMNS,
+    INERTIA,
+    OFFSET,
+)
 from robot_dynamics.identification.regularized_fit import Fit
 
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
-_UNITS = {INERTIA: 'kg·m² or kg', VISCOUS: 'N·m·s/rad or N·s/m'}
 
 
 class ActiveBound(NamedTuple):
@@ -33,9 +37,11 @@ def active_bounds(bounded: Fit, unbounded: Fit) -> list[ActiveBound]:
             value = float(bounded.joint_values[j, column])
             other = float(unbounded.joint_values[j, column])
             least = LEAST_DIFFERENCE * max(abs(value), abs(other))
-            if column != OFFSET and other < -least and abs(value) <= -1e-3 * other:
+            if column not in OFFSET and other < -least and abs(value) <= -1e-3 * other:
+                units = ('kg·m²', 'kg') if column == INERTIA else (
+                    FRICTION_COLUMNS[column - 1].parameter.units)
                 found.append(ActiveBound(
-                    j, COLUMN_NAMES[column], _UNITS.get(column, 'N·m or N'), value, other))
+                    j, COLUMN_NAMES[column], ' or '.join(units).strip(' or '), value, other))
     return found
 
 

@@ -3,7 +3,7 @@
 
 """The results of an identification as rows of text, for the console and for the report."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from robot_dynamics.analysis.summary import Rows
@@ -14,10 +14,11 @@ from robot_dynamics.identification.active_bounds import (
 )
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
-from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.friction_regressor import INERTIA, OFFSET, VISCOUS
+from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
-from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.reporting.text_table import percent
 
@@ -80,20 +81,19 @@ def residual_rows(identification: Identification) -> Rows:
 def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
-    joints = joint_estimates(arm, fit)
-    shown = [field for field in FRICTION_FIELDS
-             if field.name in joints[0].friction]
+    friction = fitted_friction(arm, fit)
+    shown = [field for field in FRICTION_FIELDS if field.heading]
     rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
-    for name, joint in zip(arm.joint_names, joints):
-        rows.append((name, *(_friction_cell(field, joint.friction) for field in shown),
-                     f'{joint.reflected_inertia:.4g}'))
+    for j, name in enumerate(arm.joint_names):
+        rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
+                     f'{fit.joint_values[j, INERTIA]:.4g}'))
     return rows
 
 
-def _friction_cell(field: ParameterField, friction: Mapping[str, float]) -> str:
-    if field.needs and not any(friction[name] for name in field.needs):
+def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -> str:
+    if field.needs and not any(getattr(friction, name)[joint] for name in field.needs):
         return '-'
-    value = friction[field.name]
+    value = float(getattr(friction, field.name)[joint])
     return f'{value:.4g}' if field.unit else percent(value)
 
 
@@ -147,9 +147,9 @@ def _of_friction(identification: Identification) -> Iterator[str]:
     for name in not_separable(identification):
         j = names.index(name)
         used = [word for word, is_used in (
-            ('viscous friction', structures[j].viscous),
+            ('viscous friction', structures[j].has(VISCOUS)),
             ('dry friction', structures[j].dry_count > 0),
-            ('an offset', structures[j].offset)) if is_used]
+            ('an offset', structures[j].has(OFFSET))) if is_used]
         yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
 

@@ -2,37 +2,26 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Friction at the joints, on the joint side of the gearbox.
+Friction at the joints, on the joint side of the gearbox: the sum of its terms (`friction_terms`).
 
     τ_f = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o
         + (F_a + μ |τ_load|) tanh(v/v_a) + F_b
 
-The first line is viscous friction, Coulomb friction with the Stribeck effect, and an offset by
-which friction differs between the two directions. At rest, dry friction has any value up to F_s
-that holds the joint (`stiction`). The second line is the friction of gears and drives, as
-identification determines it: a sigmoid of width v_a; a fraction μ of the load
-τ_load = M a + C v + g − Jᵀ f, because the load increases the contact forces of the teeth; and the
-constant F_b of a sensor or drive. After a velocity reversal, Coulomb friction changes its sign
-over the presliding distance d
-(`presliding`). Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
-1994, sections 2 and 3 (Stribeck's curve in the Gaussian form); B. Siciliano et al., *Robotics*,
-Springer 2009, section 7.3; P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with
-a dry friction model depending on load and velocity", IEEE/RSJ IROS 2010.
-
-A new friction parameter is a field of `JointFriction`, an entry of `FRICTION_FIELDS` and a term of
-`effort`, `load_behind`, `sliding` and `damping`.
+The first line is viscous and dry friction. At rest, dry friction has any value up to F_s that
+holds the joint (`stiction`). The second line is the friction of gears and drives, as
+identification determines it; τ_load = M a + C v + g − Jᵀ f.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
-from robot_dynamics.validation import SMALLEST_DIVISOR
+from robot_dynamics.joints.friction_terms import FrictionTerm, smooth_sign, TERMS, Viscous
+from robot_dynamics.joints.parameter_field import per_joint_values
 
 SMOOTHING_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
@@ -40,99 +29,50 @@ PRESLIDINGS = 5.0
 """Width of the compensation of an error at rest, in presliding distances (`tracking_effort`)."""
 UNKNOWN_WIDTH, LEAST_WIDTH = 0.025, 0.005
 """[rad] or [m] of this width, without a presliding distance and at least."""
-DEFAULT_STRIBECK_VELOCITY = 0.05
-"""[rad/s] or [m/s]"""
-DEFAULT_SIGMOID_VELOCITY = 0.03
-"""[rad/s] or [m/s]"""
-LARGEST_LOAD_FRACTION = 0.95
-
-FRICTION_FIELDS = (
-    ParameterField(
-        'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6,
-        'Viscous friction F_v {unit}; one value for all joints or one per joint. If empty, the '
-        'damping in the URDF.', 'viscous'),
-    ParameterField(
-        'coulomb', '[N m] or [N]', None, 0.0, 1e6,
-        'Coulomb friction F_c {unit}; one value for all joints or one per joint. If empty, the '
-        'friction in the URDF.', 'Coulomb'),
-    ParameterField(
-        'static', '[N m] or [N]', None, 0.0, 1e6,
-        'Static friction F_s {unit}, up to which a joint sticks; at least F_c. One value for all '
-        'joints or one per joint. If empty, F_c.'),
-    ParameterField(
-        'stribeck_velocity', '[rad/s] or [m/s]', DEFAULT_STRIBECK_VELOCITY, 1e-6, 1e3,
-        'Stribeck velocity v_s {unit}, over which friction decreases from F_s to F_c; one value '
-        'for all joints or one per joint. If empty, {default:g}.'),
-    ParameterField(
-        'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Direction-dependent part F_o {unit} of the Coulomb friction; its absolute value is at '
-        'most F_c. One value for all joints or one per joint. If empty, {default:g}.'),
-    ParameterField(
-        'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
-        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a); one value for all joints or '
-        'one per joint. If empty, {default:g}.',
-        'sigmoid'),
-    ParameterField(
-        'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
-        'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all '
-        'joints or one per joint. If empty, {default:g}.',
-        'sigmoid velocity', ('sigmoid', 'load')),
-    ParameterField(
-        'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
-        'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
-        'same smooth sign. One value for all joints or one per joint. If empty, {default:g}.',
-        'load'),
-    ParameterField(
-        'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Constant offset {unit} of the measured effort (sensor or drive bias); one value for all '
-        'joints or one per joint. If empty, {default:g}.', 'offset'),
-    ParameterField(
-        'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
-        'Distance {unit} over which dry friction yields like a spring before it slides: after a '
-        'velocity reversal it changes its sign over twice this distance. It acts in simulated_arm '
-        'and where the whole motion is known, and sets the width of friction compensation. One '
-        'value for all joints or one per joint. If empty, {default:g}.',
-        'presliding', ('coulomb',)),
-)
-"""The parameters of `JointFriction`, in its order."""
+FRICTION_FIELDS = tuple(field for term in TERMS for field in term.FIELDS)
+"""The parameters of all terms."""
+_SLOW = 1e-9
+"""Velocity [rad/s] or [m/s] at which the slope of friction is that at rest."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointFriction:
-    """
-    Friction of n joints, each parameter (n,).
+class FrictionAtRest(NamedTuple):
+    """The friction (n,) that may hold a joint at rest in any direction, and its offset, >= 0."""
 
-    `viscous` F_v [N·m·s/rad] or [N·s/m]; `coulomb` F_c, `static` F_s ≥ F_c and `offset` F_o with
-    |F_o| ≤ F_c, all [N·m] or [N]; `stribeck_velocity` v_s [rad/s] or [m/s]. Of gears and drives:
-    `sigmoid` F_a [N·m] or [N], `sigmoid_velocity` v_a [rad/s] or [m/s], `load` μ in [0, 1),
-    `effort_offset` F_b [N·m] or [N], `presliding_distance` d [rad] or [m].
-    """
-
-    viscous: FloatArray
-    coulomb: FloatArray
     static: FloatArray
-    stribeck_velocity: FloatArray
     offset: FloatArray
-    sigmoid: FloatArray
-    sigmoid_velocity: FloatArray
-    load: FloatArray
-    effort_offset: FloatArray
-    presliding_distance: FloatArray
 
-    @cached_property
-    def has_stribeck_effect(self) -> bool:
-        """Whether any joint needs more effort to break away than to continue sliding."""
-        return bool((self.static > self.coulomb).any())
 
-    @cached_property
-    def is_viscous(self) -> bool:
-        """Whether there is only viscous friction, or no friction."""
-        return not (self.is_dry or self.coulomb.any() or self.offset.any() or self.has_gear_terms)
+class JointFriction:
+    """The friction of n joints; the parameters (n,) of all terms are attributes by their names."""
 
-    @cached_property
-    def is_dry(self) -> bool:
+    def __init__(self, terms: Sequence[FrictionTerm]) -> None:
+        self.terms = tuple(terms)
+        for term in self.terms:
+            vars(self).update({
+                field.name: getattr(term, field.name) for field in term.FIELDS})
+        rest = np.zeros_like(self.viscous)
+        self._sticking = [term for term in self.terms if term.dry(rest).any()]
+        self._dry = [term.dry for term in self._sticking]
+        smooth = [term for term in self.terms if term.smooth(rest + _SLOW).any()]
+        self._smooth = [term.smooth for term in smooth]
+        self._per_load = [term.per_load for term in self.terms if term.per_load(rest + _SLOW).any()]
+        self._constant: FloatArray = sum((term.constant for term in self.terms), start=rest)
+        self._has_constant = bool(self._constant.any())
+        self.is_dry = bool(self._dry)
         """Whether any joint has dry friction."""
-        return bool(self.static.any())
+        self.is_linear = not self._per_load and all(isinstance(term, Viscous) for term in smooth)
+        """Whether smooth friction is viscous friction."""
+        self.is_viscous = self.is_linear and not (self.is_dry or self._has_constant)
+        """Whether there is only viscous friction, or no friction."""
+
+    if TYPE_CHECKING:
+        def __getattr__(self, name: str) -> FloatArray: ...
+
+    def replaced(self, **values: FloatArray) -> 'JointFriction':
+        """Return this friction with other values (n,) of these parameters."""
+        return JointFriction([
+            replace(term, **{field.name: values[field.name] for field in term.FIELDS
+                             if field.name in values}) for term in self.terms])
 
     @cached_property
     def has_gear_terms(self) -> bool:
@@ -144,21 +84,51 @@ class JointFriction:
         """Whether there is no friction."""
         return self.is_viscous and not self.viscous.any()
 
+    @cached_property
+    def at_rest(self) -> FrictionAtRest:
+        """The friction of all terms at rest."""
+        rest = np.zeros_like(self.viscous)
+        return FrictionAtRest(
+            sum((term.at_rest for term in self.terms), start=rest),
+            sum((np.abs(term.constant) for term in self.terms), start=rest))
+
+    @cached_property
+    def breakaway(self) -> FloatArray:
+        """Dry friction (n,) up to which a joint sticks, F_s."""
+        return sum((term.at_rest for term in self._sticking), start=np.zeros_like(self.viscous))
+
     @property
-    def at_rest(self) -> 'JointFriction':
-        """The friction with all terms that may hold a joint at rest as static and offset."""
-        nothing = np.zeros_like(self.static)
-        return JointFriction(
-            self.viscous, self.coulomb, self.static + self.sigmoid, self.stribeck_velocity,
-            np.abs(self.offset) + np.abs(self.effort_offset), nothing, self.sigmoid_velocity,
-            nothing, nothing, nothing)
+    def steep_below(self) -> tuple[FloatArray, FloatArray]:
+        """The speeds (n,) below which dry and other friction change fast with the speed."""
+        rest = np.zeros_like(self.viscous)
+        dry, other = (
+            np.max([rest, *(term.steep_below + rest for term in self.terms
+                            if (term in self._sticking) is is_dry)], axis=0)
+            for is_dry in (True, False))
+        return dry, other
+
+    def counterpart(self, attribute: str) -> FloatArray:
+        """Return the parameters (n,) for an attribute of `<dynamics>`: damping or friction."""
+        return sum(
+            (getattr(self, field.name) for field in FRICTION_FIELDS
+             if field.counterpart == attribute), start=np.zeros_like(self.viscous))
+
+    @property
+    def omitted(self) -> list[str]:
+        """What MJCF has no counterpart of."""
+        return [
+            field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
+            if (field.omitted or not (field.counterpart or field.needs)) and (
+                getattr(self, field.name) != (getattr(self, field.follows) if field.follows else 0.0)
+            ).any()]
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
-        if not self.has_stribeck_effect:
-            return self.coulomb
-        ratio = v / self.stribeck_velocity
-        return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
+        return _sum(self._dry, v)
+
+    def per_load(self, v: FloatArray) -> FloatArray:
+        """Return the friction per unit of |load|, (..., n)."""
+        return _sum(self._per_load, v)
 
     def effort(
         self, v: FloatArray, load: FloatArray | float = 0.0, sign: FloatArray | None = None,
@@ -169,11 +139,12 @@ class JointFriction:
         `load` (..., n) is the effort of the rigid bodies, M a + C v + g − Jᵀ f. Dry friction has
         the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
-        effort = self._joint_effort(v, sign)
-        if not self.has_gear_terms:
-            return effort
-        return effort + (self._gear_size(load) * smooth_sign(v, self.sigmoid_velocity)
-                         + self.effort_offset)
+        effort = _sum(self._smooth, v)
+        if self._dry:
+            effort = effort + self.dry(v) * (np.sign(v) if sign is None else sign)
+        if self._has_constant:
+            effort = effort + self._constant
+        return effort + self.per_load(v) * np.abs(load) if self._per_load else effort
 
     def smooth_effort(
         self, v: FloatArray, load: FloatArray | float = 0.0,
@@ -223,7 +194,7 @@ class JointFriction:
         self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
     ) -> FloatArray:
         """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
-        return self._load_behind_gears(v, effort - self._joint_effort(v, sign))
+        return self._load_of(v, effort - self.effort(v, 0.0, sign))
 
     def without_dry(
         self, v: FloatArray, effort: FloatArray, direction: FloatArray | None = None,
@@ -234,72 +205,72 @@ class JointFriction:
         Dry friction of sliding joints counts as part of the effort that the gears transmit;
         `direction` (n,) is that of sliding, the sign of v if it is not given.
         """
-        left = effort - self.viscous * v - self.offset
-        if not self.has_gear_terms:
-            return left
-        transmitted = left - self.dry(v) * (np.sign(v) if direction is None else direction)
-        return left - transmitted + self._load_behind_gears(v, transmitted)
+        sign = np.sign(v) if direction is None else direction
+        return self.load_behind(v, effort, sign) + self.dry(v) * sign
 
     def sliding(
-        self, effort: FloatArray, direction: FloatArray, is_stribeck_active: bool,
+        self, effort: FloatArray, direction: FloatArray, is_steep: bool,
     ) -> Callable[[FloatArray], FloatArray]:
         """
         Return the load behind a constant effort (n,), as a function of the velocity (..., n).
 
         Dry friction has the `direction` (n,) of sliding, 0 for joints that do not slide,
-        independent of the sign of the velocity. Without `is_stribeck_active` it is F_c.
+        independent of the sign of the velocity. Without `is_steep` it is that of fast motion, F_c.
         """
-        base, F_v = effort - self.offset, self.viscous
-        if not (self.is_dry or F_v.any()):
-            return lambda v: self._load_behind_gears(v, base)
-        base = base - direction * self.coulomb
-        rise, rate = direction * (self.static - self.coulomb), 1.0 / self.stribeck_velocity
+        base = effort - self._constant
+        if not is_steep:
+            base = base - direction * self._fast
 
         def load(v: FloatArray) -> FloatArray:
-            left = base - F_v * v
-            if is_stribeck_active:
-                ratio = v * rate
-                left = left - rise * np.exp(-ratio * ratio)
-            return self._load_behind_gears(v, left)
+            left = base - _sum(self._smooth, v)
+            return self._load_of(v, left - direction * self.dry(v) if is_steep else left)
 
         return load
 
     def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
         """
-        Return the viscous friction (..., n) that equals all smooth friction except F_b.
+        Return the viscous friction (..., n) that equals all smooth friction except constants.
 
         It is F_v + (F_a + μ |load|) tanh(v / v_a) / v; at rest tanh(v / v_a) / v is 1 / v_a.
         """
-        if not self.has_gear_terms:
+        if self.is_linear:
             return self.viscous
-        ratio = v / self.sigmoid_velocity
-        with np.errstate(invalid='ignore', divide='ignore'):
-            mean_slope = np.where(np.abs(ratio) < 1e-4, 1.0, np.tanh(ratio) / ratio)
-        return np.asarray(
-            self.viscous + self._gear_size(load) * mean_slope / self.sigmoid_velocity)
+        v = np.where(np.abs(v) < _SLOW, _SLOW, v)
+        smooth = _sum(self._smooth, v) + self.per_load(v) * np.abs(load)
+        return np.asarray(smooth / v)
+
+    @cached_property
+    def _fast(self) -> FloatArray:
+        """Dry friction at a velocity far beyond that of the Stribeck effect, (n,)."""
+        return self.dry(np.full_like(self.viscous, np.inf))
+
+    @cached_property
+    def _at_joint(self) -> 'JointFriction':
+        nothing = np.zeros_like(self.viscous)
+        return self.replaced(sigmoid=nothing, load=nothing, effort_offset=nothing)
 
     def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
-        """Return the first line of the law."""
-        if not (self.is_dry or self.offset.any()):
-            return np.asarray(self.viscous * v)
-        direction = np.sign(v) if sign is None else sign
-        return np.asarray(self.viscous * v + self.dry(v) * direction + self.offset)
+        """Return the effort without friction of gears and drives."""
+        return self._at_joint.effort(v, 0.0, sign)
 
     def _gear_size(self, load: FloatArray | float) -> FloatArray:
         return np.asarray(self.sigmoid + self.load * np.abs(load))
 
-    def _load_behind_gears(self, v: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return the load that an effort leaves after the second line of the law."""
-        if not self.has_gear_terms:
+    def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """Return the load that an effort leaves after the friction that depends on it."""
+        if not self._per_load:
             return effort
-        direction = smooth_sign(v, self.sigmoid_velocity)
-        left = effort - self.sigmoid * direction - self.effort_offset
-        return np.asarray(left / (1.0 + self.load * direction * np.sign(left)))
+        return np.asarray(effort / (1.0 + self.per_load(v) * np.sign(effort)))
 
 
-def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatArray:
-    """Return 2 / (1 + exp(−2 v / v_0)) − 1 = tanh(v / v_0): the sign of v, smooth around 0."""
-    return np.asarray(np.tanh(v / smoothing_velocity))
+def _sum(parts: Sequence[Callable[[FloatArray], FloatArray]], v: FloatArray) -> FloatArray:
+    """Return the sum of parts of terms at the velocity v."""
+    if not parts:
+        return np.zeros_like(v)
+    total = parts[0](v)
+    for part in parts[1:]:
+        total = total + part(v)
+    return total
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
@@ -315,18 +286,38 @@ def make_friction(
     stribeck_velocity: Any = (),
     offset: Any = (),
     default: JointFriction | None = None,
-    **gears: Any,
+    **further: Any,
 ) -> JointFriction:
     """
     Return checked friction; each parameter is (n,), one value for all joints, or empty.
 
-    `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. An empty
-    parameter is that of `default`, or the default of the field, or 0; an empty `static` is
-    `coulomb`. Raises InvalidInputError that names field, joint and value: for another number of
-    values, a value outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
+    `further` are other parameters, by their names in `FRICTION_FIELDS`. An empty parameter is that
+    of `default`, or the default of the field, or 0; an empty `static` is `coulomb`. Raises
+    InvalidInputError that names field, joint and value: for another number of values, a value
+    outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
     """
-    given = {'viscous': viscous, 'coulomb': coulomb, 'static': static,
-             'stribeck_velocity': stribeck_velocity, 'offset': offset, **gears}
+    terms = _terms(joint_names, {
+        'viscous': viscous, 'coulomb': coulomb, 'static': static,
+        'stribeck_velocity': stribeck_velocity, 'offset': offset, **further}, default)
+    for term in terms:
+        for field, is_valid, expected in term.defects():
+            if not is_valid.all():
+                joint = int(np.argmin(is_valid))
+                raise InvalidInputError(
+                    f'friction.{field} of {joint_names[joint]!r} is '
+                    f'{getattr(term, field)[joint]:g}, expected {expected}')
+    return JointFriction(terms)
+
+
+def unchecked_friction(joint_names: Sequence[str], given: Mapping[str, Any]) -> JointFriction:
+    """Return friction like `make_friction`, of any size, from parameters by their names."""
+    return JointFriction(_terms(joint_names, given, None))
+
+
+def _terms(
+    joint_names: Sequence[str], given: Mapping[str, Any], default: JointFriction | None,
+) -> list[FrictionTerm]:
+    """Return the terms with the given parameters and the defaults of the others."""
     names = [field.name for field in FRICTION_FIELDS]
     unknown = sorted(set(given) - set(names))
     if unknown:
@@ -334,42 +325,10 @@ def make_friction(
     values: dict[str, FloatArray] = {}
     for field in FRICTION_FIELDS:
         otherwise = np.full(len(joint_names), field.default or 0.0)
-        if default is not None:
+        if field.follows and (default is None or len(given.get(field.follows, ()))):
+            otherwise = values[field.follows]
+        elif default is not None:
             otherwise = getattr(default, field.name)
-        if field.name == 'static' and (default is None or len(coulomb)):
-            otherwise = values['coulomb']
         values[field.name] = per_joint_values(
             f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)
-    friction = JointFriction(**values)
-    _check(joint_names, friction)
-    return friction
-
-
-def _check(joint_names: Sequence[str], friction: JointFriction) -> None:
-    """Raise InvalidInputError for a value outside its bounds."""
-    F_c = friction.coulomb
-    expected = {
-        'viscous': (friction.viscous >= 0.0, 'a number >= 0'),
-        'coulomb': (F_c >= 0.0, 'a number >= 0'),
-        'static': (friction.static >= F_c, 'at least friction.coulomb of that joint'),
-        'stribeck_velocity': (
-            friction.stribeck_velocity >= SMALLEST_DIVISOR,
-            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
-        'offset': (
-            np.abs(friction.offset) <= F_c,
-            'at most friction.coulomb of that joint in size, or friction would create energy'),
-        'sigmoid': (friction.sigmoid >= 0.0, 'a number >= 0'),
-        'sigmoid_velocity': (
-            friction.sigmoid_velocity >= SMALLEST_DIVISOR,
-            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
-        'load': (
-            (friction.load >= 0.0) & (friction.load <= LARGEST_LOAD_FRACTION),
-            f'a number in [0, {LARGEST_LOAD_FRACTION:g}]'),
-        'presliding_distance': (friction.presliding_distance >= 0.0, 'a number >= 0'),
-    }
-    for field, (is_valid, words) in expected.items():
-        if not is_valid.all():
-            joint = int(np.argmin(is_valid))
-            raise InvalidInputError(
-                f'friction.{field} of {joint_names[joint]!r} is '
-                f'{getattr(friction, field)[joint]:g}, expected {words}')
+    return [term(**{field.name: values[field.name] for field in term.FIELDS}) for term in TERMS]

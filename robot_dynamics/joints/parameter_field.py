@@ -12,13 +12,20 @@ from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
 class ParameterField(NamedTuple):
     """
-    One parameter of a joint, which parameter specs, file reading and reports use.
+    One parameter of a term of friction, for parameter specs, identification, export and reports.
 
     `unit` is that of a revolute or prismatic joint, '' for a fraction. `default` is used if the
-    parameter is empty; None means that the description names another source. `minimum` and
-    `maximum` bound a parameter of the nodes. `template` is the description, with `{unit}` and
-    `{default}`. `heading` is the heading of its column in reports, which show the parameter if one
-    of the parameters `needs` is not 0.
+    parameter is empty; None means the source that `otherwise` describes. `minimum` and `maximum`
+    bound a parameter of the nodes. `meaning` is the description, with `{unit}`. `follows` names
+    the parameter whose value is the default. A parameter with `needs`, such as a width, acts only
+    if one of these parameters is not 0; the others are magnitudes, to which the effort is
+    proportional.
+
+    `heading` is the heading of its column in reports, and the name of its columns in regressions;
+    '' if identification does not estimate it. `candidates` are the values of a width from which
+    identification selects. `counterpart` is the attribute of `<dynamics>` in a URDF to which the
+    parameter adds, 'damping' or 'friction', which MJCF has too; `omitted` is the part without a
+    counterpart in MJCF.
     """
 
     name: str
@@ -26,13 +33,31 @@ class ParameterField(NamedTuple):
     default: float | None
     minimum: float
     maximum: float
-    template: str
+    meaning: str
     heading: str = ''
     needs: tuple[str, ...] = ()
+    otherwise: str = ''
+    follows: str = ''
+    candidates: tuple[float, ...] = ()
+    counterpart: str = ''
+    omitted: str = ''
 
     @property
     def description(self) -> str:
-        return self.template.format(unit=self.unit, default=self.default)
+        """The description of the parameter of the nodes."""
+        return (f'{self.meaning.format(unit=self.unit)}; one value for all joints or one per '
+                f'joint. If empty, {self.otherwise or format(self.default, "g")}.')
+
+    @property
+    def units(self) -> list[str]:
+        """The units of a revolute and of a prismatic joint, such as 'N·m' and 'N'."""
+        return [part.strip('[] ').replace(' ', '·') for part in self.unit.split(' or ')] * (
+            1 if self.unit else 2)
+
+    @property
+    def is_estimated(self) -> bool:
+        """Whether identification estimates this magnitude."""
+        return bool(self.heading) and not self.needs
 
 
 def per_joint_values(

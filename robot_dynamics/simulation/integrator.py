@@ -150,7 +150,7 @@ class MotionIntegrator:
             oscillation = np.sqrt(compliance @ modes.springs.stiffness[free])
             damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
             return h * float(max(_SPRING_RATE * oscillation, damping))
-        in_gears = modes.is_steep and forces.friction.has_gear_terms
+        in_gears = modes.is_steep and not forces.friction.is_linear
         if not (forces.is_damped or in_gears):
             return 0.0
         bound = self._damping_bound * h
@@ -187,7 +187,7 @@ class MotionIntegrator:
             first = self._advance(state, 0.5 * h, modes, None)
             end = self._advance(first.state, 0.5 * h, modes, None)
             return end._replace(heat=first.heat + end.heat)
-        if modes.is_steep and self._forces.friction.has_gear_terms and stiffness > STIFF:
+        if modes.is_steep and not self._forces.friction.is_linear and stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
             if correction <= _CREEP_TOLERANCE:
                 return end

@@ -49,7 +49,7 @@ def _parser() -> Parser:
 
 def _run(arguments: argparse.Namespace) -> int:
     from robot_dynamics.model.arm_parameters import arm_from_parameters
-    from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
+    from robot_dynamics.model.mjcf import arm_to_mjcf
     if arguments.output is not None:
         prepare_file(arguments.output, arguments.force)
     arm = arm_from_parameters(
@@ -60,7 +60,7 @@ def _run(arguments: argparse.Namespace) -> int:
     else:
         with writing(arguments.output):
             arguments.output.write_text(text, encoding='utf-8')
-    omitted = omitted_friction(arm)
+    omitted = arm.friction.omitted
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
     return DONE

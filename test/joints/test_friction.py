@@ -14,8 +14,8 @@ from robot_dynamics.joints.friction import (
     FRICTION_FIELDS,
     JointFriction,
     make_friction,
-    smooth_sign,
 )
+from robot_dynamics.joints.friction_terms import FrictionTerm, smooth_sign, TERMS
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -105,9 +105,9 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     assert changed.viscous.tolist() == [0.5, 0.0]
 
 
-def test_the_table_of_fields_is_that_of_the_class() -> None:
-    assert [field.name for field in FRICTION_FIELDS] == [
-        field.name for field in fields(JointFriction)]
+@pytest.mark.parametrize('term', TERMS)
+def test_the_fields_of_a_term_are_its_parameters(term: type[FrictionTerm]) -> None:
+    assert [field.name for field in term.FIELDS] == [field.name for field in fields(term)]
 
 
 def test_an_empty_parameter_has_the_default_of_its_field() -> None:
@@ -169,7 +169,6 @@ def test_friction_at_rest_holds_with_all_its_terms() -> None:
     at_rest = EVERY_TERM.at_rest
     assert at_rest.static.tolist() == [4.5, 2.0]
     assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
-    assert not at_rest.has_gear_terms
 
 
 # --- sticking ------------------------------------------------------------------------------------
