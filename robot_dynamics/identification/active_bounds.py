@@ -41,7 +41,7 @@ def active_bounds(bounded: Fit, unbounded: Fit) -> list[ActiveBound]:
                 units = ('kg·m²', 'kg') if column == INERTIA else (
                     FRICTION_COLUMNS[column - 1].parameter.units)
                 found.append(ActiveBound(
-                    j, COLUMN_NAMES[column], ' or '.join(units).strip(' or '), value, other))
+                    j, COLUMN_NAMES[column], ' or '.join(dict.fromkeys(units)), value, other))
     return found
 
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.friction_regressor import INERTIA
 from robot_dynamics.identification.identified_arm import (
-    fitted_urdf,
     fitted_friction,
+    fitted_urdf,
     kept_fractions,
     parameter_file,
     parameter_values,

@@ -53,9 +53,10 @@ class JointFriction:
         rest = np.zeros_like(self.viscous)
         self._sticking = [term for term in self.terms if term.dry(rest).any()]
         self._dry = [term.dry for term in self._sticking]
-        smooth = [term for term in self.terms if term.smooth(rest + _SLOW).any()]
+        slow = rest + _SLOW
+        smooth = [term for term in self.terms if term.smooth(slow).any()]
         self._smooth = [term.smooth for term in smooth]
-        self._per_load = [term.per_load for term in self.terms if term.per_load(rest + _SLOW).any()]
+        self._per_load = [term.per_load for term in self.terms if term.per_load(slow).any()]
         self._constant: FloatArray = sum((term.constant for term in self.terms), start=rest)
         self._has_constant = bool(self._constant.any())
         self.is_dry = bool(self._dry)
@@ -116,11 +117,11 @@ class JointFriction:
     @property
     def omitted(self) -> list[str]:
         """What MJCF has no counterpart of."""
+        values = {'': 0.0, **vars(self)}
         return [
             field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
-            if (field.omitted or not (field.counterpart or field.needs)) and (
-                getattr(self, field.name) != (getattr(self, field.follows) if field.follows else 0.0)
-            ).any()]
+            if (field.omitted or not (field.counterpart or field.needs))
+            and (values[field.name] != values[field.follows]).any()]
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""

@@ -37,6 +37,7 @@ _SIGMOID_RANGE = 9.0
 """Multiple of v_a beyond which friction of gears no longer rises: 1 − tanh 9 is 3e-8."""
 
 
+@dataclass(frozen=True, eq=False)
 class FrictionTerm:
     """A term of the friction of n joints; its parameters are (n,), its parts (..., n) or (n,)."""
 
@@ -109,8 +110,9 @@ class Dry(FrictionTerm):
     """
     Coulomb friction with the Stribeck effect: [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o.
 
-    F_o is the difference between the two directions. At rest it has any value up to F_s that holds
-    the joint (`stiction`). After a reversal it changes its sign over the distance d (`presliding`).
+    F_o is the difference between the two directions. At rest, friction has any value up to F_s
+    that holds the joint (`stiction`). After a reversal it changes its sign over the distance d
+    (`presliding`).
     """
 
     coulomb: FloatArray

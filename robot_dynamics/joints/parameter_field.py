@@ -51,8 +51,8 @@ class ParameterField(NamedTuple):
     @property
     def units(self) -> list[str]:
         """The units of a revolute and of a prismatic joint, such as 'N·m' and 'N'."""
-        return [part.strip('[] ').replace(' ', '·') for part in self.unit.split(' or ')] * (
-            1 if self.unit else 2)
+        unit = self.unit or '1 or 1'
+        return [part.strip('[]').replace(' ', '·') for part in unit.split(' or ')]
 
     @property
     def is_estimated(self) -> bool:

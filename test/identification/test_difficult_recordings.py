@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.friction_regressor import INERTIA
+from robot_dynamics.identification.holdout import evaluate_motion
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.identification.summary import (
@@ -115,8 +115,8 @@ def test_a_joint_at_rest_has_no_friction():
     assert not_separable(found) == {
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     friction = fitted_friction(UR5, found.models.consistent)
-    assert [getattr(friction, name)[joint] for name in ('viscous', 'coulomb', 'sigmoid', 'load')] == (
-        [0.0] * 4)
+    for values in (friction.viscous, friction.coulomb, friction.sigmoid, friction.load):
+        assert values[joint] == 0.0
 
 
 # --- bounds --------------------------------------------------------------------------------------
