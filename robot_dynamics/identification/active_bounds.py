@@ -7,16 +7,13 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from robot_dynamics.identification.friction_regressor import (
-    COLUMN_NAMES,
-    FRICTION_COLUMNS,
-    INERTIA,
-    OFFSET,
-)
+from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, FRICTION_COLUMNS, OFFSET
 from robot_dynamics.identification.regularized_fit import Fit
 
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
+_UNITS = (
+    'kg·m² or kg', *(' or '.join(column.parameter.units) for column in FRICTION_COLUMNS))
 
 
 class ActiveBound(NamedTuple):
@@ -38,10 +35,7 @@ def active_bounds(bounded: Fit, unbounded: Fit) -> list[ActiveBound]:
             other = float(unbounded.joint_values[j, column])
             least = LEAST_DIFFERENCE * max(abs(value), abs(other))
             if column not in OFFSET and other < -least and abs(value) <= -1e-3 * other:
-                units = ('kg·m²', 'kg') if column == INERTIA else (
-                    FRICTION_COLUMNS[column - 1].parameter.units)
-                found.append(ActiveBound(
-                    j, COLUMN_NAMES[column], ' or '.join(dict.fromkeys(units)), value, other))
+                found.append(ActiveBound(j, COLUMN_NAMES[column], _UNITS[column], value, other))
     return found
 
 

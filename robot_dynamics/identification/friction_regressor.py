@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
-from robot_dynamics.joints.friction import unchecked_friction
+from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.joints.friction_terms import (
     DRY_FRICTION,
     FrictionTerm,
@@ -34,7 +34,7 @@ PRISMATIC_SCALE = 0.1
 class Column(NamedTuple):
     """A column of friction: its parameter, and the value of the width, if the term has one."""
 
-    term: type[FrictionTerm]
+    term: FrictionTerm
     parameter: ParameterField
     width: ParameterField | None
     candidate: float
@@ -49,16 +49,16 @@ class Column(NamedTuple):
         """Whether the width is 0, which is for single states and no candidate."""
         return self.width is not None and self.candidate == 0.0
 
-    def given(self, scale: FloatArray) -> dict[str, FloatArray]:
-        """Return the parameters of friction (n,) whose effort is this column."""
+    def friction(self, plain: JointFriction, scale: FloatArray) -> JointFriction:
+        """Return the friction (n,) whose effort is this column, from one with other widths."""
         widths = {self.width.name: scale * self.candidate} if self.width else {}
-        return {self.parameter.name: np.ones_like(scale), **widths}
+        return plain.replaced(**widths).unit(self.parameter.name)
 
 
-def columns_of(term: type[FrictionTerm]) -> Iterator[Column]:
+def columns_of(term: FrictionTerm) -> Iterator[Column]:
     """Yield the columns of a term."""
-    width = next((field for field in term.FIELDS if field.candidates), None)
-    for parameter in term.FIELDS:
+    width = next((field for field in term.fields if field.candidates), None)
+    for parameter in term.fields:
         if parameter.is_estimated:
             for candidate in width.candidates if width else (0.0,):
                 yield Column(term, parameter, width, candidate)
@@ -77,9 +77,9 @@ def _where(is_one: Callable[[Column], bool]) -> IntArray:
     return np.array([i for i, column in enumerate(FRICTION_COLUMNS, 1) if is_one(column)])
 
 
-VISCOUS = _where(lambda column: column.term.KIND == VISCOUS_FRICTION)
-OFFSET = _where(lambda column: column.term.KIND == OFFSET_EFFORT)
-SHARP = _where(lambda column: column.term.KIND == DRY_FRICTION)
+VISCOUS = _where(lambda column: column.term.kind == VISCOUS_FRICTION)
+OFFSET = _where(lambda column: column.term.kind == OFFSET_EFFORT)
+SHARP = _where(lambda column: column.term.kind == DRY_FRICTION)
 """The columns that change fast at a velocity reversal."""
 LOAD = _where(lambda column: not column.parameter.unit)
 """The columns of friction that grows with the load."""
@@ -126,7 +126,7 @@ def structures(left_out: Sequence[str] = ()) -> Iterator[FrictionStructure]:
     """
     viscous = () if VISCOUS_FRICTION in left_out else VISCOUS.tolist()
     terms = () if DRY_FRICTION in left_out else (
-        term for term in TERMS if term.KIND == DRY_FRICTION)
+        term for term in TERMS if term.kind == DRY_FRICTION)
     for chosen in product(*map(_choices, terms)):
         dry = [column for columns in chosen for column in columns]
         is_known = OFFSET_EFFORT not in left_out
@@ -135,7 +135,7 @@ def structures(left_out: Sequence[str] = ()) -> Iterator[FrictionStructure]:
             yield FrictionStructure(tuple(sorted((INERTIA, *viscous, *offset, *dry))))
 
 
-def _choices(term: type[FrictionTerm]) -> list[tuple[int, ...]]:
+def _choices(term: FrictionTerm) -> list[tuple[int, ...]]:
     """Return the columns of a term by choice: none, or those of one width, with load or not."""
     choices: list[tuple[int, ...]] = [()]
     own = [(i, column) for i, column in enumerate(FRICTION_COLUMNS, 1) if column.term is term]
@@ -166,8 +166,9 @@ def joint_columns(
     columns = np.zeros((m, n, COLUMN_COUNT))
     columns[:, :, INERTIA] = a
     stretches = [slice(*ends) for ends in zip(starts, [*starts[1:], m])]
+    plain = make_friction(kinds)
     for i, column in enumerate(FRICTION_COLUMNS, 1):
-        friction = unchecked_friction(kinds, column.given(scales_of(kinds)))
+        friction = column.friction(plain, scales_of(kinds))
         distance, sign = friction.presliding_distance, np.sign(v)
         for part in stretches if distance.any() else ():
             sign[part] = presliding_state(q[part], v[part], distance)

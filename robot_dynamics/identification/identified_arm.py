@@ -28,11 +28,7 @@ from robot_dynamics.identification.friction_regressor import (
     scales_of,
 )
 from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.joints.friction import (
-    FRICTION_FIELDS,
-    JointFriction,
-    unchecked_friction,
-)
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -153,15 +149,15 @@ _WIDTH = 99
 def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
     """Return the friction of the joints; the width of a term that is not used is its default."""
     scale = scales_of(arm.joint_kinds)
-    values = {field.name: scale * (field.default or 0.0) if field.candidates else 0.0 * scale
-              for field in FRICTION_FIELDS if field.heading}
+    values: dict[str, Any] = {field.name: scale * (field.default or 0.0)
+                              for field in FRICTION_FIELDS if field.heading}
     for i, column in enumerate(FRICTION_COLUMNS, 1):
         values[column.parameter.name] = values[column.parameter.name] + fit.joint_values[:, i]
         if column.width is not None:
             is_used = [i in structure.columns for structure in fit.structures]
             values[column.width.name] = np.where(
                 is_used, scale * column.candidate, values[column.width.name])
-    return unchecked_friction(arm.joint_names, values)
+    return make_friction(arm.joint_names, **values)
 
 
 def parameter_values(

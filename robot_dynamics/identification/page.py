@@ -38,7 +38,7 @@ from robot_dynamics.reporting.interactive import Zoomable, zoomable_figures
 
 _INERTIA = ('kg·m²', 'kg')
 _JOINT_UNITS: dict[str, Sequence[str]] = {'Ia': _INERTIA, **{
-    field.heading: field.units for field in FRICTION_FIELDS if field.is_estimated}}
+    field.heading: 2 * field.units for field in FRICTION_FIELDS if field.is_estimated}}
 """Units of parameters of a joint, revolute and prismatic, by the first word of their names."""
 _CHANGE = 1e-3
 """Relative change of a mass [1] or of a centre of mass [mm] that is displayed as none."""

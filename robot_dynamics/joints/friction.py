@@ -13,14 +13,13 @@ identification determines it; τ_load = M a + C v + g − Jᵀ f.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction_terms import FrictionTerm, smooth_sign, TERMS, Viscous
+from robot_dynamics.joints.friction_terms import DRY_FRICTION, Part, smooth_sign, TERMS, VISCOUS
 from robot_dynamics.joints.parameter_field import per_joint_values
 
 SMOOTHING_VELOCITY = 0.01
@@ -29,7 +28,7 @@ PRESLIDINGS = 5.0
 """Width of the compensation of an error at rest, in presliding distances (`tracking_effort`)."""
 UNKNOWN_WIDTH, LEAST_WIDTH = 0.025, 0.005
 """[rad] or [m] of this width, without a presliding distance and at least."""
-FRICTION_FIELDS = tuple(field for term in TERMS for field in term.FIELDS)
+FRICTION_FIELDS = tuple(field for term in TERMS for field in term.fields)
 """The parameters of all terms."""
 _SLOW = 1e-9
 """Velocity [rad/s] or [m/s] at which the slope of friction is that at rest."""
@@ -45,35 +44,44 @@ class FrictionAtRest(NamedTuple):
 class JointFriction:
     """The friction of n joints; the parameters (n,) of all terms are attributes by their names."""
 
-    def __init__(self, terms: Sequence[FrictionTerm]) -> None:
-        self.terms = tuple(terms)
-        for term in self.terms:
-            vars(self).update({
-                field.name: getattr(term, field.name) for field in term.FIELDS})
-        rest = np.zeros_like(self.viscous)
-        self._sticking = [term for term in self.terms if term.dry(rest).any()]
-        self._dry = [term.dry for term in self._sticking]
-        slow = rest + _SLOW
-        smooth = [term for term in self.terms if term.smooth(slow).any()]
-        self._smooth = [term.smooth for term in smooth]
-        self._per_load = [term.per_load for term in self.terms if term.per_load(slow).any()]
-        self._constant: FloatArray = sum((term.constant for term in self.terms), start=rest)
+    def __init__(self, values: Mapping[str, FloatArray]) -> None:
+        vars(self).update(values)
+        self._values, self._rest = values, np.zeros_like(self.viscous)
+        slow = self._rest + _SLOW
+        self._dry = [term.dry for term in TERMS if term.dry and term.dry(self, self._rest).any()]
+        self._smooth, self._per_load = (
+            [part for part in parts if part and part(self, slow).any()] for parts in (
+                [term.smooth for term in TERMS], [term.per_load for term in TERMS]))
+        constants = [term.constant(self) for term in TERMS if term.constant]
+        self._constant: FloatArray = sum(constants, start=self._rest)
         self._has_constant = bool(self._constant.any())
         self.is_dry = bool(self._dry)
         """Whether any joint has dry friction."""
-        self.is_linear = not self._per_load and all(isinstance(term, Viscous) for term in smooth)
+        self.is_linear = not self._per_load and self._smooth in ([], [VISCOUS.smooth])
         """Whether smooth friction is viscous friction."""
         self.is_viscous = self.is_linear and not (self.is_dry or self._has_constant)
         """Whether there is only viscous friction, or no friction."""
+        self.is_zero = self.is_viscous and not self._smooth
+        """Whether there is no friction."""
+        self.at_rest = FrictionAtRest(
+            sum((self._rest + part(self, speed) for term in TERMS if term.kind == DRY_FRICTION
+                 for part, speed in ((term.dry, self._rest), (term.smooth, self._rest + np.inf))
+                 if part), start=self._rest),
+            sum(map(np.abs, constants), start=self._rest))
 
     if TYPE_CHECKING:
         def __getattr__(self, name: str) -> FloatArray: ...
 
     def replaced(self, **values: FloatArray) -> 'JointFriction':
         """Return this friction with other values (n,) of these parameters."""
-        return JointFriction([
-            replace(term, **{field.name: values[field.name] for field in term.FIELDS
-                             if field.name in values}) for term in self.terms])
+        return JointFriction({**self._values, **values})
+
+    def unit(self, name: str) -> 'JointFriction':
+        """Return friction with one magnitude of 1 instead of all others, with the same widths."""
+        one = self._rest + 1.0
+        return self.replaced(**{
+            field.name: one if name in (field.name, field.follows) else self._rest
+            for field in FRICTION_FIELDS if not field.needs})
 
     @cached_property
     def has_gear_terms(self) -> bool:
@@ -81,55 +89,47 @@ class JointFriction:
         return bool(self.sigmoid.any() or self.load.any() or self.effort_offset.any())
 
     @cached_property
-    def is_zero(self) -> bool:
-        """Whether there is no friction."""
-        return self.is_viscous and not self.viscous.any()
-
-    @cached_property
-    def at_rest(self) -> FrictionAtRest:
-        """The friction of all terms at rest."""
-        rest = np.zeros_like(self.viscous)
-        return FrictionAtRest(
-            sum((term.at_rest for term in self.terms), start=rest),
-            sum((np.abs(term.constant) for term in self.terms), start=rest))
-
-    @cached_property
     def breakaway(self) -> FloatArray:
         """Dry friction (n,) up to which a joint sticks, F_s."""
-        return sum((term.at_rest for term in self._sticking), start=np.zeros_like(self.viscous))
+        return self.dry(self._rest)
 
-    @property
+    @cached_property
     def steep_below(self) -> tuple[FloatArray, FloatArray]:
         """The speeds (n,) below which dry and other friction change fast with the speed."""
-        rest = np.zeros_like(self.viscous)
         dry, other = (
-            np.max([rest, *(term.steep_below + rest for term in self.terms
-                            if (term in self._sticking) is is_dry)], axis=0)
+            np.max([self._rest, *(
+                np.where(np.any([self.acts(name) for name in field.needs], axis=0),
+                         field.range * getattr(self, field.name), 0.0)
+                for term in TERMS for field in term.fields
+                if field.range and (term.dry is not None) is is_dry)], axis=0)
             for is_dry in (True, False))
         return dry, other
 
+    def acts(self, name: str) -> BoolArray:
+        """Return at which joints (n,) a parameter differs from that without effect."""
+        value, (follows,) = getattr(self, name), (
+            field.follows for field in FRICTION_FIELDS if field.name == name)
+        return np.asarray(value != (getattr(self, follows) if follows else 0.0))
+
     def counterpart(self, attribute: str) -> FloatArray:
         """Return the parameters (n,) for an attribute of `<dynamics>`: damping or friction."""
-        return sum(
-            (getattr(self, field.name) for field in FRICTION_FIELDS
-             if field.counterpart == attribute), start=np.zeros_like(self.viscous))
+        return sum((getattr(self, field.name) for field in FRICTION_FIELDS
+                    if field.counterpart == attribute), start=self._rest)
 
     @property
     def omitted(self) -> list[str]:
         """What MJCF has no counterpart of."""
-        values = {'': 0.0, **vars(self)}
-        return [
-            field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
-            if (field.omitted or not (field.counterpart or field.needs))
-            and (values[field.name] != values[field.follows]).any()]
+        return [field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
+                if (field.omitted or not (field.counterpart or field.needs))
+                and self.acts(field.name).any()]
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
-        return _sum(self._dry, v)
+        return self._sum(self._dry, v)
 
     def per_load(self, v: FloatArray) -> FloatArray:
         """Return the friction per unit of |load|, (..., n)."""
-        return _sum(self._per_load, v)
+        return self._sum(self._per_load, v)
 
     def effort(
         self, v: FloatArray, load: FloatArray | float = 0.0, sign: FloatArray | None = None,
@@ -140,7 +140,7 @@ class JointFriction:
         `load` (..., n) is the effort of the rigid bodies, M a + C v + g − Jᵀ f. Dry friction has
         the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
-        effort = _sum(self._smooth, v)
+        effort = self._sum(self._smooth, v)
         if self._dry:
             effort = effort + self.dry(v) * (np.sign(v) if sign is None else sign)
         if self._has_constant:
@@ -220,10 +220,10 @@ class JointFriction:
         """
         base = effort - self._constant
         if not is_steep:
-            base = base - direction * self._fast
+            base = base - direction * self.dry(self._rest + np.inf)
 
         def load(v: FloatArray) -> FloatArray:
-            left = base - _sum(self._smooth, v)
+            left = base - self._sum(self._smooth, v)
             return self._load_of(v, left - direction * self.dry(v) if is_steep else left)
 
         return load
@@ -237,18 +237,12 @@ class JointFriction:
         if self.is_linear:
             return self.viscous
         v = np.where(np.abs(v) < _SLOW, _SLOW, v)
-        smooth = _sum(self._smooth, v) + self.per_load(v) * np.abs(load)
+        smooth = self._sum(self._smooth, v) + self.per_load(v) * np.abs(load)
         return np.asarray(smooth / v)
 
     @cached_property
-    def _fast(self) -> FloatArray:
-        """Dry friction at a velocity far beyond that of the Stribeck effect, (n,)."""
-        return self.dry(np.full_like(self.viscous, np.inf))
-
-    @cached_property
     def _at_joint(self) -> 'JointFriction':
-        nothing = np.zeros_like(self.viscous)
-        return self.replaced(sigmoid=nothing, load=nothing, effort_offset=nothing)
+        return self.replaced(sigmoid=self._rest, load=self._rest, effort_offset=self._rest)
 
     def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
         """Return the effort without friction of gears and drives."""
@@ -263,15 +257,13 @@ class JointFriction:
             return effort
         return np.asarray(effort / (1.0 + self.per_load(v) * np.sign(effort)))
 
-
-def _sum(parts: Sequence[Callable[[FloatArray], FloatArray]], v: FloatArray) -> FloatArray:
-    """Return the sum of parts of terms at the velocity v."""
-    if not parts:
-        return np.zeros_like(v)
-    total = parts[0](v)
-    for part in parts[1:]:
-        total = total + part(v)
-    return total
+    def _sum(self, parts: Sequence[Part], v: FloatArray) -> FloatArray:
+        if not parts:
+            return np.zeros_like(v)
+        total = parts[0](self, v)
+        for part in parts[1:]:
+            total = total + part(self, v)
+        return total
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
@@ -280,13 +272,8 @@ def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def make_friction(
-    joint_names: Sequence[str],
-    viscous: Any = (),
-    coulomb: Any = (),
-    static: Any = (),
-    stribeck_velocity: Any = (),
-    offset: Any = (),
-    default: JointFriction | None = None,
+    joint_names: Sequence[str], viscous: Any = (), coulomb: Any = (), static: Any = (),
+    stribeck_velocity: Any = (), offset: Any = (), default: JointFriction | None = None,
     **further: Any,
 ) -> JointFriction:
     """
@@ -297,28 +284,8 @@ def make_friction(
     InvalidInputError that names field, joint and value: for another number of values, a value
     outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
     """
-    terms = _terms(joint_names, {
-        'viscous': viscous, 'coulomb': coulomb, 'static': static,
-        'stribeck_velocity': stribeck_velocity, 'offset': offset, **further}, default)
-    for term in terms:
-        for field, is_valid, expected in term.defects():
-            if not is_valid.all():
-                joint = int(np.argmin(is_valid))
-                raise InvalidInputError(
-                    f'friction.{field} of {joint_names[joint]!r} is '
-                    f'{getattr(term, field)[joint]:g}, expected {expected}')
-    return JointFriction(terms)
-
-
-def unchecked_friction(joint_names: Sequence[str], given: Mapping[str, Any]) -> JointFriction:
-    """Return friction like `make_friction`, of any size, from parameters by their names."""
-    return JointFriction(_terms(joint_names, given, None))
-
-
-def _terms(
-    joint_names: Sequence[str], given: Mapping[str, Any], default: JointFriction | None,
-) -> list[FrictionTerm]:
-    """Return the terms with the given parameters and the defaults of the others."""
+    given = {'viscous': viscous, 'coulomb': coulomb, 'static': static,
+             'stribeck_velocity': stribeck_velocity, 'offset': offset, **further}
     names = [field.name for field in FRICTION_FIELDS]
     unknown = sorted(set(given) - set(names))
     if unknown:
@@ -326,10 +293,12 @@ def _terms(
     values: dict[str, FloatArray] = {}
     for field in FRICTION_FIELDS:
         otherwise = np.full(len(joint_names), field.default or 0.0)
-        if field.follows and (default is None or len(given.get(field.follows, ()))):
+        if field.follows and (default is None or len(given[field.follows])):
             otherwise = values[field.follows]
         elif default is not None:
             otherwise = getattr(default, field.name)
         values[field.name] = per_joint_values(
             f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)
-    return [term(**{field.name: values[field.name] for field in term.FIELDS}) for term in TERMS]
+    for field in FRICTION_FIELDS:
+        field.check(values, joint_names)
+    return JointFriction(values)

@@ -52,7 +52,6 @@ class UncheckedArmDynamics:
         self.rigid_body = UncheckedRigidBody(arm)
         self.friction = arm.friction
         self._dry = arm.friction.breakaway > 0.0
-        self._is_dry = bool(self._dry.any())
         self.is_frictionless = self.friction.is_zero
 
     def inverse_dynamics(
@@ -116,7 +115,7 @@ class UncheckedArmDynamics:
         most F_s holds it (`stiction`); otherwise it breaks away against F_s. Raises
         InvalidInputError if M(q) is singular, because a joint moves no mass.
         """
-        if self._is_dry and bool((self._dry & (v == 0.0)).any()):
+        if self.friction.is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
         if not self.is_frictionless:
             tau = self.friction.load_behind(v, tau)

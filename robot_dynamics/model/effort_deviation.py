@@ -17,11 +17,7 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import (
-    FRICTION_FIELDS,
-    SMOOTHING_VELOCITY,
-    unchecked_friction,
-)
+from robot_dynamics.joints.friction import FRICTION_FIELDS, SMOOTHING_VELOCITY
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -122,11 +118,7 @@ class EffortDeviation:
     def __init__(self, dynamics: ArmDynamics, uncertainty: ModelUncertainty) -> None:
         self._dynamics, self._uncertainty = dynamics.unchecked, uncertainty
         self._regressor = TorqueRegressor(dynamics.arm)
-        friction, names = self._dynamics.friction, dynamics.arm.joint_names
-        widths = {field.name: getattr(friction, field.name)
-                  for field in FRICTION_FIELDS if field.needs}
-        self._units = [unchecked_friction(names, {**widths, name: [1.0]})
-                       for name in FRICTION_PARAMETERS]
+        self._units = [self._dynamics.friction.unit(name) for name in FRICTION_PARAMETERS]
 
     def __call__(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

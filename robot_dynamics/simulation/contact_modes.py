@@ -105,7 +105,7 @@ class ContactModeSolver:
         self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,
     ) -> Modes:
         v = state.v
-        if not self._forces.is_dry:
+        if not self._forces.friction.is_dry:
             return self.free.joints
         if v.all() or v[self._rubs].all():
             return Modes(np.where(self._rubs, np.sign(v), slides), self._none)

@@ -106,7 +106,7 @@ class MotionIntegrator:
 
     def _through_events(self, state: MotionState, h: float) -> StepResult:
         forces = self._forces
-        if forces.backlash is None and not forces.is_dry:
+        if forces.backlash is None and not forces.friction.is_dry:
             free = self._modes.free
             end = self._advance(state, h, free._replace(
                 is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
@@ -274,7 +274,7 @@ class MotionIntegrator:
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, except for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
-        if self._forces.is_frictionless:
+        if self._forces.friction.is_zero:
             return StepEnd(after, 0.0, a_end)
         v = step.velocities[:, :n]
         if modes.springs is not None:

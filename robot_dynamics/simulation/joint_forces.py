@@ -63,8 +63,6 @@ class JointForces:
         self.backlash = Backlash.of(dynamics.arm.actuators)
         self.bristles = Bristles.of(self.friction)
         self.is_damped = bool(self.friction.viscous.any())
-        self.is_dry = self.friction.is_dry
-        self.is_frictionless = self.friction.is_zero
         self._arm = dynamics.arm
         self._bodies: dict[bytes, UncheckedRigidBody] = {}
         self._frictions: dict[bytes, JointFriction] = {}

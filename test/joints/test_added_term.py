@@ -15,7 +15,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, columns_of
-from robot_dynamics.joints.friction_terms import FrictionTerm, Gears, TERMS
+from robot_dynamics.joints.friction_terms import FrictionTerm, GEARS, TERMS
 from robot_dynamics.model.effort_deviation import JOINT_PARAMETERS
 
 
@@ -80,17 +80,17 @@ def test_the_nodes_have_its_parameters(findings: dict[str, Any]) -> None:
 
 # --- what every term has -------------------------------------------------------------------------
 
-def incomplete(term: type[FrictionTerm]) -> list[str]:
+def incomplete(term: FrictionTerm) -> list[str]:
     """Return what a term lacks: the name of a column, a counterpart in MJCF or its absence."""
     names = [column.name for column in columns_of(term)]
     lacking = [] if names and all(names) else ['column']
     return lacking + [
-        field.name for field in term.FIELDS
+        field.name for field in term.fields
         if not (field.needs or field.counterpart or field.omitted)]
 
 
-@pytest.mark.parametrize('term', TERMS)
-def test_a_term_has_a_column_and_a_counterpart_or_its_absence(term: type[FrictionTerm]) -> None:
+@pytest.mark.parametrize('term', TERMS, ids=lambda term: term.fields[0].name)
+def test_a_term_has_a_column_and_a_counterpart_or_its_absence(term: FrictionTerm) -> None:
     assert incomplete(term) == []
 
 
@@ -102,8 +102,7 @@ def test_names_are_unique() -> None:
 @pytest.mark.parametrize(('changes', 'lacking'), [
     ({'heading': ''}, ['column']), ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load'])])
 def test_an_incomplete_term_is_found(
-    changes: dict[str, str], lacking: Sequence[str], monkeypatch: pytest.MonkeyPatch,
+    changes: dict[str, str], lacking: Sequence[str],
 ) -> None:
-    fields = tuple(field._replace(**changes) for field in Gears.FIELDS)
-    monkeypatch.setattr(Gears, 'FIELDS', fields)
-    assert incomplete(Gears) == lacking
+    fields = tuple(field._replace(**changes) for field in GEARS.fields)
+    assert incomplete(GEARS._replace(fields=fields)) == lacking

@@ -3,8 +3,6 @@
 
 """Friction: its curve, its checks, and its effect on a moving arm."""
 
-from dataclasses import fields
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -15,7 +13,7 @@ from robot_dynamics.joints.friction import (
     JointFriction,
     make_friction,
 )
-from robot_dynamics.joints.friction_terms import FrictionTerm, smooth_sign, TERMS
+from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -103,11 +101,6 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     changed = make_friction(NAMES, coulomb=[4.0], default=default)
     assert changed.static.tolist() == [4.0, 4.0]  # raised to the new Coulomb friction
     assert changed.viscous.tolist() == [0.5, 0.0]
-
-
-@pytest.mark.parametrize('term', TERMS)
-def test_the_fields_of_a_term_are_its_parameters(term: type[FrictionTerm]) -> None:
-    assert [field.name for field in term.FIELDS] == [field.name for field in fields(term)]
 
 
 def test_an_empty_parameter_has_the_default_of_its_field() -> None:

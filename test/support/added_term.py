@@ -5,7 +5,7 @@
 A second Stribeck peak, F₂ exp(−(v/v₂)²) sgn v, as a new term of friction, and what it changes.
 
 `extended_package` makes the package as it is after a change of one module: `friction_terms` with
-the class below. This module is a program that uses the extended package and prints what it finds.
+the object below. This module is a program that uses the extended package and prints what it finds.
 """
 
 import json
@@ -15,36 +15,20 @@ import sys
 import robot_dynamics
 
 MODULE = 'joints/friction_terms.py'
-NEW_TERM = '''
+NEW_TERM = """
 
-@dataclass(frozen=True, eq=False)
-class SecondPeak(FrictionTerm):
-    """A second Stribeck peak, F₂ exp(−(v/v₂)²) sgn v."""
+SECOND_PEAK = FrictionTerm(DRY_FRICTION, (
+    ParameterField(
+        'peak', _EFFORT, 0.0, 0.0, 1e6, 'Second Stribeck peak F_2 {unit}', 'peak',
+        omitted='the second Stribeck peak F_2'),
+    ParameterField(
+        'peak_velocity', _VELOCITY, 0.3, 1e-6, 1e3,
+        'Velocity v_2 {unit}, over which the second Stribeck peak decreases', 'peak velocity',
+        ('peak',), range=4.0, candidates=(0.1, 0.3)),
+), dry=lambda f, v: f.peak * stribeck_curve(v, f.peak_velocity))
 
-    peak: FloatArray
-    peak_velocity: FloatArray
-
-    KIND = DRY_FRICTION
-    FIELDS = (
-        ParameterField(
-            'peak', _EFFORT, 0.0, 0.0, 1e6, 'Second Stribeck peak F_2 {unit}', 'peak',
-            omitted='the second Stribeck peak F_2'),
-        ParameterField(
-            'peak_velocity', _VELOCITY, 0.3, 1e-6, 1e3,
-            'Velocity v_2 {unit}, over which the second Stribeck peak decreases', 'peak velocity',
-            ('peak',), candidates=(0.1, 0.3)),
-    )
-
-    def dry(self, v: FloatArray) -> FloatArray:
-        return np.asarray(self.peak * np.exp(-(v / self.peak_velocity)**2))
-
-    @property
-    def steep_below(self) -> FloatArray:
-        return np.where(self.peak > 0.0, _STRIBECK_RANGE * self.peak_velocity, 0.0)
-
-
-TERMS = (*TERMS, SecondPeak)
-'''
+TERMS = (*TERMS, SECOND_PEAK)
+"""
 COULOMB, PEAK, VELOCITY = 1.0, 2.0, 0.3
 SPEEDS = [-0.6, -0.15, 0.05, 0.3]
 PARAMETERS = {
