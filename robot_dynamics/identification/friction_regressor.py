@@ -44,11 +44,6 @@ class Column(NamedTuple):
         """The name, such as 'viscous' or 'sigmoid 0.1'."""
         return self.parameter.heading + (f' {self.candidate:g}' if self.width else '')
 
-    @property
-    def is_sharp(self) -> bool:
-        """Whether the width is 0, which is for single states and no candidate."""
-        return self.width is not None and self.candidate == 0.0
-
     def friction(self, plain: JointFriction, scale: FloatArray) -> JointFriction:
         """Return the friction (n,) whose effort is this column, from one with other widths."""
         widths = {self.width.name: scale * self.candidate} if self.width else {}
@@ -139,7 +134,8 @@ def _choices(term: FrictionTerm) -> list[tuple[int, ...]]:
     """Return the columns of a term by choice: none, or those of one width, with load or not."""
     choices: list[tuple[int, ...]] = [()]
     own = [(i, column) for i, column in enumerate(FRICTION_COLUMNS, 1) if column.term is term]
-    for width in dict.fromkeys(column.candidate for _, column in own if not column.is_sharp):
+    for width in dict.fromkeys(
+            column.candidate for _, column in own if column.candidate or not column.width):
         columns = [i for i, column in own if column.candidate == width]
         choices.append(tuple(i for i in columns if i not in LOAD))
         if len(choices[-1]) < len(columns):

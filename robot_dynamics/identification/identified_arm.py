@@ -22,11 +22,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.identification.friction_regressor import (
-    FRICTION_COLUMNS,
-    INERTIA,
-    scales_of,
-)
+from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS, INERTIA, scales_of
 from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
@@ -153,7 +149,7 @@ def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
                               for field in FRICTION_FIELDS if field.heading}
     for i, column in enumerate(FRICTION_COLUMNS, 1):
         values[column.parameter.name] = values[column.parameter.name] + fit.joint_values[:, i]
-        if column.width is not None:
+        if column.width:
             is_used = [i in structure.columns for structure in fit.structures]
             values[column.width.name] = np.where(
                 is_used, scale * column.candidate, values[column.width.name])

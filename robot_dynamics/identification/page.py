@@ -150,14 +150,11 @@ def _friction_table(identification: Identification) -> Rows:
     """Return friction and rotors with units in the headings."""
     rows = friction_rows(identification)
     units = {field.heading: field.units for field in FRICTION_FIELDS if field.unit}
+    units['reflected inertia'] = list(_INERTIA)
     kinds = set(identification.arm.joint_kinds)
-
-    def headed(heading: str) -> str:
-        if heading == 'reflected inertia':
-            return f'{heading} [{_of_kinds(_INERTIA, kinds)}]'
-        return f'{heading} [{_of_kinds(units[heading], kinds)}]' if heading in units else heading
-
-    return [tuple(map(headed, rows[0])), *rows[1:]]
+    return [tuple(
+        f'{heading} [{_of_kinds(units[heading], kinds)}]' if heading in units else heading
+        for heading in rows[0]), *rows[1:]]
 
 
 def _of_kinds(units: Sequence[str], kinds: set[str]) -> str:

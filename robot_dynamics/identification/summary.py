@@ -14,7 +14,7 @@ from robot_dynamics.identification.active_bounds import (
 )
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
-from robot_dynamics.identification.friction_regressor import INERTIA, OFFSET, VISCOUS
+from robot_dynamics.identification.friction_regressor import DRY, INERTIA, OFFSET, VISCOUS
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
@@ -146,10 +146,9 @@ def _of_friction(identification: Identification) -> Iterator[str]:
     structures = identification.models.choice.structures
     for name in not_separable(identification):
         j = names.index(name)
-        used = [word for word, is_used in (
-            ('viscous friction', structures[j].has(VISCOUS)),
-            ('dry friction', structures[j].dry_count > 0),
-            ('an offset', structures[j].has(OFFSET))) if is_used]
+        used = [word for word, columns in (
+            ('viscous friction', VISCOUS), ('dry friction', DRY), ('an offset', OFFSET))
+            if structures[j].has(columns)]
         yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
 

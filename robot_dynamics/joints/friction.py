@@ -20,7 +20,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction_terms import DRY_FRICTION, Part, smooth_sign, TERMS, VISCOUS
-from robot_dynamics.joints.parameter_field import per_joint_values
+from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
 
 SMOOTHING_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
@@ -94,22 +94,21 @@ class JointFriction:
         return self.dry(self._rest)
 
     @cached_property
-    def steep_below(self) -> tuple[FloatArray, FloatArray]:
-        """The speeds (n,) below which dry and other friction change fast with the speed."""
-        dry, other = (
-            np.max([self._rest, *(
-                np.where(np.any([self.acts(name) for name in field.needs], axis=0),
-                         field.range * getattr(self, field.name), 0.0)
-                for term in TERMS for field in term.fields
-                if field.range and (term.dry is not None) is is_dry)], axis=0)
-            for is_dry in (True, False))
-        return dry, other
+    def steep_below(self) -> FloatArray:
+        """The speeds (2, n) below which dry and other friction change fast with the speed."""
+        speeds = np.zeros((2, len(self._rest)))
+        for term in TERMS:
+            for width in (field for field in term.fields if field.range):
+                acts = [self.acts(field) for field in term.fields if field.name in width.needs]
+                speed = np.any(acts, axis=0) * width.range * getattr(self, width.name)
+                i = int(term.dry is None)
+                speeds[i] = np.maximum(speeds[i], speed)
+        return speeds
 
-    def acts(self, name: str) -> BoolArray:
+    def acts(self, field: ParameterField) -> BoolArray:
         """Return at which joints (n,) a parameter differs from that without effect."""
-        value, (follows,) = getattr(self, name), (
-            field.follows for field in FRICTION_FIELDS if field.name == name)
-        return np.asarray(value != (getattr(self, follows) if follows else 0.0))
+        neutral = getattr(self, field.follows) if field.follows else 0.0
+        return np.asarray(getattr(self, field.name) != neutral)
 
     def counterpart(self, attribute: str) -> FloatArray:
         """Return the parameters (n,) for an attribute of `<dynamics>`: damping or friction."""
@@ -121,7 +120,7 @@ class JointFriction:
         """What MJCF has no counterpart of."""
         return [field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
                 if (field.omitted or not (field.counterpart or field.needs))
-                and self.acts(field.name).any()]
+                and self.acts(field).any()]
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
@@ -147,17 +146,14 @@ class JointFriction:
             effort = effort + self._constant
         return effort + self.per_load(v) * np.abs(load) if self._per_load else effort
 
-    def smooth_effort(
-        self, v: FloatArray, load: FloatArray | float = 0.0,
-        smoothing_velocity: float = SMOOTHING_VELOCITY,
-    ) -> FloatArray:
+    def smooth_effort(self, v: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """
-        Return the effort with tanh(v / smoothing_velocity) instead of the sign, (..., n).
+        Return the effort with tanh(v / SMOOTHING_VELOCITY) instead of the sign, (..., n).
 
         It is used by control laws, whose effort must not chatter around rest, and by the
         identification, in which the sign of a noisy velocity has no meaning.
         """
-        return self.effort(v, load, smooth_sign(v, smoothing_velocity))
+        return self.effort(v, load, smooth_sign(v, SMOOTHING_VELOCITY))
 
     def tracking_effort(
         self, v: FloatArray, error: FloatArray, rate: FloatArray | float = 0.0,

@@ -66,14 +66,13 @@ class ParameterField(NamedTuple):
 
     def check(self, values: Mapping[str, FloatArray], joint_names: Sequence[str]) -> None:
         """Raise InvalidInputError for a value outside its bounds; `values` are all parameters."""
-        low, high, expected = -np.inf, np.inf, ''
-        if self.minimum == 0.0:
-            low, expected = 0.0, 'a number >= 0'
+        value, low, high, expected = values[self.name], 0.0, np.inf, 'a number >= 0'
+        if self.minimum < 0.0:
+            low = -np.inf
         elif self.minimum > 0.0:
             low, expected = SMALLEST_DIVISOR, f'a number > 0, at least {SMALLEST_DIVISOR:g}'
-        if self.minimum == 0.0 and self.maximum < 1.0:
+        elif self.maximum < 1.0:
             high, expected = self.maximum, f'a number in [0, {self.maximum:g}]'
-        value = values[self.name]
         is_valid = (value >= low) & (value <= high)
         if self.follows:
             is_valid &= value >= values[self.follows]

@@ -151,7 +151,7 @@ class MotionIntegrator:
             damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
             return h * float(max(_SPRING_RATE * oscillation, damping))
         in_gears = modes.is_steep and not forces.friction.is_linear
-        if not (forces.is_damped or in_gears):
+        if not (forces.friction.viscous.any() or in_gears):
             return 0.0
         bound = self._damping_bound * h
         if bound <= STIFF and not modes.open.any() and not in_gears:

@@ -62,7 +62,6 @@ class JointForces:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.backlash = Backlash.of(dynamics.arm.actuators)
         self.bristles = Bristles.of(self.friction)
-        self.is_damped = bool(self.friction.viscous.any())
         self._arm = dynamics.arm
         self._bodies: dict[bytes, UncheckedRigidBody] = {}
         self._frictions: dict[bytes, JointFriction] = {}

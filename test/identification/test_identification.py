@@ -55,7 +55,7 @@ def true_values(arm):
     """Return the expected parameters with the friction structure SIGMOID at each joint."""
     return np.concatenate([
         BASE.matrix @ np.concatenate([inertial_parameters(arm), ROTORS]),
-        *np.column_stack([F_V, F_B, F_A])])
+        *np.column_stack([F_V, F_A, F_B])])
 
 
 def estimate(motion, arm=ARM, reference=None):
