@@ -205,7 +205,7 @@ def solve(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
-    return _fit_of(x, own, structures, p)
+    return fit_of(x, own, structures, p)
 
 
 def solve_bounded(
@@ -222,7 +222,7 @@ def solve_bounded(
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
-    return _fit_of(scale * found.x, own, structures, prior.count)
+    return fit_of(scale * found.x, own, structures, prior.count)
 
 
 def bounded_problem(
@@ -268,9 +268,10 @@ def is_physical(fit: Fit, largest: FloatArray) -> bool:
                 and (dry <= largest[:, DRY[0]]).all())
 
 
-def _fit_of(
+def fit_of(
     x: FloatArray, own: Sequence[FloatArray], structures: Sequence[FrictionStructure], p: int,
 ) -> Fit:
+    """Return the fit of the variables x: p of the bodies, then those of the columns `own`."""
     values = np.zeros((len(own), COLUMN_COUNT))
     first = p
     for j, columns in enumerate(own):

@@ -72,6 +72,10 @@ class JointFriction:
     if TYPE_CHECKING:
         def __getattr__(self, name: str) -> FloatArray: ...
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what other processes make this friction from."""
+        return JointFriction, (self._values,)
+
     def replaced(self, **values: FloatArray) -> 'JointFriction':
         """Return this friction with other values (n,) of these parameters."""
         return JointFriction({**self._values, **values})

@@ -3,6 +3,8 @@
 
 """Friction: its curve, its checks, and its effect on a moving arm."""
 
+import pickle
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -162,6 +164,12 @@ def test_friction_at_rest_holds_with_all_its_terms() -> None:
     at_rest = EVERY_TERM.at_rest
     assert at_rest.static.tolist() == [4.5, 2.0]
     assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
+
+
+def test_other_processes_get_the_same_friction() -> None:
+    v, load = np.array([0.3, -0.02]), np.array([4.0, -7.0])
+    copied = pickle.loads(pickle.dumps(EVERY_TERM))
+    assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
 
 
 # --- sticking ------------------------------------------------------------------------------------
