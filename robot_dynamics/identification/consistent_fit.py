@@ -12,12 +12,13 @@ solved by Gauss–Newton steps within a trust region, starting from the URDF.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
-from robot_dynamics.identification.friction_regressor import COLUMN_COUNT, FrictionStructure
-from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, Prior
+from robot_dynamics.identification.friction_regressor import FrictionStructure
+from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, fit_of, Prior
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     divergence_residuals,
@@ -82,12 +83,8 @@ def consistent_fit(
         residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
         max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
     x = np.asarray(found.x)
-    joint_values = np.zeros((n, COLUMN_COUNT))
-    first = p
-    for j, columns in enumerate(own):
-        own_values = x[first:first + len(columns)]
-        # the solver stops just inside its bounds
-        if weights[j] > 0.0:  # without effort, the parameters of a joint are undetermined
-            joint_values[j, columns - p] = np.where(np.abs(own_values) < 1e-8, 0.0, own_values)
-        first += len(columns)
-    return Fit(bodies_of(x), joint_values, tuple(structures))
+    fit = fit_of(x, own, structures, p)
+    # the solver stops just inside its bounds; without effort, parameters are undetermined
+    is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
+    values = np.where(is_zero, 0.0, fit.joint_values)
+    return replace(fit, parameters=bodies_of(x), joint_values=values)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.identification.friction_regressor import FrictionStructure, PAYLOAD
+from robot_dynamics.identification.friction_regressor import PAYLOAD, structure
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Prior
 
@@ -32,7 +32,7 @@ LEAST_TOTAL_CERTAINTY = 2.0
 CONFOUNDED = 2.0
 """Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
 _ITERATIONS = 3
-_FRICTION = FrictionStructure(sigmoid=1).columns
+_FRICTION = structure('sigmoid 0.03').columns
 
 
 class DriveGains(NamedTuple):

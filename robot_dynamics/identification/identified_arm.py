@@ -20,9 +20,9 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.identification.friction_regressor import joint_estimate, JointEstimate
+from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS, INERTIA, scales_of
 from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -41,10 +41,10 @@ _TENSOR = {'ixx': (0, 0), 'ixy': (0, 1), 'ixz': (0, 2), 'iyy': (1, 1), 'iyz': (1
 
 def fitted_urdf(urdf: str, arm: ArmModel, fit: Fit) -> str:
     """Return the URDF with bodies and friction of a fit; raise as `identified_urdf`."""
-    joints = joint_estimates(arm, fit)
+    friction = fitted_friction(arm, fit)
     return identified_urdf(
-        urdf, arm, fit.parameters, np.array([joint.viscous for joint in joints]),
-        np.array([joint.coulomb + joint.sigmoid for joint in joints]))
+        urdf, arm, fit.parameters, friction.counterpart('damping'),
+        friction.counterpart('friction'))
 
 
 def identified_urdf(
@@ -140,11 +140,18 @@ _DIGITS = 9
 _INERTIAS = ('actuator.rotor_inertia', 'actuator.reflected_inertia')
 
 
-def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
-    """Return friction and rotor of each joint."""
-    return tuple(
-        joint_estimate(structure, kind, values[structure.columns])
-        for structure, kind, values in zip(fit.structures, arm.joint_kinds, fit.joint_values))
+def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
+    """Return the friction of the joints; the width of a term that is not used is its default."""
+    scale = scales_of(arm.joint_kinds)
+    values: dict[str, Any] = {field.name: scale * (field.default or 0.0)
+                              for field in FRICTION_FIELDS if field.heading}
+    for i, column in enumerate(FRICTION_COLUMNS, 1):
+        values[column.parameter.name] = values[column.parameter.name] + fit.joint_values[:, i]
+        if column.width:
+            is_used = [i in structure.columns for structure in fit.structures]
+            values[column.width.name] = np.where(
+                is_used, scale * column.candidate, values[column.width.name])
+    return make_friction(arm.joint_names, **values)
 
 
 def parameter_values(
@@ -158,7 +165,7 @@ def parameter_values(
     effort is a current. `given` are the previous parameters; those that the identification does
     not determine are kept.
     """
-    joints = joint_estimates(arm, fit)
+    friction = fitted_friction(arm, fit)
 
     def rounded(found: Sequence[float]) -> list[float]:
         return [float(f'{value:.{_DIGITS}g}') for value in found]
@@ -171,11 +178,10 @@ def parameter_values(
         'command': kept.get('command', 'none'),
         'joints': list(arm.joint_names),
         'gravity': [float(x) for x in arm.pinocchio_model.gravity.linear],
-        **{f'friction.{field.name}': rounded([joint.friction[field.name] for joint in joints])
-           for field in FRICTION_FIELDS
-           if field.name in joints[0].friction},
+        **{f'friction.{field.name}': rounded(getattr(friction, field.name))
+           for field in FRICTION_FIELDS if field.heading},
     }
-    rotors = rounded([joint.reflected_inertia for joint in joints])
+    rotors = rounded(fit.joint_values[:, INERTIA].tolist())
     if any(rotors):
         values['actuator.reflected_inertia'] = rotors
     if drive_gain is not None:

@@ -18,12 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.identification.friction_regressor import (
-    DRY_FRICTION,
-    OFFSET_EFFORT,
-    scale_of,
-    VISCOUS_FRICTION,
-)
+from robot_dynamics.identification.friction_regressor import scales_of
+from robot_dynamics.joints.friction_terms import DRY_FRICTION, OFFSET_EFFORT, VISCOUS_FRICTION
 
 MOVING = 0.1
 """Fraction of the RMS velocity of a joint above which a sample counts as moving."""
@@ -103,7 +99,7 @@ def excitation_of(
     is_moving = np.abs(v) > MOVING * np.sqrt(np.mean(v**2, axis=0)) if len(v) else v > 0.0
     columns = np.stack([v, np.sign(v), np.ones_like(v)], axis=2) * is_moving[:, :, np.newaxis]
     n = v.shape[1]
-    scale = LEAST_TRAVEL * np.array([scale_of(kind) for kind in kinds])
+    scale = LEAST_TRAVEL * scales_of(kinds)
     travel = np.ptp(motion.position[rows], axis=0) / scale if len(v) else np.zeros(n)
     effort = np.zeros((1, n)) if motion.effort is None else motion.effort[rows]
     return JointExcitation(

@@ -115,10 +115,9 @@ def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> V
         REVERSALS if is_friction else RECORD)
 
 
-_TORQUE, _INERTIA = ('N·m', 'N'), ('kg·m²', 'kg')
-_JOINT_UNITS = {
-    'Ia': _INERTIA, 'viscous': ('N·m·s/rad', 'N·s/m'), 'offset': _TORQUE, 'sigmoid': _TORQUE,
-    'Coulomb': _TORQUE, 'load': ('1', '1')}
+_INERTIA = ('kg·m²', 'kg')
+_JOINT_UNITS: dict[str, Sequence[str]] = {'Ia': _INERTIA, **{
+    field.heading: 2 * field.units for field in FRICTION_FIELDS if field.is_estimated}}
 """Units of parameters of a joint, revolute and prismatic, by the first word of their names."""
 _CHANGE = 1e-3
 """Relative change of a mass [1] or of a centre of mass [mm] that is displayed as none."""
@@ -226,17 +225,12 @@ def _point(point: FloatArray) -> str:
 def _friction_table(identification: Identification) -> Rows:
     """Return friction and rotors with units in the headings."""
     rows = friction_rows(identification)
-    units = {field.heading: field.unit for field in FRICTION_FIELDS if field.heading}
+    units = {field.heading: field.units for field in FRICTION_FIELDS if field.unit}
+    units['reflected inertia'] = list(_INERTIA)
     kinds = set(identification.arm.joint_kinds)
-
-    def headed(heading: str) -> str:
-        if heading == 'reflected inertia':
-            return f'{heading} [{_of_kinds(_INERTIA, kinds)}]'
-        both = [part.strip(' []').replace(' ', '·').replace('·s/', '·s/')
-                for part in units.get(heading, '').split(' or ')]
-        return heading if len(both) < 2 else f'{heading} [{_of_kinds(both, kinds)}]'
-
-    return [tuple(map(headed, rows[0])), *rows[1:]]
+    return [tuple(
+        f'{heading} [{_of_kinds(units[heading], kinds)}]' if heading in units else heading
+        for heading in rows[0]), *rows[1:]]
 
 
 def _of_kinds(units: Sequence[str], kinds: set[str]) -> str:

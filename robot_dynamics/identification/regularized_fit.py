@@ -27,15 +27,15 @@ from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_COUNT,
     COULOMB,
+    DRY,
     FrictionStructure,
     INERTIA,
     LOAD,
     OFFSET,
-    SHARP,
     VISCOUS,
 )
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.joints.friction import LARGEST_LOAD_FRACTION
+from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     parameters_of,
@@ -55,7 +55,6 @@ Reflected inertia that is expected at every joint, as a fraction of the largest 
 the rotor of a large reduction may have a larger reflected inertia than a wrist.
 """
 _RIDGE = 1e-9
-_DRY = np.setdiff1d(np.arange(COLUMN_COUNT)[SHARP], np.arange(COLUMN_COUNT)[LOAD])
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +86,16 @@ class Prior:
         largest_effort = np.where(is_measured, excitation.largest_effort, np.inf)
         rms_effort = np.where(is_measured, information.rms_effort, np.inf)
         friction, largest = np.zeros_like(self.friction), np.full_like(self.largest, np.inf)
-        friction[:, OFFSET:] = 1.0 / largest_effort[:, np.newaxis]
+        efforts = np.concatenate([OFFSET, DRY])
+        friction[:, efforts] = 1.0 / largest_effort[:, np.newaxis]
         friction[:, LOAD] = is_measured[:, np.newaxis]
         # if viscous friction is hardly separable, it must stay moderate at other velocities
         is_vague = np.isfinite(self.velocity) & [
             bool(excitation.left_out(joint)) for joint in range(len(self.velocity))]
         friction[:, VISCOUS] = np.where(
-            is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort)
-        largest[:, OFFSET:] = largest_effort[:, np.newaxis]
+            is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort,
+        )[:, np.newaxis]
+        largest[:, efforts] = largest_effort[:, np.newaxis]
         largest[:, LOAD] = LARGEST_LOAD_FRACTION
         return replace(self, friction=friction, largest=largest)
 
@@ -164,7 +165,7 @@ def without_memory(fit: Fit) -> Fit:
     """Return the fit with the sign of velocity instead of the state of presliding."""
     values = fit.joint_values.copy()
     values[:, COULOMB] = 0.0
-    values[:, COULOMB.start] = fit.joint_values[:, COULOMB].sum(axis=1)
+    values[:, COULOMB[0]] = fit.joint_values[:, COULOMB].sum(axis=1)
     return Fit(fit.parameters, values, fit.structures)
 
 
@@ -204,7 +205,7 @@ def solve(
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
-    return _fit_of(x, own, structures, p)
+    return fit_of(x, own, structures, p)
 
 
 def solve_bounded(
@@ -221,7 +222,7 @@ def solve_bounded(
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
-    return _fit_of(scale * found.x, own, structures, prior.count)
+    return fit_of(scale * found.x, own, structures, prior.count)
 
 
 def bounded_problem(
@@ -245,8 +246,8 @@ def bounded_problem(
         # a joint may have two columns of dry friction, which together have the bound
         count = max(structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
-            np.isin(columns - p, _DRY), count, 1)
-        low[part] = np.where(columns - p == OFFSET, -high[part], 0.0)
+            np.isin(columns - p, DRY), count, 1)
+        low[part] = np.where(np.isin(columns - p, OFFSET), -high[part], 0.0)
         first += len(columns)
     A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
     b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
@@ -260,15 +261,17 @@ def is_physical(fit: Fit, largest: FloatArray) -> bool:
     `largest` (n, COLUMN_COUNT) are the bounds of `Prior`; rotors are not checked.
     """
     values = fit.joint_values.copy()
-    offset, dry = np.abs(values[:, OFFSET]), values[:, _DRY].sum(axis=1)
-    values[:, [INERTIA, OFFSET]] = 0.0
+    values[:, INERTIA] = 0.0
+    values[:, OFFSET] = np.abs(values[:, OFFSET])
+    dry = values[:, DRY].sum(axis=1)
     return bool((values >= 0.0).all() and (values <= largest).all()
-                and (offset <= largest[:, OFFSET]).all() and (dry <= largest[:, OFFSET]).all())
+                and (dry <= largest[:, DRY[0]]).all())
 
 
-def _fit_of(
+def fit_of(
     x: FloatArray, own: Sequence[FloatArray], structures: Sequence[FrictionStructure], p: int,
 ) -> Fit:
+    """Return the fit of the variables x: p of the bodies, then those of the columns `own`."""
     values = np.zeros((len(own), COLUMN_COUNT))
     first = p
     for j, columns in enumerate(own):

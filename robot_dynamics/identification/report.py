@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.identification.bag_identification import BagIdentification
+from robot_dynamics.identification.friction_regressor import INERTIA
 from robot_dynamics.identification.identified_arm import (
+    fitted_friction,
     fitted_urdf,
-    joint_estimates,
     kept_fractions,
     parameter_file,
     parameter_values,
@@ -27,6 +28,7 @@ from robot_dynamics.identification.summary import (
     warnings,
 )
 from robot_dynamics.identification.written_uncertainty import uncertainty_values
+from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.reporting.html_page import Origin
 
 FILES = URDF, PARAMETERS, REPORT, FIGURES = (
@@ -69,8 +71,8 @@ def file_notes(identification: Identification, urdf: str) -> list[str]:
     arm, fit = identification.arm, identification.models.consistent
     notes = ['With command: none, the node publishes no effort until another command is set.']
     offsets = [
-        f'{name} {joint.offset:.3g}' for name, joint in zip(
-            arm.joint_names, joint_estimates(arm, fit)) if joint.offset]
+        f'{name} {offset:.3g}' for name, offset in zip(
+            arm.joint_names, fitted_friction(arm, fit).effort_offset) if offset]
     if offsets:
         notes.append(
             f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
@@ -103,7 +105,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     arm, estimate = identification.arm, identification.estimate
     models, choice = identification.models, identification.models.choice
     gains = identification.gains
-    joints = joint_estimates(arm, models.consistent)
+    friction = fitted_friction(arm, models.consistent)
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),
@@ -141,8 +143,11 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
              'relative_deviation': _number(estimate.relative_deviations[i])}
             for i in range(estimate.base_count, len(estimate.names))],
         'friction': [
-            {'joint': name, 'structure': str(structure), **joint._asdict()}
-            for name, structure, joint in zip(arm.joint_names, choice.structures, joints)],
+            {'joint': name, 'structure': str(choice.structures[j]),
+             'reflected_inertia': float(models.consistent.joint_values[j, INERTIA]),
+             **{field.name: float(getattr(friction, field.name)[j])
+                for field in FRICTION_FIELDS if field.heading}}
+            for j, name in enumerate(arm.joint_names)],
         'inertial_parameters': models.consistent.parameters.reshape(-1, 10).tolist(),
         'drive_gain': None if gains is None else {
             'gain': _numbers(gains.gain), 'deviation': _numbers(gains.deviation),

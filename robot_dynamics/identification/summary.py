@@ -8,17 +8,24 @@ They include the bounds of friction and rotors that act: parameters that the dat
 bound.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
-from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, INERTIA, OFFSET, VISCOUS
-from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.friction_regressor import (
+    COLUMN_NAMES,
+    DRY,
+    FRICTION_COLUMNS,
+    INERTIA,
+    OFFSET,
+    VISCOUS,
+)
+from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
-from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.reporting.text_table import percent, Rows
 
@@ -35,7 +42,8 @@ SEEMS_OFF = 2.0
 _MOST_NAMES = 12
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
-_UNITS = {INERTIA: 'kg·m² or kg', VISCOUS: 'N·m·s/rad or N·s/m'}
+_UNITS = (
+    'kg·m² or kg', *(' or '.join(column.parameter.units) for column in FRICTION_COLUMNS))
 
 
 class ActiveBound(NamedTuple):
@@ -94,20 +102,19 @@ def residual_rows(identification: Identification) -> Rows:
 def friction_rows(identification: Identification) -> Rows:
     """Return friction and rotor of each joint."""
     arm, fit = identification.arm, identification.models.consistent
-    joints = joint_estimates(arm, fit)
-    shown = [field for field in FRICTION_FIELDS
-             if field.name in joints[0].friction]
+    friction = fitted_friction(arm, fit)
+    shown = [field for field in FRICTION_FIELDS if field.heading]
     rows: Rows = [('joint', *(field.heading for field in shown), 'reflected inertia')]
-    for name, joint in zip(arm.joint_names, joints):
-        rows.append((name, *(_friction_cell(field, joint.friction) for field in shown),
-                     f'{joint.reflected_inertia:.4g}'))
+    for j, name in enumerate(arm.joint_names):
+        rows.append((name, *(_friction_cell(field, friction, j) for field in shown),
+                     f'{fit.joint_values[j, INERTIA]:.4g}'))
     return rows
 
 
-def _friction_cell(field: ParameterField, friction: Mapping[str, float]) -> str:
-    if field.needs and not any(friction[name] for name in field.needs):
+def _friction_cell(field: ParameterField, friction: JointFriction, joint: int) -> str:
+    if field.needs and not any(getattr(friction, name)[joint] for name in field.needs):
         return '-'
-    value = friction[field.name]
+    value = float(getattr(friction, field.name)[joint])
     return f'{value:.4g}' if field.unit else percent(value)
 
 
@@ -160,10 +167,9 @@ def _of_friction(identification: Identification) -> Iterator[str]:
     structures = identification.models.choice.structures
     for name in not_separable(identification):
         j = names.index(name)
-        used = [word for word, is_used in (
-            ('viscous friction', structures[j].viscous),
-            ('dry friction', structures[j].dry_count > 0),
-            ('an offset', structures[j].offset)) if is_used]
+        used = [word for word, columns in (
+            ('viscous friction', VISCOUS), ('dry friction', DRY), ('an offset', OFFSET))
+            if structures[j].has(columns)]
         yield (f'{name}: {excitation.reason(j)}: viscous friction, dry friction and offset are '
                f'not separable; the model has only {" and ".join(used) or "none of them"}')
 
@@ -177,9 +183,9 @@ def bounds_by_joint(identification: Identification) -> dict[int, list[ActiveBoun
             value = float(bounded.joint_values[j, column])
             other = float(unbounded.joint_values[j, column])
             least = LEAST_DIFFERENCE * max(abs(value), abs(other))
-            if column != OFFSET and other < -least and abs(value) <= -1e-3 * other:
+            if column not in OFFSET and other < -least and abs(value) <= -1e-3 * other:
                 by_joint.setdefault(j, []).append(ActiveBound(
-                    j, COLUMN_NAMES[column], _UNITS.get(column, 'N·m or N'), value, other))
+                    j, COLUMN_NAMES[column], _UNITS[column], value, other))
     return by_joint
 
 

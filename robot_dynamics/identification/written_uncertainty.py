@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.identification.friction_regressor import COULOMB, LOAD, OFFSET, VISCOUS
+from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem
@@ -63,7 +63,8 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
         T[:r, first] = base.matrix[:, p + j]  # the reflected inertia comes first
         for place, column in enumerate(columns[1:].tolist(), start=first + 1):
             T[len(names), place] = 1.0
-            names.append(f'{_friction_name(column - p)}({arm.joint_names[j]})')
+            parameter = FRICTION_COLUMNS[column - p - 1].parameter
+            names.append(f'{parameter.name}({arm.joint_names[j]})')
         first += len(columns)
     # the friction of a joint without effort has no information, and its written values are 0
     norm = np.linalg.norm(A, axis=0)
@@ -74,12 +75,3 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
         values[columns - p] for values, columns in zip(fit.joint_values, own))])
     root = T @ np.column_stack([inverse, written - inverse @ b])
     return tuple(names), np.asarray(root @ root.T)
-
-
-def _friction_name(column: int) -> str:
-    """Return the name of a friction parameter for its column of `friction_regressor`."""
-    if column in (VISCOUS, OFFSET):
-        return 'viscous' if column == VISCOUS else 'effort_offset'
-    if column < LOAD.start:
-        return 'sigmoid'
-    return 'load' if column < COULOMB.start else 'coulomb'

@@ -2,37 +2,25 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Friction at the joints, on the joint side of the gearbox.
+Friction at the joints, on the joint side of the gearbox: the sum of its terms (`friction_terms`).
 
     τ_f = F_v v + [F_c + (F_s − F_c) exp(−(v/v_s)²)] sgn v + F_o
         + (F_a + μ |τ_load|) tanh(v/v_a) + F_b
 
-The first line is viscous friction, Coulomb friction with the Stribeck effect, and an offset by
-which friction differs between the two directions. At rest, dry friction has any value up to F_s
-that holds the joint (`stiction`). The second line is the friction of gears and drives, as
-identification determines it: a sigmoid of width v_a; a fraction μ of the load
-τ_load = M a + C v + g − Jᵀ f, because the load increases the contact forces of the teeth; and the
-constant F_b of a sensor or drive. After a velocity reversal, Coulomb friction changes its sign
-over the presliding distance d
-(`presliding`). Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7),
-1994, sections 2 and 3 (Stribeck's curve in the Gaussian form); B. Siciliano et al., *Robotics*,
-Springer 2009, section 7.3; P. Hamon, M. Gautier, P. Garrec, "Dynamic identification of robots with
-a dry friction model depending on load and velocity", IEEE/RSJ IROS 2010.
-
-A new friction parameter is a field of `JointFriction`, an entry of `FRICTION_FIELDS` and a term of
-`effort`, `load_behind`, `sliding` and `damping`.
+The first line is viscous and dry friction. At rest, dry friction has any value up to F_s that
+holds the joint (`stiction`). The second line is the friction of gears and drives, as
+identification determines it; τ_load = M a + C v + g − Jᵀ f.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction_terms import DRY_FRICTION, Part, smooth_sign, TERMS, VISCOUS
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
-from robot_dynamics.validation import SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
@@ -40,99 +28,64 @@ PRESLIDINGS = 5.0
 """Width of the compensation of an error at rest, in presliding distances (`tracking_effort`)."""
 UNKNOWN_WIDTH, LEAST_WIDTH = 0.025, 0.005
 """[rad] or [m] of this width, without a presliding distance and at least."""
-DEFAULT_STRIBECK_VELOCITY = 0.05
-"""[rad/s] or [m/s]"""
-DEFAULT_SIGMOID_VELOCITY = 0.03
-"""[rad/s] or [m/s]"""
-LARGEST_LOAD_FRACTION = 0.95
-
-FRICTION_FIELDS = (
-    ParameterField(
-        'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6,
-        'Viscous friction F_v {unit}; one value for all joints or one per joint. If empty, the '
-        'damping in the URDF.', 'viscous'),
-    ParameterField(
-        'coulomb', '[N m] or [N]', None, 0.0, 1e6,
-        'Coulomb friction F_c {unit}; one value for all joints or one per joint. If empty, the '
-        'friction in the URDF.', 'Coulomb'),
-    ParameterField(
-        'static', '[N m] or [N]', None, 0.0, 1e6,
-        'Static friction F_s {unit}, up to which a joint sticks; at least F_c. One value for all '
-        'joints or one per joint. If empty, F_c.'),
-    ParameterField(
-        'stribeck_velocity', '[rad/s] or [m/s]', DEFAULT_STRIBECK_VELOCITY, 1e-6, 1e3,
-        'Stribeck velocity v_s {unit}, over which friction decreases from F_s to F_c; one value '
-        'for all joints or one per joint. If empty, {default:g}.'),
-    ParameterField(
-        'offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Direction-dependent part F_o {unit} of the Coulomb friction; its absolute value is at '
-        'most F_c. One value for all joints or one per joint. If empty, {default:g}.'),
-    ParameterField(
-        'sigmoid', '[N m] or [N]', 0.0, 0.0, 1e6,
-        'Friction F_a {unit} with a smooth sign, F_a tanh(v / v_a); one value for all joints or '
-        'one per joint. If empty, {default:g}.',
-        'sigmoid'),
-    ParameterField(
-        'sigmoid_velocity', '[rad/s] or [m/s]', DEFAULT_SIGMOID_VELOCITY, 1e-6, 1e3,
-        'Velocity v_a {unit} over which the friction F_a changes its sign; one value for all '
-        'joints or one per joint. If empty, {default:g}.',
-        'sigmoid velocity', ('sigmoid', 'load')),
-    ParameterField(
-        'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
-        'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
-        'same smooth sign. One value for all joints or one per joint. If empty, {default:g}.',
-        'load'),
-    ParameterField(
-        'effort_offset', '[N m] or [N]', 0.0, -1e6, 1e6,
-        'Constant offset {unit} of the measured effort (sensor or drive bias); one value for all '
-        'joints or one per joint. If empty, {default:g}.', 'offset'),
-    ParameterField(
-        'presliding_distance', '[rad] or [m]', 0.0, 0.0, 10.0,
-        'Distance {unit} over which dry friction yields like a spring before it slides: after a '
-        'velocity reversal it changes its sign over twice this distance. It acts in simulated_arm '
-        'and where the whole motion is known, and sets the width of friction compensation. One '
-        'value for all joints or one per joint. If empty, {default:g}.',
-        'presliding', ('coulomb',)),
-)
-"""The parameters of `JointFriction`, in its order."""
+FRICTION_FIELDS = tuple(field for term in TERMS for field in term.fields)
+"""The parameters of all terms."""
+_SLOW = 1e-9
+"""Velocity [rad/s] or [m/s] at which the slope of friction is that at rest."""
 
 
-@dataclass(frozen=True, eq=False)
-class JointFriction:
-    """
-    Friction of n joints, each parameter (n,).
+class FrictionAtRest(NamedTuple):
+    """The friction (n,) that may hold a joint at rest in any direction, and its offset, >= 0."""
 
-    `viscous` F_v [N·m·s/rad] or [N·s/m]; `coulomb` F_c, `static` F_s ≥ F_c and `offset` F_o with
-    |F_o| ≤ F_c, all [N·m] or [N]; `stribeck_velocity` v_s [rad/s] or [m/s]. Of gears and drives:
-    `sigmoid` F_a [N·m] or [N], `sigmoid_velocity` v_a [rad/s] or [m/s], `load` μ in [0, 1),
-    `effort_offset` F_b [N·m] or [N], `presliding_distance` d [rad] or [m].
-    """
-
-    viscous: FloatArray
-    coulomb: FloatArray
     static: FloatArray
-    stribeck_velocity: FloatArray
     offset: FloatArray
-    sigmoid: FloatArray
-    sigmoid_velocity: FloatArray
-    load: FloatArray
-    effort_offset: FloatArray
-    presliding_distance: FloatArray
 
-    @cached_property
-    def has_stribeck_effect(self) -> bool:
-        """Whether any joint needs more effort to break away than to continue sliding."""
-        return bool((self.static > self.coulomb).any())
 
-    @cached_property
-    def is_viscous(self) -> bool:
-        """Whether there is only viscous friction, or no friction."""
-        return not (self.is_dry or self.coulomb.any() or self.offset.any() or self.has_gear_terms)
+class JointFriction:
+    """The friction of n joints; the parameters (n,) of all terms are attributes by their names."""
 
-    @cached_property
-    def is_dry(self) -> bool:
+    def __init__(self, values: Mapping[str, FloatArray]) -> None:
+        vars(self).update(values)
+        self._values, self._rest = values, np.zeros_like(self.viscous)
+        slow = self._rest + _SLOW
+        self._dry = [term.dry for term in TERMS if term.dry and term.dry(self, self._rest).any()]
+        self._smooth, self._per_load = (
+            [part for part in parts if part and part(self, slow).any()] for parts in (
+                [term.smooth for term in TERMS], [term.per_load for term in TERMS]))
+        constants = [term.constant(self) for term in TERMS if term.constant]
+        self._constant: FloatArray = sum(constants, start=self._rest)
+        self._has_constant = bool(self._constant.any())
+        self.is_dry = bool(self._dry)
         """Whether any joint has dry friction."""
-        return bool(self.static.any())
+        self.is_linear = not self._per_load and self._smooth in ([], [VISCOUS.smooth])
+        """Whether smooth friction is viscous friction."""
+        self.is_viscous = self.is_linear and not (self.is_dry or self._has_constant)
+        """Whether there is only viscous friction, or no friction."""
+        self.is_zero = self.is_viscous and not self._smooth
+        """Whether there is no friction."""
+        self.at_rest = FrictionAtRest(
+            sum((self._rest + part(self, speed) for term in TERMS if term.kind == DRY_FRICTION
+                 for part, speed in ((term.dry, self._rest), (term.smooth, self._rest + np.inf))
+                 if part), start=self._rest),
+            sum(map(np.abs, constants), start=self._rest))
+
+    if TYPE_CHECKING:
+        def __getattr__(self, name: str) -> FloatArray: ...
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what other processes make this friction from."""
+        return JointFriction, (self._values,)
+
+    def replaced(self, **values: FloatArray) -> 'JointFriction':
+        """Return this friction with other values (n,) of these parameters."""
+        return JointFriction({**self._values, **values})
+
+    def unit(self, name: str) -> 'JointFriction':
+        """Return friction with one magnitude of 1 instead of all others, with the same widths."""
+        one = self._rest + 1.0
+        return self.replaced(**{
+            field.name: one if name in (field.name, field.follows) else self._rest
+            for field in FRICTION_FIELDS if not field.needs})
 
     @cached_property
     def has_gear_terms(self) -> bool:
@@ -140,25 +93,46 @@ class JointFriction:
         return bool(self.sigmoid.any() or self.load.any() or self.effort_offset.any())
 
     @cached_property
-    def is_zero(self) -> bool:
-        """Whether there is no friction."""
-        return self.is_viscous and not self.viscous.any()
+    def breakaway(self) -> FloatArray:
+        """Dry friction (n,) up to which a joint sticks, F_s."""
+        return self.dry(self._rest)
+
+    @cached_property
+    def steep_below(self) -> FloatArray:
+        """The speeds (2, n) below which dry and other friction change fast with the speed."""
+        speeds = np.zeros((2, len(self._rest)))
+        for term in TERMS:
+            for width in (field for field in term.fields if field.range):
+                acts = [self.acts(field) for field in term.fields if field.name in width.needs]
+                speed = np.any(acts, axis=0) * width.range * getattr(self, width.name)
+                i = int(term.dry is None)
+                speeds[i] = np.maximum(speeds[i], speed)
+        return speeds
+
+    def acts(self, field: ParameterField) -> BoolArray:
+        """Return at which joints (n,) a parameter differs from that without effect."""
+        neutral = getattr(self, field.follows) if field.follows else 0.0
+        return np.asarray(getattr(self, field.name) != neutral)
+
+    def counterpart(self, attribute: str) -> FloatArray:
+        """Return the parameters (n,) for an attribute of `<dynamics>`: damping or friction."""
+        return sum((getattr(self, field.name) for field in FRICTION_FIELDS
+                    if field.counterpart == attribute), start=self._rest)
 
     @property
-    def at_rest(self) -> 'JointFriction':
-        """The friction with all terms that may hold a joint at rest as static and offset."""
-        nothing = np.zeros_like(self.static)
-        return JointFriction(
-            self.viscous, self.coulomb, self.static + self.sigmoid, self.stribeck_velocity,
-            np.abs(self.offset) + np.abs(self.effort_offset), nothing, self.sigmoid_velocity,
-            nothing, nothing, nothing)
+    def omitted(self) -> list[str]:
+        """What MJCF has no counterpart of."""
+        return [field.omitted or f'friction.{field.name}' for field in FRICTION_FIELDS
+                if (field.omitted or not (field.counterpart or field.needs))
+                and self.acts(field).any()]
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
-        if not self.has_stribeck_effect:
-            return self.coulomb
-        ratio = v / self.stribeck_velocity
-        return np.asarray(self.coulomb + (self.static - self.coulomb) * np.exp(-ratio * ratio))
+        return self._sum(self._dry, v)
+
+    def per_load(self, v: FloatArray) -> FloatArray:
+        """Return the friction per unit of |load|, (..., n)."""
+        return self._sum(self._per_load, v)
 
     def effort(
         self, v: FloatArray, load: FloatArray | float = 0.0, sign: FloatArray | None = None,
@@ -169,23 +143,21 @@ class JointFriction:
         `load` (..., n) is the effort of the rigid bodies, M a + C v + g − Jᵀ f. Dry friction has
         the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
-        effort = self._joint_effort(v, sign)
-        if not self.has_gear_terms:
-            return effort
-        return effort + (self._gear_size(load) * smooth_sign(v, self.sigmoid_velocity)
-                         + self.effort_offset)
+        effort = self._sum(self._smooth, v)
+        if self._dry:
+            effort = effort + self.dry(v) * (np.sign(v) if sign is None else sign)
+        if self._has_constant:
+            effort = effort + self._constant
+        return effort + self.per_load(v) * np.abs(load) if self._per_load else effort
 
-    def smooth_effort(
-        self, v: FloatArray, load: FloatArray | float = 0.0,
-        smoothing_velocity: float = SMOOTHING_VELOCITY,
-    ) -> FloatArray:
+    def smooth_effort(self, v: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """
-        Return the effort with tanh(v / smoothing_velocity) instead of the sign, (..., n).
+        Return the effort with tanh(v / SMOOTHING_VELOCITY) instead of the sign, (..., n).
 
         It is used by control laws, whose effort must not chatter around rest, and by the
         identification, in which the sign of a noisy velocity has no meaning.
         """
-        return self.effort(v, load, smooth_sign(v, smoothing_velocity))
+        return self.effort(v, load, smooth_sign(v, SMOOTHING_VELOCITY))
 
     def tracking_effort(
         self, v: FloatArray, error: FloatArray, rate: FloatArray | float = 0.0,
@@ -223,7 +195,7 @@ class JointFriction:
         self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
     ) -> FloatArray:
         """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
-        return self._load_behind_gears(v, effort - self._joint_effort(v, sign))
+        return self._load_of(v, effort - self.effort(v, 0.0, sign))
 
     def without_dry(
         self, v: FloatArray, effort: FloatArray, direction: FloatArray | None = None,
@@ -234,72 +206,64 @@ class JointFriction:
         Dry friction of sliding joints counts as part of the effort that the gears transmit;
         `direction` (n,) is that of sliding, the sign of v if it is not given.
         """
-        left = effort - self.viscous * v - self.offset
-        if not self.has_gear_terms:
-            return left
-        transmitted = left - self.dry(v) * (np.sign(v) if direction is None else direction)
-        return left - transmitted + self._load_behind_gears(v, transmitted)
+        sign = np.sign(v) if direction is None else direction
+        return self.load_behind(v, effort, sign) + self.dry(v) * sign
 
     def sliding(
-        self, effort: FloatArray, direction: FloatArray, is_stribeck_active: bool,
+        self, effort: FloatArray, direction: FloatArray, is_steep: bool,
     ) -> Callable[[FloatArray], FloatArray]:
         """
         Return the load behind a constant effort (n,), as a function of the velocity (..., n).
 
         Dry friction has the `direction` (n,) of sliding, 0 for joints that do not slide,
-        independent of the sign of the velocity. Without `is_stribeck_active` it is F_c.
+        independent of the sign of the velocity. Without `is_steep` it is that of fast motion, F_c.
         """
-        base, F_v = effort - self.offset, self.viscous
-        if not (self.is_dry or F_v.any()):
-            return lambda v: self._load_behind_gears(v, base)
-        base = base - direction * self.coulomb
-        rise, rate = direction * (self.static - self.coulomb), 1.0 / self.stribeck_velocity
+        base = effort - self._constant
+        if not is_steep:
+            base = base - direction * self.dry(self._rest + np.inf)
 
         def load(v: FloatArray) -> FloatArray:
-            left = base - F_v * v
-            if is_stribeck_active:
-                ratio = v * rate
-                left = left - rise * np.exp(-ratio * ratio)
-            return self._load_behind_gears(v, left)
+            left = base - self._sum(self._smooth, v)
+            return self._load_of(v, left - direction * self.dry(v) if is_steep else left)
 
         return load
 
     def damping(self, v: FloatArray, load: FloatArray) -> FloatArray:
         """
-        Return the viscous friction (..., n) that equals all smooth friction except F_b.
+        Return the viscous friction (..., n) that equals all smooth friction except constants.
 
         It is F_v + (F_a + μ |load|) tanh(v / v_a) / v; at rest tanh(v / v_a) / v is 1 / v_a.
         """
-        if not self.has_gear_terms:
+        if self.is_linear:
             return self.viscous
-        ratio = v / self.sigmoid_velocity
-        with np.errstate(invalid='ignore', divide='ignore'):
-            mean_slope = np.where(np.abs(ratio) < 1e-4, 1.0, np.tanh(ratio) / ratio)
-        return np.asarray(
-            self.viscous + self._gear_size(load) * mean_slope / self.sigmoid_velocity)
+        v = np.where(np.abs(v) < _SLOW, _SLOW, v)
+        smooth = self._sum(self._smooth, v) + self.per_load(v) * np.abs(load)
+        return np.asarray(smooth / v)
+
+    @cached_property
+    def _at_joint(self) -> 'JointFriction':
+        return self.replaced(sigmoid=self._rest, load=self._rest, effort_offset=self._rest)
 
     def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
-        """Return the first line of the law."""
-        if not (self.is_dry or self.offset.any()):
-            return np.asarray(self.viscous * v)
-        direction = np.sign(v) if sign is None else sign
-        return np.asarray(self.viscous * v + self.dry(v) * direction + self.offset)
+        """Return the effort without friction of gears and drives."""
+        return self._at_joint.effort(v, 0.0, sign)
 
     def _gear_size(self, load: FloatArray | float) -> FloatArray:
         return np.asarray(self.sigmoid + self.load * np.abs(load))
 
-    def _load_behind_gears(self, v: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return the load that an effort leaves after the second line of the law."""
-        if not self.has_gear_terms:
+    def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """Return the load that an effort leaves after the friction that depends on it."""
+        if not self._per_load:
             return effort
-        direction = smooth_sign(v, self.sigmoid_velocity)
-        left = effort - self.sigmoid * direction - self.effort_offset
-        return np.asarray(left / (1.0 + self.load * direction * np.sign(left)))
+        return np.asarray(effort / (1.0 + self.per_load(v) * np.sign(effort)))
 
-
-def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatArray:
-    """Return 2 / (1 + exp(−2 v / v_0)) − 1 = tanh(v / v_0): the sign of v, smooth around 0."""
-    return np.asarray(np.tanh(v / smoothing_velocity))
+    def _sum(self, parts: Sequence[Part], v: FloatArray) -> FloatArray:
+        if not parts:
+            return np.zeros_like(v)
+        total = parts[0](self, v)
+        for part in parts[1:]:
+            total = total + part(self, v)
+        return total
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
@@ -308,25 +272,20 @@ def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def make_friction(
-    joint_names: Sequence[str],
-    viscous: Any = (),
-    coulomb: Any = (),
-    static: Any = (),
-    stribeck_velocity: Any = (),
-    offset: Any = (),
-    default: JointFriction | None = None,
-    **gears: Any,
+    joint_names: Sequence[str], viscous: Any = (), coulomb: Any = (), static: Any = (),
+    stribeck_velocity: Any = (), offset: Any = (), default: JointFriction | None = None,
+    **further: Any,
 ) -> JointFriction:
     """
     Return checked friction; each parameter is (n,), one value for all joints, or empty.
 
-    `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. An empty
-    parameter is that of `default`, or the default of the field, or 0; an empty `static` is
-    `coulomb`. Raises InvalidInputError that names field, joint and value: for another number of
-    values, a value outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
+    `further` are other parameters, by their names in `FRICTION_FIELDS`. An empty parameter is that
+    of `default`, or the default of the field, or 0; an empty `static` is `coulomb`. Raises
+    InvalidInputError that names field, joint and value: for another number of values, a value
+    outside its bounds, F_s < F_c, or |F_o| > F_c, which would create energy.
     """
     given = {'viscous': viscous, 'coulomb': coulomb, 'static': static,
-             'stribeck_velocity': stribeck_velocity, 'offset': offset, **gears}
+             'stribeck_velocity': stribeck_velocity, 'offset': offset, **further}
     names = [field.name for field in FRICTION_FIELDS]
     unknown = sorted(set(given) - set(names))
     if unknown:
@@ -334,42 +293,12 @@ def make_friction(
     values: dict[str, FloatArray] = {}
     for field in FRICTION_FIELDS:
         otherwise = np.full(len(joint_names), field.default or 0.0)
-        if default is not None:
+        if field.follows and (default is None or len(given[field.follows])):
+            otherwise = values[field.follows]
+        elif default is not None:
             otherwise = getattr(default, field.name)
-        if field.name == 'static' and (default is None or len(coulomb)):
-            otherwise = values['coulomb']
         values[field.name] = per_joint_values(
             f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)
-    friction = JointFriction(**values)
-    _check(joint_names, friction)
-    return friction
-
-
-def _check(joint_names: Sequence[str], friction: JointFriction) -> None:
-    """Raise InvalidInputError for a value outside its bounds."""
-    F_c = friction.coulomb
-    expected = {
-        'viscous': (friction.viscous >= 0.0, 'a number >= 0'),
-        'coulomb': (F_c >= 0.0, 'a number >= 0'),
-        'static': (friction.static >= F_c, 'at least friction.coulomb of that joint'),
-        'stribeck_velocity': (
-            friction.stribeck_velocity >= SMALLEST_DIVISOR,
-            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
-        'offset': (
-            np.abs(friction.offset) <= F_c,
-            'at most friction.coulomb of that joint in size, or friction would create energy'),
-        'sigmoid': (friction.sigmoid >= 0.0, 'a number >= 0'),
-        'sigmoid_velocity': (
-            friction.sigmoid_velocity >= SMALLEST_DIVISOR,
-            f'a number > 0, at least {SMALLEST_DIVISOR:g}'),
-        'load': (
-            (friction.load >= 0.0) & (friction.load <= LARGEST_LOAD_FRACTION),
-            f'a number in [0, {LARGEST_LOAD_FRACTION:g}]'),
-        'presliding_distance': (friction.presliding_distance >= 0.0, 'a number >= 0'),
-    }
-    for field, (is_valid, words) in expected.items():
-        if not is_valid.all():
-            joint = int(np.argmin(is_valid))
-            raise InvalidInputError(
-                f'friction.{field} of {joint_names[joint]!r} is '
-                f'{getattr(friction, field)[joint]:g}, expected {words}')
+    for field in FRICTION_FIELDS:
+        field.check(values, joint_names)
+    return JointFriction(values)

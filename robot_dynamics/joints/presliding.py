@@ -14,7 +14,8 @@ Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE Trans. Automati
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction_terms import smooth_sign
 
 
 def presliding_state(

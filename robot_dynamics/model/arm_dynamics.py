@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
@@ -50,8 +51,7 @@ class UncheckedArmDynamics:
         self.arm = arm
         self.rigid_body = UncheckedRigidBody(arm)
         self.friction = arm.friction
-        self._dry = arm.friction.static > 0.0
-        self._is_dry = bool(self._dry.any())
+        self._dry = arm.friction.breakaway > 0.0
         self.is_frictionless = self.friction.is_zero
 
     def inverse_dynamics(
@@ -115,7 +115,7 @@ class UncheckedArmDynamics:
         most F_s holds it (`stiction`); otherwise it breaks away against F_s. Raises
         InvalidInputError if M(q) is singular, because a joint moves no mass.
         """
-        if self._is_dry and bool((self._dry & (v == 0.0)).any()):
+        if self.friction.is_dry and bool((self._dry & (v == 0.0)).any()):
             return self._acceleration_from_rest(q, v, tau, wrenches)
         if not self.is_frictionless:
             tau = self.friction.load_behind(v, tau)
@@ -138,7 +138,7 @@ class UncheckedArmDynamics:
         if wrenches:
             effort = effort - body.external(q, wrenches)
         try:
-            modes = choose_modes(M, v, effort, sliding, friction.static)
+            modes = choose_modes(M, v, effort, sliding, friction.breakaway)
             a = hold(M, effort - modes.direction * sliding, modes.stuck).acceleration
         except np.linalg.LinAlgError:
             a = np.full_like(effort, np.nan)

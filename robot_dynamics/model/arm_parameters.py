@@ -25,7 +25,7 @@ from robot_dynamics.joints.effort_convention import (
     make_effort_convention,
     MOTOR_SIDE,
 )
-from robot_dynamics.joints.friction import JointFriction, make_friction
+from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.yaml_text import load_yaml
@@ -88,8 +88,8 @@ def arm_from_parameters(
         return _of_joints(values, name, whole, names)
 
     friction, motors = (
-        {field.name: of_joints(f'{group}.{field.name}') for field in fields(kind)}
-        for group, kind in (('friction', JointFriction), ('actuator', Actuators)))
+        {field.name: of_joints(f'{group}.{field.name}') for field in of_group}
+        for group, of_group in (('friction', FRICTION_FIELDS), ('actuator', fields(Actuators))))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
     arm = arm.with_drive(make_drive_effort(
         names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort,

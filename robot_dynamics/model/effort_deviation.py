@@ -17,7 +17,8 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import FRICTION_FIELDS, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import parameter_names, TorqueRegressor
@@ -28,7 +29,8 @@ from robot_dynamics.validation import (
     covariance_root,
 )
 
-JOINT_PARAMETERS = ('Ia', 'viscous', 'effort_offset', 'sigmoid', 'load', 'coulomb')
+FRICTION_PARAMETERS = tuple(field.name for field in FRICTION_FIELDS if field.is_estimated)
+JOINT_PARAMETERS = ('Ia', *FRICTION_PARAMETERS)
 """Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
 _FIELD = 'uncertainty'
 
@@ -116,6 +118,7 @@ class EffortDeviation:
     def __init__(self, dynamics: ArmDynamics, uncertainty: ModelUncertainty) -> None:
         self._dynamics, self._uncertainty = dynamics.unchecked, uncertainty
         self._regressor = TorqueRegressor(dynamics.arm)
+        self._units = [self._dynamics.friction.unit(name) for name in FRICTION_PARAMETERS]
 
     def __call__(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
@@ -137,13 +140,10 @@ class EffortDeviation:
         """Return the derivatives (n, k) of the effort by the uncertain parameters."""
         if load is None:
             load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
-        friction = self._dynamics.friction
-        slow_sign = smooth_sign(v, friction.sigmoid_velocity)
-        sharp_sign = smooth_sign(v, SMOOTHING_VELOCITY) if smooth else np.sign(v)
-        # in the order of JOINT_PARAMETERS; friction by the load multiplies all of the bodies
-        by_load = 1.0 + friction.load * slow_sign * np.sign(load)
+        sign = smooth_sign(v, SMOOTHING_VELOCITY) if smooth else np.sign(v)
+        # friction by the load multiplies all of the bodies
+        by_load = 1.0 + self._dynamics.friction.per_load(v) * np.sign(load)
         bodies = by_load[:, np.newaxis] * self._regressor(q[None], v[None], a[None])[0]
         joints = np.concatenate([np.diag(column) for column in (
-            by_load * a, v, np.ones_like(v), slow_sign, np.abs(load) * slow_sign, sharp_sign)],
-            axis=1)
+            by_load * a, *(unit.effort(v, load, sign) for unit in self._units))], axis=1)
         return np.asarray(np.concatenate([bodies, joints], axis=1)[:, self._uncertainty.columns])

@@ -57,22 +57,8 @@ def arm_to_mjcf(arm: ArmModel) -> str:
     return ElementTree.tostring(root, encoding='unicode') + '\n'
 
 
-def omitted_friction(arm: ArmModel) -> list[str]:
-    """Return the friction terms of an arm that MuJoCo has not."""
-    friction = arm.friction
-    terms = {
-        'the static friction F_s': friction.static > friction.coulomb,
-        'the offset F_o': friction.offset != 0.0,
-        'the width of the sigmoid F_a': friction.sigmoid > 0.0,
-        'the load-dependent friction': friction.load > 0.0,
-        'the effort offset F_b': friction.effort_offset != 0.0,
-        'the presliding distance': friction.presliding_distance > 0.0,
-    }
-    return [words for words, has in terms.items() if has.any()]
-
-
 def _comment(arm: ArmModel) -> str:
-    omitted = omitted_friction(arm)
+    omitted = arm.friction.omitted
     control = 'motor torque' if arm.actuators else 'joint effort'
     lines = [f'Control: {control}. Velocity limits and geometry are not part of this file.']
     if omitted:
@@ -130,8 +116,9 @@ def _joint(arm: ArmModel, i: int, subspace: FloatArray) -> dict[str, str]:
     armature = arm.pinocchio_model.armature[arm.pinocchio_model.joints[i].idx_v]
     friction = arm.friction
     return {
-        **values, 'armature': _text([armature]), 'damping': _text([friction.viscous[j]]),
-        'frictionloss': _text([friction.coulomb[j] + friction.sigmoid[j]])}
+        **values, 'armature': _text([armature]),
+        'damping': _text([friction.counterpart('damping')[j]]),
+        'frictionloss': _text([friction.counterpart('friction')[j]])}
 
 
 def _add_sites(body: Element, arm: ArmModel, i: int) -> None:

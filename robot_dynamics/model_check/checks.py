@@ -177,7 +177,7 @@ def _check_friction(arm: ArmModel) -> list[Finding]:
     friction, limit = arm.friction, arm.limits.effort
     findings = []
     for title, effort in (
-            ('dry friction F_c + F_a', friction.coulomb + friction.sigmoid),
+            ('dry friction F_c + F_a', friction.counterpart('friction')),
             ('effort offset F_b', np.abs(friction.effort_offset))):
         findings += [
             Finding(

@@ -113,7 +113,7 @@ class GravityCheck:
         self._drive = drive
         self._is_continuous = is_continuous
         self._semantics, self._actuators = semantics, actuators
-        self._friction = friction.static + np.abs(friction.offset)
+        self._friction = sum(friction.at_rest, start=np.zeros(len(is_continuous)))
         gears = actuators is not None and semantics.measured_effort in MOTOR_SIDE
         self._gear_loss = 1.0 / actuators.efficiency - 1.0 if actuators is not None and gears \
             else np.zeros_like(self._friction)

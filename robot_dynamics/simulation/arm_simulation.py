@@ -235,7 +235,7 @@ class ArmSimulation:
         # The predicted velocity in the middle of the step.
         step = self._drive.effort_over_step(tau, now.omega + 0.5 * h * acceleration, h)
         # The effort of a sticking joint has no effect on its velocity.
-        moves = (now.omega != 0.0) | (self._dynamics.friction.static == 0.0)
+        moves = (now.omega != 0.0) | (self._dynamics.friction.breakaway == 0.0)
         if not (step.damping * moves).any():
             return step.effort
         step = step._replace(damping=step.damping * moves)

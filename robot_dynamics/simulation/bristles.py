@@ -82,12 +82,12 @@ class Bristles:
     @staticmethod
     def of(friction: JointFriction) -> 'Bristles | None':
         """Return the bristles of this friction, or None if all joints stick rigidly."""
-        yields = (friction.presliding_distance > 0.0) & (friction.static > 0.0)
+        yields = (friction.presliding_distance > 0.0) & (friction.breakaway > 0.0)
         if not yields.any():
             return None
         return Bristles(
             yields, np.where(yields, friction.presliding_distance, np.inf),
-            np.where(yields, friction.static, 0.0), np.where(yields, friction.offset, 0.0))
+            np.where(yields, friction.breakaway, 0.0), np.where(yields, friction.offset, 0.0))
 
     def initial(self, v: FloatArray) -> FloatArray:
         """Return z (n,) of joints with an unknown past: they slide, or are relaxed at rest."""

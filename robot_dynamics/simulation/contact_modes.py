@@ -20,10 +20,6 @@ _BOUNCES = 40
 """Number of impacts at one time after which teeth stay in contact."""
 _SLOW = 1e-3
 """Velocity [rad/s] or [m/s] below which teeth stay in contact, which ends infinite bounces."""
-_STRIBECK_RANGE = 4.0
-"""Multiple of v_s beyond which friction no longer falls: exp(−4²) is 1e-7."""
-_SIGMOID_RANGE = 9.0
-"""Multiple of v_a beyond which friction of gears no longer rises: 1 − tanh 9 is 3e-8."""
 _TRIES_PER_JOINT = 4
 
 
@@ -44,14 +40,10 @@ class ContactModeSolver:
         n = len(friction.viscous)
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
         yields = self._none if forces.bristles is None else forces.bristles.yields
-        self._rigid = np.where(yields, 0.0, friction.static)
+        self._rigid = np.where(yields, 0.0, friction.breakaway)
         self._rubs = self._rigid > 0.0
-        self._stribeck_limit = np.where(
-            friction.static > friction.coulomb, _STRIBECK_RANGE * friction.stribeck_velocity, 0.0)
-        self._sigmoid_limit = np.where(
-            (friction.sigmoid > 0.0) | (friction.load > 0.0),
-            _SIGMOID_RANGE * friction.sigmoid_velocity, 0.0)
-        self.can_be_steep = friction.has_stribeck_effect or bool(self._sigmoid_limit.any())
+        self._dry_limit, self._smooth_limit = friction.steep_below
+        self.can_be_steep = bool(self._dry_limit.any() or self._smooth_limit.any())
         """Whether friction of some joint changes fast with speed, at some speed."""
         self.free = GearModes(Modes(self._nowhere, self._none), self._nowhere, self._none, False)
         """Without dry friction and backlash."""
@@ -113,7 +105,7 @@ class ContactModeSolver:
         self, state: MotionState, opened: BoolArray, slides: FloatArray, springs: Springs | None,
     ) -> Modes:
         v = state.v
-        if not self._forces.is_dry:
+        if not self._forces.friction.is_dry:
             return self.free.joints
         if v.all() or v[self._rubs].all():
             return Modes(np.where(self._rubs, np.sign(v), slides), self._none)
@@ -171,7 +163,7 @@ class ContactModeSolver:
         if not self.can_be_steep:
             return False
         nearest = np.where(v * after > 0.0, np.minimum(np.abs(v), np.abs(after)), 0.0)
-        if (~joints.stuck & (nearest < self._sigmoid_limit)).any():
+        if (~joints.stuck & (nearest < self._smooth_limit)).any():
             return True
         slowest = np.minimum(v * joints.direction, after * joints.direction)
-        return bool(((joints.direction != 0.0) & (slowest < self._stribeck_limit)).any())
+        return bool(((joints.direction != 0.0) & (slowest < self._dry_limit)).any())

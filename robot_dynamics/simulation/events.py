@@ -173,10 +173,10 @@ class EventFinder:
         """
         forces, (q, v, theta, _, z), (direction, stuck) = self._forces, end.state, modes.joints
         margins = np.full((4, len(v)), np.inf)
-        if forces.is_dry:
+        if forces.friction.is_dry:
             np.divide(direction * v, _AT_REST, out=margins[_TURN], where=direction != 0.0)
         if stuck.any():
-            static = forces.friction.static[stuck]
+            static = forces.friction.breakaway[stuck]
             effort = forces.effort(q, v, modes.open, modes.springs, direction) - (
                 direction * forces.friction.dry(v))
             needed = hold(forces.body_with(modes.open).mass_matrix(q), effort, stuck).friction

@@ -106,7 +106,7 @@ class MotionIntegrator:
 
     def _through_events(self, state: MotionState, h: float) -> StepResult:
         forces = self._forces
-        if forces.backlash is None and not forces.is_dry:
+        if forces.backlash is None and not forces.friction.is_dry:
             free = self._modes.free
             end = self._advance(state, h, free._replace(
                 is_steep=self._modes.is_steep(free.joints, state.v, state.v)), None)
@@ -150,8 +150,8 @@ class MotionIntegrator:
             oscillation = np.sqrt(compliance @ modes.springs.stiffness[free])
             damping = compliance @ forces.damping(q, np.zeros_like(q), modes)[free]
             return h * float(max(_SPRING_RATE * oscillation, damping))
-        in_gears = modes.is_steep and forces.friction.has_gear_terms
-        if not (forces.is_damped or in_gears):
+        in_gears = modes.is_steep and not forces.friction.is_linear
+        if not (forces.friction.viscous.any() or in_gears):
             return 0.0
         bound = self._damping_bound * h
         if bound <= STIFF and not modes.open.any() and not in_gears:
@@ -187,7 +187,7 @@ class MotionIntegrator:
             first = self._advance(state, 0.5 * h, modes, None)
             end = self._advance(first.state, 0.5 * h, modes, None)
             return end._replace(heat=first.heat + end.heat)
-        if modes.is_steep and self._forces.friction.has_gear_terms and stiffness > STIFF:
+        if modes.is_steep and not self._forces.friction.is_linear and stiffness > STIFF:
             end, correction = self._damped(state, q, v, h, acceleration, modes)
             if correction <= _CREEP_TOLERANCE:
                 return end
@@ -274,7 +274,7 @@ class MotionIntegrator:
         after = self._gather(state, step.position, step.velocity, modes)
         # The last stage is at the end of the step, except for an error of order h⁵.
         a_end = step.accelerations[-1, :n]
-        if self._forces.is_frictionless:
+        if self._forces.friction.is_zero:
             return StepEnd(after, 0.0, a_end)
         v = step.velocities[:, :n]
         if modes.springs is not None:

@@ -10,7 +10,6 @@ and their rotors do not move with the joints.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -63,9 +62,6 @@ class JointForces:
         self.friction, self.body = dynamics.friction, dynamics.rigid_body
         self.backlash = Backlash.of(dynamics.arm.actuators)
         self.bristles = Bristles.of(self.friction)
-        self.is_damped = bool(self.friction.viscous.any())
-        self.is_dry = self.friction.is_dry
-        self.is_frictionless = self.friction.is_zero
         self._arm = dynamics.arm
         self._bodies: dict[bytes, UncheckedRigidBody] = {}
         self._frictions: dict[bytes, JointFriction] = {}
@@ -110,8 +106,8 @@ class JointForces:
             return self.friction
         key = opened.tobytes()
         if key not in self._frictions:
-            self._frictions[key] = replace(
-                self.friction, load=np.where(opened, 0.0, self.friction.load))
+            self._frictions[key] = self.friction.replaced(
+                load=np.where(opened, 0.0, self.friction.load))
         return self._frictions[key]
 
     def effort(
@@ -147,7 +143,7 @@ class JointForces:
     def damping(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the viscous friction (n,) that equals all smooth friction at v."""
         damping = self.friction.viscous
-        if self.friction.has_gear_terms:
+        if not self.friction.is_linear:
             damping = self.friction_with(modes.open).damping(
                 v, self.after_friction(modes)(q, v))
         return damping if modes.springs is None else damping + modes.springs.damping_at(v)

@@ -10,7 +10,7 @@ from pathlib import Path
 import sys
 
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.model.mjcf import arm_to_mjcf, omitted_friction
+from robot_dynamics.model.mjcf import arm_to_mjcf
 from robot_dynamics.tools import command_line
 
 
@@ -44,7 +44,7 @@ def _run(arguments: argparse.Namespace) -> int:
         command_line.read_robot(arguments.urdf),
         command_line.read_parameters(arguments.parameters))
     command_line.write_output(arguments.output, arm_to_mjcf(arm), arguments.force)
-    omitted = omitted_friction(arm)
+    omitted = arm.friction.omitted
     if omitted:
         print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
     return command_line.DONE

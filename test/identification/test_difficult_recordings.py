@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.identified_arm import joint_estimates
+from robot_dynamics.identification.friction_regressor import INERTIA
+from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.identification.steps import evaluate_motion
 from robot_dynamics.identification.summary import (
@@ -60,11 +61,11 @@ def test_a_joint_that_moves_in_one_direction(joint, seed):
     assert np.mean(v < -1e-3) > 0.92
     assert not (v > 1e-3).any()
     found = identify(UR5, [noisy(UR5, states, effort, seed)])
-    joint_values = joint_estimates(UR5, found.models.consistent)[joint]
+    friction = fitted_friction(UR5, found.models.consistent)
     largest = np.abs(effort[:, joint]).max()
-    dry = joint_values.coulomb + joint_values.sigmoid
+    dry = friction.counterpart('friction')[joint]
     assert 0.0 < dry < 0.6 * largest
-    assert joint_values.offset == 0.0
+    assert friction.effort_offset[joint] == 0.0
     assert not_separable(found) == {name: ('offset',)}
     assert any(line.startswith(f'{name}: the joint moves in one direction only (0 % of its motion '
                                'forward, 100 % backward)') for line in warnings(found))
@@ -100,9 +101,9 @@ def test_one_speed_does_not_separate_viscous_from_dry_friction():
     effort = imperfect_effort(UR5, states, seed)
     found = identify(UR5, [noisy(UR5, states, effort, seed)])
     assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction',)}
-    values = joint_estimates(UR5, found.models.consistent)[joint]
-    assert values.viscous == 0.0
-    assert 0.0 < values.coulomb + values.sigmoid < np.abs(effort[:, joint]).max()
+    friction = fitted_friction(UR5, found.models.consistent)
+    assert friction.viscous[joint] == 0.0
+    assert 0.0 < friction.counterpart('friction')[joint] < np.abs(effort[:, joint]).max()
 
 
 def test_a_joint_at_rest_has_no_friction():
@@ -113,8 +114,9 @@ def test_a_joint_at_rest_has_no_friction():
     found = identify(UR5, [noisy(UR5, states, imperfect_effort(UR5, states, seed), seed)])
     assert not_separable(found) == {
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
-    values = joint_estimates(UR5, found.models.consistent)[joint]
-    assert (values.viscous, values.coulomb, values.sigmoid, values.load) == (0.0,) * 4
+    friction = fitted_friction(UR5, found.models.consistent)
+    for values in (friction.viscous, friction.coulomb, friction.sigmoid, friction.load):
+        assert values[joint] == 0.0
 
 
 # --- bounds --------------------------------------------------------------------------------------
@@ -126,7 +128,7 @@ def test_a_bound_that_acts_is_reported():
     effort = rigid_effort(changed_arm(UR5, 0.2, seed), states) + 2.0 * np.tanh(states.v / 0.1)
     effort[:, joint] -= 0.4 * states.a[:, joint]
     found = identify(UR5, [noisy(UR5, states, effort, seed)])
-    assert joint_estimates(UR5, found.models.consistent)[joint].reflected_inertia == 0.0
+    assert found.models.consistent.joint_values[joint, INERTIA] == 0.0
     bounds = {bound.parameter: bound for bound in bounds_by_joint(found)[joint]}
     assert bounds['reflected inertia'].value == 0.0
     assert bounds['reflected inertia'].unbounded == pytest.approx(-0.4, abs=0.1)

@@ -16,7 +16,7 @@ import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
-from robot_dynamics.identification.friction_regressor import FrictionStructure, OFFSET
+from robot_dynamics.identification.friction_regressor import OFFSET, structure
 from robot_dynamics.identification.identified_arm import fitted_urdf, parameter_values
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
 from robot_dynamics.identification.qr_information import merge
@@ -43,7 +43,7 @@ ARM = load_arm(default_arm_urdf())
 BASE, PRIOR = base_parameters_of(ARM), prior_of(ARM)
 ROTORS = np.array([0.3, 0.1])
 F_V, F_A, F_B = np.array([1.0, 0.5]), np.array([2.0, 1.0]), np.array([0.2, -0.1])
-SIGMOID = FrictionStructure(sigmoid=2)
+SIGMOID = structure('sigmoid 0.1')
 WIDTH = 0.1
 
 
@@ -55,7 +55,7 @@ def true_values(arm):
     """Return the expected parameters with the friction structure SIGMOID at each joint."""
     return np.concatenate([
         BASE.matrix @ np.concatenate([inertial_parameters(arm), ROTORS]),
-        *np.column_stack([F_V, F_B, F_A])])
+        *np.column_stack([F_V, F_A, F_B])])
 
 
 def estimate(motion, arm=ARM, reference=None):

@@ -3,7 +3,7 @@
 
 """Friction: its curve, its checks, and its effect on a moving arm."""
 
-from dataclasses import fields
+import pickle
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,8 +14,8 @@ from robot_dynamics.joints.friction import (
     FRICTION_FIELDS,
     JointFriction,
     make_friction,
-    smooth_sign,
 )
+from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -105,11 +105,6 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     assert changed.viscous.tolist() == [0.5, 0.0]
 
 
-def test_the_table_of_fields_is_that_of_the_class() -> None:
-    assert [field.name for field in FRICTION_FIELDS] == [
-        field.name for field in fields(JointFriction)]
-
-
 def test_an_empty_parameter_has_the_default_of_its_field() -> None:
     friction = make_friction(NAMES)
     assert friction.is_zero
@@ -169,7 +164,12 @@ def test_friction_at_rest_holds_with_all_its_terms() -> None:
     at_rest = EVERY_TERM.at_rest
     assert at_rest.static.tolist() == [4.5, 2.0]
     assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
-    assert not at_rest.has_gear_terms
+
+
+def test_other_processes_get_the_same_friction() -> None:
+    v, load = np.array([0.3, -0.02]), np.array([4.0, -7.0])
+    copied = pickle.loads(pickle.dumps(EVERY_TERM))
+    assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
 
 
 # --- sticking ------------------------------------------------------------------------------------

@@ -107,7 +107,7 @@ def test_without_parameters_an_arm_has_no_uncertainty():
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'parameters': ['mz(link3)']},
      "uncertainty.parameters has 'mz(link3)', expected names such as 'm(link1)' or "
-     "'coulomb(joint2)'"),
+     "'effort_offset(joint2)'"),
     ({'parameters': ['mz(link2)'] * 3}, "uncertainty.parameters has 'mz(link2)' twice"),
     ({'covariance': COVARIANCE[:5]},
      'uncertainty.covariance has 5 values, expected 6: the lower triangle for the 3 parameters'),

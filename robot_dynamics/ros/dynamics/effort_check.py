@@ -35,7 +35,7 @@ class EffortCheck:
         """Finish at once if the check is disabled or there is no measured effort."""
         self._node, self._names, self._semantics = node, arm.joint_names, semantics
         self._check = GravityCheck(
-            semantics, arm.friction.at_rest, arm.actuators, arm.is_continuous, arm.drive)
+            semantics, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
         self._command: FloatArray | None = None
         self._said: set[str] = {STILL}
         self._verdict: GravityVerdict | None = None
