@@ -24,7 +24,7 @@ from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.model.term_series import model_terms, TermSeries
+from robot_dynamics.model.arm_dynamics import model_terms, TermSeries
 
 
 @dataclass(frozen=True, eq=False)

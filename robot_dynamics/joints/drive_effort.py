@@ -17,9 +17,9 @@ the same drive: e is their sum with the commanded effort.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
@@ -88,13 +88,13 @@ def drive_quantities(joint_names: Sequence[str]) -> list[str]:
 
 
 def make_drive_effort(
-    joint_names: Sequence[str], scale: Any = (), offset: Any = (),
+    joint_names: Sequence[str], scale: npt.ArrayLike = (), offset: npt.ArrayLike = (),
     limit: FloatArray | None = None, covariance: FloatArray | None = None,
 ) -> DriveEffort | None:
     """
     Return checked drives, None if s is exactly 1 and o exactly 0 at every joint.
 
-    `scale` and `offset` are empty (1 and 0), one value for all joints, or one value per joint.
+    `scale` and `offset` are empty (1 and 0), one number for all joints, or one value per joint.
     `limit` (n,) are the effort limits of the joints [N·m] or [N], None for no limits;
     `covariance` (2n, 2n) is already checked (`validation.covariance_root`). Raises
     InvalidInputError for another number of values, for a scale outside LEAST_SCALE to

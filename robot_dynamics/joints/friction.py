@@ -26,13 +26,13 @@ A new friction parameter is a field of `JointFriction`, an entry of `FRICTION_FI
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
-from robot_dynamics.validation import SMALLEST_DIVISOR
+from robot_dynamics.validation import is_empty, SMALLEST_DIVISOR
 
 SMOOTHING_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
@@ -309,16 +309,16 @@ def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
 
 def make_friction(
     joint_names: Sequence[str],
-    viscous: Any = (),
-    coulomb: Any = (),
-    static: Any = (),
-    stribeck_velocity: Any = (),
-    offset: Any = (),
+    viscous: npt.ArrayLike = (),
+    coulomb: npt.ArrayLike = (),
+    static: npt.ArrayLike = (),
+    stribeck_velocity: npt.ArrayLike = (),
+    offset: npt.ArrayLike = (),
     default: JointFriction | None = None,
-    **gears: Any,
+    **gears: npt.ArrayLike,
 ) -> JointFriction:
     """
-    Return checked friction; each parameter is (n,), one value for all joints, or empty.
+    Return checked friction; each parameter is (n,), one number for all joints, or empty.
 
     `gears` are the parameters of gears and drives, by their names in `FRICTION_FIELDS`. An empty
     parameter is that of `default`, or the default of the field, or 0; an empty `static` is
@@ -336,7 +336,7 @@ def make_friction(
         otherwise = np.full(len(joint_names), field.default or 0.0)
         if default is not None:
             otherwise = getattr(default, field.name)
-        if field.name == 'static' and (default is None or len(coulomb)):
+        if field.name == 'static' and (default is None or not is_empty(coulomb)):
             otherwise = values['coulomb']
         values[field.name] = per_joint_values(
             f'friction.{field.name}', given.get(field.name, ()), joint_names, otherwise)

@@ -4,8 +4,9 @@
 """The properties of a joint parameter: name, unit, default, bounds and description."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE
 
@@ -36,10 +37,10 @@ class ParameterField(NamedTuple):
 
 
 def per_joint_values(
-    label: str, value: Any, joint_names: Sequence[str], default: FloatArray,
+    label: str, value: npt.ArrayLike, joint_names: Sequence[str], default: FloatArray,
 ) -> FloatArray:
     """
-    Return a parameter as an array (n,): `value` is empty, one value for all, or one per joint.
+    Return a parameter as an array (n,): `value` is empty, one number for all, or one per joint.
 
     Empty means `default`. Raises InvalidInputError, naming the parameter as `label`, for another
     number of values, or for a value that is not finite or too large.

@@ -11,8 +11,6 @@ Parameters that are not named in the uncertainty count as exact, and so do paylo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
@@ -21,6 +19,7 @@ from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import parameter_names, TorqueRegressor
+from robot_dynamics.model.uncertainty import ModelUncertainty
 from robot_dynamics.validation import (
     check_per_joint,
     check_scalar,
@@ -31,38 +30,6 @@ from robot_dynamics.validation import (
 JOINT_PARAMETERS = ('Ia', 'viscous', 'effort_offset', 'sigmoid', 'load', 'coulomb')
 """Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
 _FIELD = 'uncertainty'
-
-
-@dataclass(frozen=True, eq=False)
-class ModelUncertainty:
-    """
-    The covariance of k parameters of an arm with n joints, and the noise of its measured effort.
-
-    `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
-    B with the covariance B Bᵀ. `effort_noise` (n,) [N·m] or [N] is the standard deviation of the
-    measured effort about the model, after a filter that passes the band of `noise_bandwidth` [Hz].
-    """
-
-    columns: IntArray
-    root: FloatArray
-    effort_noise: FloatArray
-    noise_bandwidth: float
-
-    @property
-    def has_covariance(self) -> bool:
-        """Whether any parameter has a covariance."""
-        return len(self.columns) > 0
-
-    def noise(self, bandwidth: float, dt: float) -> FloatArray:
-        """
-        Return the standard deviation (n,) of the effort noise behind another filter.
-
-        `bandwidth` [Hz] is the equivalent noise bandwidth of the filter, dt [s] the period of the
-        samples. The noise counts as white in a wider band; in a narrower band, it has all its
-        power.
-        """
-        band = min(bandwidth, 0.5 / dt)
-        return np.asarray(self.effort_noise * math.sqrt(max(1.0, band / self.noise_bandwidth)))
 
 
 def uncertain_names(arm: ArmModel) -> tuple[str, ...]:

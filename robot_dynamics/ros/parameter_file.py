@@ -11,7 +11,7 @@ from typing import Any
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.yaml_text import load_yaml
+from robot_dynamics.yaml_text import load_yaml
 
 
 class ParameterFile:

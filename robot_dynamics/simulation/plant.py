@@ -111,7 +111,14 @@ class Simulation(Protocol):
     def step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
     ) -> ArmState:
-        """Return the state after `duration` [s]; raise RobotDynamicsError if it diverges."""
+        """
+        Return the state after `duration` [s].
+
+        Raises RobotDynamicsError if the brakes are engaged, and if the motion diverges.
+        """
+
+    def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Let `duration` [s] pass with engaged brakes; only other bodies move."""
 
 
 class Drives(Protocol):
@@ -223,8 +230,12 @@ class Plant:
 
     def step(self, period: float) -> None:
         """Advance the simulation by `period` [s]."""
+        wrenches = list(self.wrenches.values())
+        if self.simulation.braked:
+            self.simulation.wait(period, wrenches)
+            return
         effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
-        self.simulation.step(effort, period, list(self.wrenches.values()))
+        self.simulation.step(effort, period, wrenches)
 
     def measure(self) -> Measured:
         """Return the present values of the sensors."""

@@ -10,7 +10,7 @@ import numpy as np
 from payload_bench import hidden_load, holds, measured, Samples
 import pytest
 from recordings import START_NS, write_recording
-from robot_dynamics.model.load_regressor import load_parameters
+from robot_dynamics.model.regressor import load_parameters
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
 from robot_dynamics.tools.estimate_payload import main

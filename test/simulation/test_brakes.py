@@ -75,11 +75,11 @@ def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmM
     rotors = REFLECTED_INERTIA if simulation.arm.actuators is not None else 0.0
     links = ArmDynamics(bare()).rigid_body.mass_matrix(simulation.q)
     expected = 0.5 * float(v @ links @ v + rotors * omega @ omega)
-    (kinetic, potential), heat, work = simulation.energy(), simulation.heat, simulation.work
+    (kinetic, potential), heat, work = simulation.energy, simulation.heat, simulation.work
     simulation.brake()
     assert simulation.heat - heat == pytest.approx(expected, rel=1e-12)
     assert expected == pytest.approx(kinetic, rel=1e-12)
-    assert simulation.energy() == (0.0, potential)
+    assert simulation.energy == (0.0, potential)
     assert simulation.work == work
 
 
@@ -92,15 +92,15 @@ def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
 @ARMS
 def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmModel]) -> None:
     simulation = ArmSimulation(make_arm(), START)
-    at_start, turned_over = sum(simulation.energy()), 0.0
+    at_start, turned_over = sum(simulation.energy), 0.0
     for k in range(12):
         simulation.release()
         simulation.step(np.array([-50.0, -11.0]) + 30.0 * np.sin(k + np.arange(2)), 0.08)
-        turned_over += simulation.energy()[0]
+        turned_over += simulation.energy[0]
         if k % 2:
             simulation.brake()
     assert turned_over > 10.0
-    error = sum(simulation.energy()) - at_start - simulation.work + simulation.heat
+    error = sum(simulation.energy) - at_start - simulation.work + simulation.heat
     assert abs(error) < 1e-6 * turned_over
 
 

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.analysis.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel, arm_from_urdf
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
@@ -233,7 +233,7 @@ def _rms(values: FloatArray) -> float:
 
 def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
     """Return the arm with those of its joints that were recorded; the others are locked."""
-    arm = load_arm(urdf)
+    arm = arm_from_urdf(urdf)
     joints = [name for name in arm.joint_names if name in series.joint_names]
     if not joints:
         raise InvalidInputError(
@@ -243,7 +243,7 @@ def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
         return arm
     locked = [name for name in arm.joint_names if name not in joints]
     print(f'  not recorded, therefore locked: {locked}')
-    return load_arm(urdf, joints)
+    return arm_from_urdf(urdf, joints)
 
 
 def _ask_terms(session: Session, arm: ArmModel, motion: FilteredMotion) -> dict[str, FloatArray]:

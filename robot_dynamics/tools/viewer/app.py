@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel, arm_from_urdf
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown
@@ -97,7 +97,7 @@ class Viewer:
         """Show this arm; if that fails, keep the arm before and show the reason."""
         xml, directory, joints = description
         try:
-            arm = load_arm(xml, joints)
+            arm = arm_from_urdf(xml, joints)
         except RobotDynamicsError as error:
             self._arm_problem = str(error)
             return
