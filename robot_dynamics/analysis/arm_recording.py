@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
 from robot_dynamics.recordings.sample_faults import counted

@@ -22,9 +22,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, TermSeries
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.model.arm_dynamics import model_terms, TermSeries
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,7 +131,7 @@ class Actuators:
 
 class ActuatorLoad(NamedTuple):
     """
-    Steady current [A] and voltage [V] of each motor, (n,), and their ratios to the limits.
+    Steady current [A] and voltage [V] of each motor, (..., n), and their ratios to the limits.
 
     A ratio is 0 if there is no limit.
     """
@@ -185,7 +185,7 @@ def make_actuators(
     for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
         if is_empty(value):
             raise InvalidInputError(
-                f'actuator.{field} is empty, expected one number for all of {list(joint_names)} or '
+                f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
                 'one value per joint; only actuator.reflected_inertia needs no motor data')
     K_t, N = (values(field, value, nothing) for field, value in (
         ('torque_constant', torque_constant), ('gear_ratio', gear_ratio)))

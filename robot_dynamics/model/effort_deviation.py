@@ -13,6 +13,7 @@ Parameters that are not named in the uncertainty count as exact, and so do paylo
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
@@ -25,6 +26,7 @@ from robot_dynamics.validation import (
     check_scalar,
     check_unique,
     covariance_root,
+    is_empty,
 )
 
 JOINT_PARAMETERS = ('Ia', 'viscous', 'effort_offset', 'sigmoid', 'load', 'coulomb')
@@ -40,20 +42,20 @@ def uncertain_names(arm: ArmModel) -> tuple[str, ...]:
 
 def make_uncertainty(
     arm: ArmModel, parameters: Sequence[str] = (), covariance: Sequence[float] = (),
-    effort_noise: Sequence[float] = (), noise_bandwidth: float = 0.0,
+    effort_noise: npt.ArrayLike = (), noise_bandwidth: float = 0.0,
 ) -> ModelUncertainty | None:
     """
     Return the checked uncertainty of an arm, None if nothing is given.
 
     `covariance` is the lower triangle, row by row, of the covariance of the named parameters.
-    `effort_noise` [N·m] or [N] has one value for all joints or one per joint; it needs a
+    `effort_noise` [N·m] or [N] is one number for all joints or one value per joint; it needs a
     `noise_bandwidth` [Hz] > 0. Raises InvalidInputError for an unknown name, another number of
     values, a value that is not finite, or a matrix that is not positive semidefinite.
     """
-    if not (len(parameters) or len(covariance) or len(effort_noise)):
+    if is_empty(parameters) and is_empty(covariance) and is_empty(effort_noise):
         return None
     noise = np.zeros(arm.joint_count)
-    if len(effort_noise):
+    if not is_empty(effort_noise):
         noise = check_per_joint(f'{_FIELD}.effort_noise', effort_noise, arm.joint_names)
         for joint, value in zip(arm.joint_names, noise.tolist()):
             check_scalar(f'{_FIELD}.effort_noise of {joint!r}', value, 0.0)

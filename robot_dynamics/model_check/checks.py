@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
 from robot_dynamics.model_check.body_checks import (
     check_extents,

@@ -8,7 +8,7 @@ import textwrap
 from typing import NamedTuple
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model

@@ -16,8 +16,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.model.pseudo_inertia import COUNT
+from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.payload_estimation.information import solve
 from robot_dynamics.payload_estimation.pairing import pair_rests
 from robot_dynamics.payload_estimation.result import make_result, PayloadEstimate

@@ -9,11 +9,10 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.payload_check import LEAST_DISTANCE, reach, REACH_MULTIPLE
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent, NAMES
-from robot_dynamics.model.regressor import random_states
+from robot_dynamics.model.regressor import LoadRegressor, random_states
 from robot_dynamics.payload_estimation.advice import advise, Knowledge
 from robot_dynamics.payload_estimation.information import inverse_of, Solution
 from robot_dynamics.payload_estimation.pairing import RestRows

@@ -26,7 +26,7 @@ from robot_dynamics.animation.chain_animation import chain_frames, frame_count
 from robot_dynamics.animation.video import check_format, Frame, write_video
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress

@@ -19,7 +19,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
 from robot_dynamics.pictures.stick_figure import tool_link

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.external_wrench import ExternalWrench

@@ -10,8 +10,8 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.regressor import load_parameters, LoadRegressor
 from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model.regressor import load_parameters, LoadRegressor
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.recordings import estimate_motion

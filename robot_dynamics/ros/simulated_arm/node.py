@@ -17,7 +17,7 @@ from robot_dynamics.ros.conversions import wrenches_from_ros
 from robot_dynamics.ros.declared_parameters import DeclaredParameters, ParameterSpec, Type, Values
 from robot_dynamics.ros.guarded_callbacks import describe_error, destroyed_unless_made
 from robot_dynamics.ros.node_arguments import NodeUsage
-from robot_dynamics.ros.payloads import changed_payloads, PAYLOAD_SPEC
+from robot_dynamics.ros.payloads import changed_payloads, PAYLOAD_SPEC, payload_warnings
 from robot_dynamics.ros.robot_description import (
     ACTUATOR_SPECS,
     check_joint_count,
@@ -161,6 +161,7 @@ class SimulatedArmNode(PlantNode):
             return response
         response.success = True
         response.message = describe_change(before, payloads)
+        response.warnings = payload_warnings(self._arm, payloads, self._settings.values)
         return response
 
 

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 from robot_dynamics.analysis.motion_filter import filter_motion_below, FILTER_ORDER, FilteredMotion
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.model.arm import ArmModel, arm_from_urdf
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown

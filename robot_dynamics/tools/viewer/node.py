@@ -160,7 +160,8 @@ class ViewerNode:
         future = client.call_async(
             SetPayload.Request(payload=payload, transition_time=seconds))
         future.add_done_callback(lambda done: self._hand_on(
-            done, lambda response: report(f'{name}: {response.message or "done"}')))
+            done, lambda response: report(
+                f'{name}: ' + '; '.join([response.message or 'done', *response.warnings]))))
 
     def reset_simulated_arm(self, report: Callable[[str], None]) -> None:
         """Reset the simulated arm to its initial pose; `report` the response."""
