@@ -15,6 +15,7 @@ __version__: str
 
 if TYPE_CHECKING:
     from robot_dynamics.analysis import analyze_recording as analyze_recording
+    from robot_dynamics.control import ControlLaw as ControlLaw
     from robot_dynamics.control import Controller as Controller
     from robot_dynamics.control import ControllerOptions as ControllerOptions
     from robot_dynamics.control import make_gains as make_gains
@@ -41,6 +42,7 @@ _MODULES = {
     'ArmSimulation': 'robot_dynamics.simulation',
     'ArmState': 'robot_dynamics.simulation',
     'check_model': 'robot_dynamics.model_check',
+    'ControlLaw': 'robot_dynamics.control',
     'Controller': 'robot_dynamics.control',
     'ControllerOptions': 'robot_dynamics.control',
     'identify': 'robot_dynamics.identification',

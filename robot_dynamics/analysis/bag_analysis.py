@@ -12,7 +12,6 @@ where the filter extrapolates, are returned but excluded from the statistics.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
@@ -100,7 +99,7 @@ def analyze_recording(
 
 
 def joint_effort(
-    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, Any],
+    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, object],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on the method."""
     semantics = convention_from_parameters(parameters)

@@ -67,9 +67,9 @@ def make_gains(
     Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
 
     Each is one number for all joints, or one value per joint; `kp` and `kd` take precedence if
-    they are given. Raises InvalidInputError for another number of values, for a negative value or one
-    beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that K_p/K_d
-    exceeds LARGEST_VALUE.
+    they are given. Raises InvalidInputError for another number of values, for a negative value or
+    one beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that
+    K_p/K_d exceeds LARGEST_VALUE.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)

@@ -151,7 +151,7 @@ def joint_estimates(arm: ArmModel, fit: Fit) -> tuple[JointEstimate, ...]:
 
 def parameter_values(
     arm: ArmModel, fit: Fit, drive_gain: Sequence[float] | None = None,
-    given: Mapping[str, Any] | None = None,
+    given: Mapping[str, object] | None = None,
 ) -> dict[str, Any]:
     """
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
@@ -205,7 +205,7 @@ def _order(name: str) -> tuple[bool, str, bool]:
     return (bool(separator), prefix, name != 'joints')
 
 
-def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
+def parameter_file(values: Mapping[str, object], comments: Sequence[str] = ()) -> str:
     """Return a parameter file of ROS 2 for `dynamics` and `simulated_arm`, comments first."""
     lines = [*(f'# {comment}'.rstrip() for comment in comments), '/**:',
              '  ros__parameters:']
@@ -226,7 +226,7 @@ def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> s
     return '\n'.join(lines) + '\n'
 
 
-def _as_yaml(value: Any) -> str:
+def _as_yaml(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return f'[{", ".join(_as_yaml(item) for item in value)}]'
     if isinstance(value, float):

@@ -4,10 +4,14 @@
 """Labels of contour lines, away from the border of the axes, from one another and from marks."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.contour import QuadContourSet
 
 _BORDER, _MARK, _LABEL = 0.06, 0.035, 0.1
 """Clearance of a label, as a share of the axes: to the border, a mark, another label."""
@@ -15,7 +19,7 @@ _SHORTEST = 0.12
 """Length of the shortest line with a label, as a share of the axes."""
 
 
-def label_contours(axes: Any, lines: Any, marks: FloatArray) -> None:
+def label_contours(axes: 'Axes', lines: 'QuadContourSet', marks: FloatArray) -> None:
     """
     Label each contour line once where it has room; lines without room get no label.
 
@@ -35,18 +39,19 @@ def label_contours(axes: Any, lines: Any, marks: FloatArray) -> None:
         if room[best] < 1.0:
             continue
         taken.append(points[best])
+        x, y = line[best]
         axes.text(
-            *line[best], f'{level:g}'.replace('-', '−'), rotation=_slope(points, best),
+            x, y, f'{level:g}'.replace('-', '−'), rotation=_slope(points, best),
             ha='center', va='center', fontsize=9, zorder=2.5, gid='contour label',
             path_effects=[withStroke(linewidth=2.5, foreground='white')])
 
 
-def _extent(axes: Any) -> tuple[FloatArray, FloatArray]:
+def _extent(axes: 'Axes') -> tuple[FloatArray, FloatArray]:
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     return np.array([left, bottom]), np.array([right - left, top - bottom])
 
 
-def _pieces(lines: Any) -> Iterator[tuple[float, FloatArray]]:
+def _pieces(lines: 'QuadContourSet') -> Iterator[tuple[float, FloatArray]]:
     """Yield the level and the points of each connected line of a contour set."""
     for level, pieces in zip(lines.levels, lines.allsegs):
         for piece in pieces:

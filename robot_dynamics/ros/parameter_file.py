@@ -85,7 +85,7 @@ def _do_not_apply(sections: Sequence[str], nodes: Sequence[str]) -> str:
         '/**, which applies to every node in every namespace, or the full name of a node')
 
 
-def write_parameter_file(section: str, values: Mapping[str, Any]) -> str:
+def write_parameter_file(section: str, values: Mapping[str, object]) -> str:
     """Write parameters into a temporary parameter file with one section; return its path."""
     yaml = optional('yaml', 'a parameter file')
     with NamedTemporaryFile(

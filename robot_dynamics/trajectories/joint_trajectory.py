@@ -94,11 +94,11 @@ def make_trajectory(
     """
     Return a checked trajectory in the order of `expected_joints`.
 
-    By default, that is the order of `joint_names`. `times` are the `time_from_start` of the points [s], rounded to 1 ns. `positions`,
-    `velocities` and `accelerations` have one row per point, in the order of `joint_names`; an
-    empty row means that the point omits the field, and `()` instead of all rows that all points
-    do. A single point may have velocity and acceleration: it is a streamed set-point. The last of
-    several points must be at rest.
+    By default, that is the order of `joint_names`. `times` are the `time_from_start` of the points
+    [s], rounded to 1 ns. `positions`, `velocities` and `accelerations` have one row per point, in
+    the order of `joint_names`; an empty row means that the point omits the field, and `()` instead
+    of all rows that all points do. A single point may have velocity and acceleration: it is a
+    streamed set-point. The last of several points must be at rest.
 
     Raises TrajectoryError, whose message names point, field, value and expected values.
     """

@@ -4,7 +4,6 @@
 """The node `simulated_arm`: simulates the motion under efforts, and publishes joint states."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -110,7 +109,7 @@ class SimulatedArmNode(PlantNode):
     Any executor may spin it; simulated time passes from the first spin on.
     """
 
-    def __init__(self, **node_arguments: Any) -> None:
+    def __init__(self, **node_arguments: object) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 

@@ -14,7 +14,6 @@ import subprocess
 import sys
 import time
 from types import TracebackType
-from typing import Any
 
 from robot_dynamics.tools.command_line import ToolError
 
@@ -84,9 +83,9 @@ class NodeProcess:
     """A node with a parameter file and a log file."""
 
     def __init__(
-        self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
+        self, name: str, module: str, parameters: Mapping[str, object], directory: Path,
         others: Path | None = None, arguments: Sequence[str] = (),
-        defaults: Mapping[str, Any] | None = None,
+        defaults: Mapping[str, object] | None = None,
     ) -> None:
         """
         Start the node; its parameters `<name>.yaml` and log `<name>.log` are in `directory`.
@@ -139,7 +138,7 @@ class NodeProcess:
             self._process.wait()
 
 
-def _written(file: Path, parameters: Mapping[str, Any]) -> Path:
+def _written(file: Path, parameters: Mapping[str, object]) -> Path:
     # JSON is YAML in which no name or number can be read as another type.
     file.write_text(
         json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
@@ -155,8 +154,8 @@ class Nodes:
         self._processes: list[NodeProcess] = []
 
     def start(
-        self, name: str, module: str, parameters: Mapping[str, Any], others: Path | None = None,
-        arguments: Sequence[str] = (), defaults: Mapping[str, Any] | None = None,
+        self, name: str, module: str, parameters: Mapping[str, object], others: Path | None = None,
+        arguments: Sequence[str] = (), defaults: Mapping[str, object] | None = None,
     ) -> NodeProcess:
         """Start a node with these parameters, and those of the file `others` and `defaults`."""
         process = NodeProcess(

@@ -85,7 +85,7 @@ class Session:
                 raise DemoError(
                     f'{START_TIMEOUT:g} s passed without {what}.\n{self.nodes.logs()}')
 
-    def call(self, service_type: Any, name: str, request: Any) -> Any:
+    def call(self, service_type: type, name: str, request: object) -> Any:
         """
         Return the response of a service that may be called twice, and record meanwhile.
 

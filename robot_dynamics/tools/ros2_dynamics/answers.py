@@ -87,7 +87,7 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
             ['joint', *MOTORS.values()],
             [[name, *row] for name, *row in zip(names, *motors.values())]))
     blocks.append(_in_words(energies))
-    blocks += warning_lines(response)
+    blocks += warning_lines(response.warnings)
     optional = {'effort_deviation': deviation, **motors}
     return Answer({
         'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
@@ -95,9 +95,9 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
         'warnings': list(response.warnings)}, '\n\n'.join(blocks))
 
 
-def warning_lines(response: Any) -> list[str]:
-    """Return the warnings of a response as text."""
-    return [f'Warning: {warning}' for warning in response.warnings]
+def warning_lines(warnings: Iterable[str]) -> list[str]:
+    """Return the warnings of a response as lines of text."""
+    return [f'Warning: {warning}' for warning in warnings]
 
 
 def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -134,7 +134,7 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
         blocks.append('Christoffel symbols c_ijk that are not 0\n' + text_table(
             ['i', 'j', 'k', 'c_ijk'], rows))
     blocks.append(_in_words(energies))
-    blocks += warning_lines(response)
+    blocks += warning_lines(response.warnings)
     return Answer(data, '\n\n'.join(blocks))
 
 
@@ -181,7 +181,7 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
              'transition_time': arguments.transition, 'warnings': list(response.warnings)},
             '\n'.join([f'{client.name}: {response.message}' + (
                 f', in {arguments.transition:g} s' if arguments.transition else ''),
-                *warning_lines(response)]))
+                *warning_lines(response.warnings)]))
     payloads = _payloads_in_force(client)
     if payloads is None:
         raise NoAnswerError(f'{client.name} does not publish its payloads')

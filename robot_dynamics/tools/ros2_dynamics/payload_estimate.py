@@ -40,5 +40,5 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
         text += (f'\n{response.duration:.1f} s, {response.holds} holds\n\n'
                  f'{text_table(rows[0], rows[1:], left_columns=1)}\n')
         text += ''.join(f'\n{line}' for line in (
-            *response.advice, *response.remarks, *warning_lines(response)))
+            *response.advice, *response.remarks, *warning_lines(response.warnings)))
     return Answer(data, text)
