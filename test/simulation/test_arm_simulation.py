@@ -110,9 +110,12 @@ def test_a_real_arm_keeps_its_energy() -> None:
 
 def test_brakes_hold_until_they_are_released() -> None:
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
-    q, v = simulation.step(np.array([100.0, 50.0]), 1.0)
-    assert q.tolist() == [1.0, 0.5]
-    assert v.tolist() == [0.0, 0.0]
+    for engage in (simulation.reset, simulation.brake, lambda: simulation.wait(1.0)):
+        engage()
+        with pytest.raises(InvalidInputError, match=r'brakes hold the simulated arm.*release\(\)'):
+            simulation.step(np.array([100.0, 50.0]), 1.0)
+        assert simulation.q.tolist() == [1.0, 0.5]
+        assert simulation.v.tolist() == [0.0, 0.0]
     simulation.release()
     assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
 

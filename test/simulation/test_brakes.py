@@ -11,6 +11,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
@@ -65,7 +66,7 @@ def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) 
             assert state.position.tolist() == position.tolist()
             assert state.velocity.tolist() == [0.0, 0.0]
         assert simulation.effort.tolist() == [0.0, 0.0]
-        simulation.step(np.array([100.0, 50.0]), 0.1)
+        simulation.wait(0.1, [ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))])
 
 
 @ARMS

@@ -135,13 +135,14 @@ def test_a_diverging_motion_is_an_error_and_reset_recovers() -> None:
     with pytest.raises(RobotDynamicsError, match='diverges in MuJoCo'):
         arm.step(np.array([1e9]), 0.1)
     arm.reset()
-    assert arm.step(np.zeros(1), 0.002).position.tolist() == [0.0]
+    arm.wait(0.002)
+    assert arm.state.position.tolist() == [0.0]
 
 
 def test_a_period_that_is_no_multiple_of_the_time_step_is_kept() -> None:
     arm = lever()
     for _ in range(30):
-        arm.step(np.zeros(2), 1.0 / 300.0)
+        arm.wait(1.0 / 300.0)
     assert arm.data.time == pytest.approx(0.1)
     assert arm.model.opt.timestep <= 0.002
 

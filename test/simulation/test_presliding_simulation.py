@@ -343,7 +343,7 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it() -> None:
     position, z, energy = simulation.q.copy(), simulation.presliding_state, simulation.energy
     assert z == pytest.approx([0.75, -2.0 / 3.0], rel=0.05)
     simulation.brake()
-    simulation.step(effort, 0.1)
+    simulation.wait(0.1)
     assert simulation.presliding_state.tolist() == z.tolist()
     assert simulation.energy[1] == energy[1]
     simulation.release()
