@@ -15,6 +15,7 @@ __version__: str
 
 if TYPE_CHECKING:
     from robot_dynamics.analysis import analyze_recording as analyze_recording
+    from robot_dynamics.control import ControlLaw as ControlLaw
     from robot_dynamics.control import Controller as Controller
     from robot_dynamics.control import ControllerOptions as ControllerOptions
     from robot_dynamics.control import make_gains as make_gains
@@ -34,27 +35,19 @@ if TYPE_CHECKING:
     from robot_dynamics.trajectories import JointTrajectory as JointTrajectory
     from robot_dynamics.trajectories import make_trajectory as make_trajectory
 
-_MODULES = {
-    'analyze_recording': 'robot_dynamics.analysis',
-    'ArmDynamics': 'robot_dynamics.model',
-    'ArmModel': 'robot_dynamics.model',
-    'ArmSimulation': 'robot_dynamics.simulation',
-    'ArmState': 'robot_dynamics.simulation',
-    'check_model': 'robot_dynamics.model_check',
-    'Controller': 'robot_dynamics.control',
-    'ControllerOptions': 'robot_dynamics.control',
-    'identify': 'robot_dynamics.identification',
-    'JointTrajectory': 'robot_dynamics.trajectories',
-    'load_arm': 'robot_dynamics.model',
-    'make_actuators': 'robot_dynamics.joints',
-    'make_friction': 'robot_dynamics.joints',
-    'make_gains': 'robot_dynamics.control',
-    'make_payload': 'robot_dynamics.model',
-    'make_trajectory': 'robot_dynamics.trajectories',
-    'Payload': 'robot_dynamics.model',
-    'Recording': 'robot_dynamics.recordings',
-    'RobotDynamicsError': 'robot_dynamics.exceptions',
+_NAMES = {
+    'analysis': ('analyze_recording',),
+    'control': ('ControlLaw', 'Controller', 'ControllerOptions', 'make_gains'),
+    'exceptions': ('RobotDynamicsError',),
+    'identification': ('identify',),
+    'joints': ('make_actuators', 'make_friction'),
+    'model': ('ArmDynamics', 'ArmModel', 'load_arm', 'make_payload', 'Payload'),
+    'model_check': ('check_model',),
+    'recordings': ('Recording',),
+    'simulation': ('ArmSimulation', 'ArmState'),
+    'trajectories': ('JointTrajectory', 'make_trajectory'),
 }
+_MODULES = {name: f'{__name__}.{module}' for module, names in _NAMES.items() for name in names}
 """The module of each name."""
 __all__ = sorted(_MODULES)
 

@@ -11,7 +11,7 @@ A number is a real number of Python or numpy; a string, None or a bool is not co
 """
 
 from array import array as typed_array
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from numbers import Real
 from typing import Any
 
@@ -32,7 +32,7 @@ _ROUNDING = 1e-8
 """Largest negative eigenvalue of a covariance, scaled to unit variances, that is rounding."""
 
 
-def holds_numbers(value: Any) -> bool:
+def holds_numbers(value: object) -> bool:
     """Return whether `value` is a number, an array of numbers, or a list or tuple of such."""
     if type(value) in (float, int):
         return True
@@ -44,7 +44,7 @@ def holds_numbers(value: Any) -> bool:
     return isinstance(dtype, np.dtype) and dtype.kind in 'iuf'
 
 
-def _numbers(field: str, value: Any) -> tuple[FloatArray, npt.NDArray[Any]]:
+def _numbers(field: str, value: object) -> tuple[FloatArray, npt.NDArray[Any]]:
     """
     Return `value` as float64, with NaN for non-numeric entries, and the entries as given.
 
@@ -68,7 +68,7 @@ def _numbers(field: str, value: Any) -> tuple[FloatArray, npt.NDArray[Any]]:
     return np.array(floats, dtype=np.float64).reshape(entries.shape), entries
 
 
-def _as_float(entry: Any) -> float | None:
+def _as_float(entry: object) -> float | None:
     """Return a real number as a float, and None for anything else or a number too large."""
     if isinstance(entry, bool) or not isinstance(entry, Real):
         return None
@@ -109,7 +109,7 @@ def _check_size(
 
 
 def check_vector(
-    field: str, value: Any, length: int, names: Sequence[str] | None = None,
+    field: str, value: npt.ArrayLike, length: int, names: Sequence[str] | None = None,
     largest: float = np.inf,
 ) -> FloatArray:
     """
@@ -127,22 +127,22 @@ def check_vector(
 
 
 def check_per_joint(
-    field: str, value: Any, joint_names: Sequence[str], largest: float = np.inf,
+    field: str, value: npt.ArrayLike, joint_names: Sequence[str], largest: float = np.inf,
 ) -> FloatArray:
     """
-    Return one value per joint, shape (n,); `value` holds one for all joints, or one per joint.
+    Return a parameter of the joints as one value per joint, shape (n,).
 
-    Raises InvalidInputError like `check_vector`.
+    `value` is one number for all joints, or an array of one value or of n values. Raises
+    InvalidInputError like `check_vector`.
     """
-    n = len(joint_names)
-    is_one = _numbers(field, value)[0].shape == (1,)
-    given = check_vector(field, value, 1, largest=largest) if is_one else (
-        check_vector(field, value, n, joint_names, largest))
-    return np.array(np.broadcast_to(given, (n,)))
+    array, entries = _numbers(field, value)
+    if array.shape in ((), (1,)):
+        return np.full(len(joint_names), _check_size(field, array, entries, None, largest))
+    return check_vector(field, value, len(joint_names), joint_names, largest).copy()
 
 
 def check_samples(
-    field: str, value: Any, columns: int, names: Sequence[str] | None = None,
+    field: str, value: npt.ArrayLike, columns: int, names: Sequence[str] | None = None,
     largest: float = np.inf,
 ) -> FloatArray:
     """
@@ -164,7 +164,7 @@ def check_samples(
 
 
 def check_states(
-    field: str, value: Any, columns: int, names: Sequence[str] | None = None,
+    field: str, value: npt.ArrayLike, columns: int, names: Sequence[str] | None = None,
 ) -> FloatArray:
     """
     Return one vector, shape (columns,), or many, shape (samples, columns), all finite, as float64.
@@ -176,7 +176,7 @@ def check_states(
     return check(field, entries, columns, names)
 
 
-def check_tensor(field: str, value: Any, largest: float = np.inf) -> FloatArray:
+def check_tensor(field: str, value: npt.ArrayLike, largest: float = np.inf) -> FloatArray:
     """
     Return `value` as a float64 tensor, shape (3, 3), all finite and at most `largest` in size.
 
@@ -223,17 +223,17 @@ def lower_triangle(covariance: FloatArray) -> list[float]:
     return [float(value) for value in covariance[np.tril_indices(len(covariance))]]
 
 
-def is_empty(value: Any) -> bool:
+def is_empty(value: object) -> bool:
     """Return whether `value` is a sequence without entries, which means "not given"."""
     try:
-        return len(value) == 0
-    except TypeError:
+        return isinstance(value, Sized) and len(value) == 0
+    except TypeError:  # an array of numpy without dimensions
         return False
 
 
 def check_scalar(
     field: str,
-    value: Any,
+    value: object,
     minimum: float = -np.inf,
     maximum: float = np.inf,
     exclusive_minimum: bool = False,

@@ -4,6 +4,7 @@
 """The names that `import robot_dynamics` provides, and the modules that it loads."""
 
 import ast
+from collections.abc import Iterator
 from configparser import ConfigParser
 from pathlib import Path
 import re
@@ -65,6 +66,48 @@ def test_no_name_of_a_subpackage_hides_a_module() -> None:
               for name in __import__(f'robot_dynamics.{folder}', fromlist=['__all__']).__all__
               if (root / folder / f'{name}.py').exists()]
     assert not hidden
+
+
+MOST_ANY = 40
+"""Largest number of parameters of public functions and methods whose type is, or has, `Any`."""
+
+
+def public_functions(body: list[ast.stmt]) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    """Yield the functions and methods without a leading underscore, and constructors."""
+    for node in body:
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            if not node.name.startswith('_') or node.name in ('__init__', '__call__'):
+                yield node
+        elif isinstance(node, ast.ClassDef) and not node.name.startswith('_'):
+            yield from public_functions(node.body)
+
+
+def has_any(annotation: ast.expr) -> bool:
+    """Return whether `Any` is the type, or a part of it, also of a type in quotes."""
+    return any(
+        isinstance(node, ast.Name) and node.id == 'Any'
+        or isinstance(node, ast.Constant) and re.search(r'\bAny\b', str(node.value)) is not None
+        for node in ast.walk(annotation))
+
+
+def test_few_public_parameters_have_any_type() -> None:
+    package = Path(robot_dynamics.__file__).parent
+    found, count = [], 0
+    for path in sorted(package.rglob('*.py')):
+        if path.name.startswith('_') and path.name != '__init__.py':
+            continue
+        for function in public_functions(ast.parse(path.read_text(encoding='utf-8')).body):
+            given = function.args
+            count += len(given.args)
+            found += [
+                f'{path.relative_to(package)}: {function.name}({parameter.arg})'
+                for parameter in (*given.posonlyargs, *given.args, *given.kwonlyargs,
+                                  *filter(None, (given.vararg, given.kwarg)))
+                if parameter.annotation is not None and has_any(parameter.annotation)]
+    assert count > 1000
+    assert len(found) <= MOST_ANY, '\n'.join(found)
+    assert has_any(ast.parse("Sequence['Any | None']", mode='eval').body)
+    assert not has_any(ast.parse('Sequence[object]', mode='eval').body)
 
 
 @pytest.fixture(scope='module')

@@ -44,7 +44,7 @@ def main(directory: Path) -> Path:
     rows, poses = [], [links(simulation)]
     for k in range(round(END / STEP)):
         if k == round(BEGIN / STEP):
-            loop.follow(make_trajectory(arm.joint_names, [0.0], [GOAL], (), (), arm.joint_names))
+            loop.follow(make_trajectory(arm.joint_names, [0.0], [GOAL]))
         effort = loop.answer(round(1e9 * (1.0 + k * STEP)), *simulation.state).effort
         assert effort is not None
         simulation.step(effort, STEP)

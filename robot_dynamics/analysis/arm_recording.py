@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
 from robot_dynamics.recordings.sample_faults import counted
@@ -63,7 +63,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         topic = recording.joint_state_topic(settings.topic)
         states = recording.joint_states(topic)
         urdf = settings.urdf or _recorded_urdf(recording)
-        whole = load_arm(urdf, settings.parameters.get('joints') or ())
+        whole = arm_from_urdf(urdf, settings.parameters.get('joints') or ())
         states = states.renamed(_renamed(settings.joint_map, states.joint_names, whole))
         joints = states.together(whole.joint_names)
         if not joints:

@@ -12,7 +12,6 @@ where the filter extrapolates, are returned but excluded from the statistics.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
@@ -22,10 +21,9 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, TermSeries
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.model.rigid_body import RigidBody
-from robot_dynamics.model.term_series import model_terms, TermSeries
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +100,7 @@ def analyze_recording(
 
 
 def joint_effort(
-    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, Any],
+    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, object],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on the method."""
     semantics = convention_from_parameters(parameters)
@@ -123,7 +121,7 @@ def joint_effort(
 
 
 def with_joint_effort(
-    motion: FilteredMotion, arm: ArmModel, parameters: Mapping[str, Any],
+    motion: FilteredMotion, arm: ArmModel, parameters: Mapping[str, object],
 ) -> tuple[FilteredMotion, str]:
     """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
     zero = np.zeros_like(motion.position)

@@ -122,12 +122,12 @@ def _execute(
         return TaskOutcome(bag, error=f'{type(error).__name__}: {error}')
 
 
-def _plain_function(function: Task[Any, Any]) -> Any:
+def _plain_function(function: Task[Any, object]) -> Any:
     return function.func if isinstance(function, partial) else function
 
 
 def task_key(
-    function: Task[Settings, Any], bag: Path, settings: Settings, code: str = '',
+    function: Task[Settings, object], bag: Path, settings: Settings, code: str = '',
 ) -> str:
     """Return the key of a result, a digest of everything that it depends on; raise OSError."""
     digest = hashlib.blake2b(digest_size=20)

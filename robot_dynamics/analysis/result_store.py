@@ -24,7 +24,7 @@ _ARRAY = '__array__'
 """The only name in a JSON object that represents an array; its value is the array's entry."""
 
 
-def save_result(directory: Path, key: str, result: Any) -> None:
+def save_result(directory: Path, key: str, result: object) -> None:
     """Store a result; raise OSError, or TypeError for a type that JSON does not have."""
     arrays: dict[str, Any] = {}
 
@@ -58,7 +58,7 @@ def load_result(directory: Path, key: str) -> Any | None:
         return None
 
 
-def plain_value(value: Any) -> Any:
+def plain_value(value: object) -> Any:
     """
     Return a dataclass or an array for `json.dumps`; raise TypeError for anything else.
 

@@ -10,12 +10,15 @@ both scales.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.planar.chain import NewtonEulerPass
 from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LINK, PALE_LINK, TRAIL = '#4D4D4D', '#C8C8C8', '#B0B0B0'
 FORCE, MOMENT, ACCELERATION, RATE, WEIGHT = VERMILION, PURPLE, BLUE, GREEN, GREY
@@ -67,7 +70,7 @@ def round_number(value: float) -> float:
 class ChainStage:
     """Draws a chain; the axes show everything that was drawn since the last `clear`."""
 
-    def __init__(self, axes: Any, reach: float, upright: bool) -> None:
+    def __init__(self, axes: 'Axes', reach: float, upright: bool) -> None:
         """Set up axes for a chain of this reach [m]; `upright`: it stands upright at zero."""
         self._axes, self._reach = axes, reach
         self._scales = StageScales(1.0, 1.0, 1.0, 1.0)
@@ -198,7 +201,7 @@ class ChainStage:
     def _label(self, at: FloatArray, label: str, colour: str) -> None:
         if label:
             self._drawn.append(self._axes.text(
-                *at, label, color=colour, fontsize=11, ha='center', va='center', zorder=9,
+                at[0], at[1], label, color=colour, fontsize=11, ha='center', va='center', zorder=9,
                 bbox={'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.75, 'pad': 0.6}))
 
     def _arc(

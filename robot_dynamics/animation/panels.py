@@ -4,7 +4,7 @@
 """Bars next to a moving arm: its energies, which add up, and the effort of each joint by term."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.animation.arm_motion import ArmMotion
@@ -20,6 +20,9 @@ from robot_dynamics.reporting.figures import (
     VERMILION,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'residual', 'effort')
 TERM_WORDS = {
     'inertial': 'inertial, M q̈', 'coriolis': 'Coriolis, C q̇', 'gravity': 'gravity, g',
@@ -31,7 +34,7 @@ class _Bars:
     """Horizontal bars with a number next to each."""
 
     def __init__(
-        self, axes: Any, names: Sequence[str], colours: Sequence[str], low: float, high: float,
+        self, axes: 'Axes', names: Sequence[str], colours: Sequence[str], low: float, high: float,
         unit: str,
     ) -> None:
         largest = max(abs(low), abs(high))
@@ -67,7 +70,7 @@ class EnergyPanel:
     Energy and heat together equal the initial energy plus the work of the motors.
     """
 
-    def __init__(self, axes: Any, motion: ArmMotion) -> None:
+    def __init__(self, axes: 'Axes', motion: ArmMotion) -> None:
         self._motion = motion
         ends = np.concatenate([
             motion.energy + motion.heat, motion.energy[0] + motion.work, motion.energy])
@@ -90,7 +93,7 @@ class EnergyPanel:
 class EffortPanel:
     """The effort at one joint by term."""
 
-    def __init__(self, axes: Any, motion: ArmMotion, joint: int) -> None:
+    def __init__(self, axes: 'Axes', motion: ArmMotion, joint: int) -> None:
         self._joint = joint
         self._names = [
             name for name in TERMS if name in motion.terms

@@ -7,11 +7,13 @@ from robot_dynamics.control.control_law import Gains, make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.laws import ControlLaw, LawInput
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
 
 __all__ = [
     'CommandSupervisor',
+    'ControlLaw',
     'Controller',
     'ControllerOptions',
     'ControlOutput',
@@ -19,6 +21,7 @@ __all__ = [
     'EffortLimits',
     'Fault',
     'Gains',
+    'LawInput',
     'make_gains',
     'SafetyOptions',
 ]

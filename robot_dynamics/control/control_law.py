@@ -23,6 +23,7 @@ from math import pi
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, wrap_angle, wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.trajectories.follower import ActiveTrajectory
@@ -59,18 +60,18 @@ class Gains:
 
 def make_gains(
     joint_names: Sequence[str],
-    natural_frequency: Any = (DEFAULT_NATURAL_FREQUENCY,),
-    damping_ratio: Any = (DEFAULT_DAMPING_RATIO,),
-    kp: Any = (),
-    kd: Any = (),
+    natural_frequency: npt.ArrayLike = DEFAULT_NATURAL_FREQUENCY,
+    damping_ratio: npt.ArrayLike = DEFAULT_DAMPING_RATIO,
+    kp: npt.ArrayLike = (),
+    kd: npt.ArrayLike = (),
 ) -> Gains:
     """
     Return gains from ω [rad/s] and ζ per joint (K_p = ω², K_d = 2 ζ ω), or from K_p and K_d.
 
-    Each is one value for all joints, or one value per joint; `kp` and `kd` take precedence if they
-    are given. Raises InvalidInputError for another number of values, for a negative value or one
-    beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that K_p/K_d
-    exceeds LARGEST_VALUE.
+    Each is one number for all joints, or one value per joint; `kp` and `kd` take precedence if
+    they are given. Raises InvalidInputError for another number of values, for a negative value or
+    one beyond LARGEST_VALUE, for a K_p without damping (K_d = 0), and for a K_d so small that
+    K_p/K_d exceeds LARGEST_VALUE.
     """
     omega = per_joint('gains.natural_frequency', natural_frequency, joint_names)
     zeta = per_joint('gains.damping_ratio', damping_ratio, joint_names)
@@ -85,8 +86,8 @@ def make_gains(
     return gains
 
 
-def per_joint(field: str, value: Any, joint_names: Sequence[str]) -> FloatArray:
-    """Return non-negative values (n,), from one value for all joints or one value per joint."""
+def per_joint(field: str, value: npt.ArrayLike, joint_names: Sequence[str]) -> FloatArray:
+    """Return non-negative values (n,), from one number for all joints or one value per joint."""
     values = check_per_joint(field, value, joint_names, LARGEST_VALUE)
     if (values < 0.0).any():
         raise InvalidInputError(f'{field} is {values.tolist()}, expected no value below 0')

@@ -5,7 +5,6 @@
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -43,7 +42,7 @@ class ControlOutput:
     """The dynamics without loads, with the gravity of `robot`."""
     bounds: EffortBounds
     drive: DriveEffort | None
-    lock: AbstractContextManager[Any]
+    lock: AbstractContextManager[object]
     command: FloatArray | None = None
     """
     The effort to command, None for none.

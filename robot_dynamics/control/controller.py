@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 import math
 import threading
-from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -78,7 +77,7 @@ class Controller:
 
     def __init__(
         self, arm: ArmModel, options: ControllerOptions, law: ControlLaw | None = None,
-        lock: AbstractContextManager[Any] | None = None,
+        lock: AbstractContextManager[object] | None = None,
     ) -> None:
         """
         Use the law that `options.command` names, or the given `law`.
@@ -86,7 +85,7 @@ class Controller:
         `lock` protects the control path; `ControlLoop` shares it.
         """
         self.arm = arm
-        self.lock: AbstractContextManager[Any] = threading.RLock() if lock is None else lock
+        self.lock: AbstractContextManager[object] = threading.RLock() if lock is None else lock
         self._exchange = threading.Lock()
         """Held while loads and gravity are prepared and exchanged."""
         self._given_law = law

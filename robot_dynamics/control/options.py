@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
@@ -49,8 +50,8 @@ class ControllerOptions:
     """Slow down an infeasible trajectory or set-point instead of rejecting it."""
     stops_and_holds: bool = False
     """Without a reference, stop from the measured state and hold, not only compensate gravity."""
-    following_error: FloatArray | None = None
-    """Limit of the following error (n,) [rad] or [m], 0 for no limit; None for the default."""
+    following_error: npt.ArrayLike | None = None
+    """Limit of the following error [rad] or [m], (n,) or one for all joints; 0: no limit."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
     estimates_velocity: bool = False
@@ -63,7 +64,8 @@ class ControllerOptions:
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for no limit."""
         if self.following_error is not None:
-            return np.where(self.following_error > 0.0, self.following_error, math.inf)
+            limit = np.full_like(velocity_limit, self.following_error)
+            return np.where(limit > 0.0, limit, math.inf)
         return np.where(
             np.isfinite(velocity_limit), ERROR_TIME * velocity_limit, DEFAULT_ERROR)
 

@@ -26,10 +26,10 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
-from robot_dynamics.model.yaml_text import dump_yaml
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.validation import lower_triangle
+from robot_dynamics.yaml_text import dump_yaml
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12
@@ -156,7 +156,7 @@ def fitted_friction(arm: ArmModel, fit: Fit) -> JointFriction:
 
 def parameter_values(
     arm: ArmModel, fit: Fit, drive_gain: Sequence[float] | None = None,
-    given: Mapping[str, Any] | None = None,
+    given: Mapping[str, object] | None = None,
 ) -> dict[str, Any]:
     """
     Return the parameters of `dynamics_node`, by name, that belong to the identified URDF.
@@ -202,7 +202,7 @@ def parameter_values(
     return {**kept, **values}
 
 
-def parameter_file(values: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
+def parameter_file(values: Mapping[str, object], comments: Sequence[str] = ()) -> str:
     """Return a parameter file of ROS 2 for `dynamics` and `simulated_arm`, comments first."""
     parameters: dict[str, Any] = {}
     for name, value in values.items():

@@ -36,7 +36,7 @@ FILES = URDF, PARAMETERS, REPORT, FIGURES = (
 
 
 def write_identification(
-    found: BagIdentification, urdf: str, directory: Path, given: Mapping[str, Any],
+    found: BagIdentification, urdf: str, directory: Path, given: Mapping[str, object],
     origin: Origin,
 ) -> list[Path]:
     """

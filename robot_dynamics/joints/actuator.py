@@ -18,13 +18,14 @@ direction of power.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
-from robot_dynamics.validation import SMALLEST_DIVISOR
+from robot_dynamics.validation import is_empty, SMALLEST_DIVISOR
 
 DEFAULT_CURRENT_TIME_CONSTANT = 2e-4
 """[s]"""
@@ -130,7 +131,7 @@ class Actuators:
 
 class ActuatorLoad(NamedTuple):
     """
-    Steady current [A] and voltage [V] of each motor, (n,), and their ratios to the limits.
+    Steady current [A] and voltage [V] of each motor, (..., n), and their ratios to the limits.
 
     A ratio is 0 if there is no limit.
     """
@@ -143,22 +144,22 @@ class ActuatorLoad(NamedTuple):
 
 def make_actuators(
     joint_names: Sequence[str],
-    torque_constant: Any,
-    gear_ratio: Any,
-    back_emf_constant: Any = (),
-    resistance: Any = (),
-    inductance: Any = (),
-    rotor_inertia: Any = (),
-    efficiency: Any = (),
-    current_limit: Any = (),
-    voltage_limit: Any = (),
-    current_time_constant: Any = (),
-    backlash: Any = (),
-    restitution: Any = (),
-    reflected_inertia: Any = (),
+    torque_constant: npt.ArrayLike,
+    gear_ratio: npt.ArrayLike,
+    back_emf_constant: npt.ArrayLike = (),
+    resistance: npt.ArrayLike = (),
+    inductance: npt.ArrayLike = (),
+    rotor_inertia: npt.ArrayLike = (),
+    efficiency: npt.ArrayLike = (),
+    current_limit: npt.ArrayLike = (),
+    voltage_limit: npt.ArrayLike = (),
+    current_time_constant: npt.ArrayLike = (),
+    backlash: npt.ArrayLike = (),
+    restitution: npt.ArrayLike = (),
+    reflected_inertia: npt.ArrayLike = (),
 ) -> Actuators:
     """
-    Return checked actuators; each parameter is (n,), one value for all joints, or empty.
+    Return checked actuators; each parameter is (n,), one number for all joints, or empty.
 
     Empty means: K_e = K_t (equal in SI units), no resistance, inductance or rotor inertia, η = 1,
     no limits, no backlash, e = 0. `reflected_inertia` N² J_r [kg·m²] or [kg] may replace
@@ -170,7 +171,7 @@ def make_actuators(
     n = len(joint_names)
     nothing, unlimited = np.zeros(n), np.full(n, np.inf)
 
-    def values(field: str, value: Any, otherwise: FloatArray) -> FloatArray:
+    def values(field: str, value: npt.ArrayLike, otherwise: FloatArray) -> FloatArray:
         return per_joint_values(f'actuator.{field}', value, joint_names, otherwise)
 
     J_r = values('rotor_inertia', rotor_inertia, nothing)
@@ -182,7 +183,7 @@ def make_actuators(
                 f'actuator.reflected_inertia is {of_joint:g}, expected one of them, the other '
                 '0 or not set')
     for field, value in (('torque_constant', torque_constant), ('gear_ratio', gear_ratio)):
-        if len(value) == 0:
+        if is_empty(value):
             raise InvalidInputError(
                 f'actuator.{field} is empty, expected one value for all of {list(joint_names)} or '
                 'one value per joint; only actuator.reflected_inertia needs no motor data')
@@ -203,11 +204,11 @@ def make_actuators(
     return actuators
 
 
-def make_reflected_inertia(joint_names: Sequence[str], value: Any) -> FloatArray:
+def make_reflected_inertia(joint_names: Sequence[str], value: npt.ArrayLike) -> FloatArray:
     """
     Return checked reflected rotor inertias (n,) [kg·m²] or [kg] of joints; empty means 0.
 
-    `value` is (n,), one value for all joints, or empty. Raises InvalidInputError, naming the
+    `value` is (n,), one number for all joints, or empty. Raises InvalidInputError, naming the
     joint and the value, for another number of values, and for a negative or non-finite value.
     """
     J = per_joint_values(

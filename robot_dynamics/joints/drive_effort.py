@@ -17,9 +17,9 @@ the same drive: e is their sum with the commanded effort.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.parameter_field import per_joint_values
@@ -88,14 +88,14 @@ def drive_quantities(joint_names: Sequence[str]) -> list[str]:
 
 
 def make_drive_effort(
-    joint_names: Sequence[str], scale: Any = (), offset: Any = (),
-    limit: FloatArray | None = None, covariance: FloatArray | None = None,
+    joint_names: Sequence[str], scale: npt.ArrayLike = (), offset: npt.ArrayLike = (),
+    limit: npt.ArrayLike = np.inf, covariance: FloatArray | None = None,
 ) -> DriveEffort | None:
     """
     Return checked drives, None if s is exactly 1 and o exactly 0 at every joint.
 
-    `scale` and `offset` are empty (1 and 0), one value for all joints, or one value per joint.
-    `limit` (n,) are the effort limits of the joints [N·m] or [N], None for no limits;
+    `scale` and `offset` are empty (1 and 0), one number for all joints, or one value per joint;
+    `limit` is one effort limit [N·m] or [N] or one per joint, may be infinite, and is not checked.
     `covariance` (2n, 2n) is already checked (`validation.covariance_root`). Raises
     InvalidInputError for another number of values, for a scale outside LEAST_SCALE to
     LARGEST_SCALE, and for an offset beyond LARGEST_OFFSET of the effort limit.
@@ -103,8 +103,8 @@ def make_drive_effort(
     n = len(joint_names)
     s = per_joint_values('effort.scale', scale, joint_names, np.ones(n))
     o = per_joint_values('effort.offset', offset, joint_names, np.zeros(n))
-    limit = np.full(n, np.inf) if limit is None else limit
-    for name, factor, zero, most in zip(joint_names, s.tolist(), o.tolist(), limit.tolist()):
+    limits = np.full(n, limit, dtype=np.float64)
+    for name, factor, zero, most in zip(joint_names, s.tolist(), o.tolist(), limits.tolist()):
         if not LEAST_SCALE <= factor <= LARGEST_SCALE:
             raise InvalidInputError(
                 f'effort.scale of {name!r} is {factor:g}, expected a number in '
@@ -117,4 +117,4 @@ def make_drive_effort(
                 f'{most:g}')
     if covariance is None and (s == 1.0).all() and not o.any():
         return None
-    return DriveEffort(s, o, limit, covariance)
+    return DriveEffort(s, o, limits, covariance)

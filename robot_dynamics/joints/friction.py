@@ -14,13 +14,15 @@ identification determines it; τ_load = M a + C v + g − Jᵀ f.
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple, TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction_terms import DRY_FRICTION, Part, smooth_sign, TERMS, VISCOUS
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
+from robot_dynamics.validation import is_empty
 
 SMOOTHING_VELOCITY = 0.01
 """Velocity [rad/s] or [m/s] over which the smooth sign of dry friction changes."""
@@ -72,7 +74,7 @@ class JointFriction:
     if TYPE_CHECKING:
         def __getattr__(self, name: str) -> FloatArray: ...
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[object, ...]:
         """Return what other processes make this friction from."""
         return JointFriction, (self._values,)
 
@@ -272,12 +274,12 @@ def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
 
 
 def make_friction(
-    joint_names: Sequence[str], viscous: Any = (), coulomb: Any = (), static: Any = (),
-    stribeck_velocity: Any = (), offset: Any = (), default: JointFriction | None = None,
-    **further: Any,
+    joint_names: Sequence[str], viscous: npt.ArrayLike = (), coulomb: npt.ArrayLike = (),
+    static: npt.ArrayLike = (), stribeck_velocity: npt.ArrayLike = (), offset: npt.ArrayLike = (),
+    default: JointFriction | None = None, **further: npt.ArrayLike,
 ) -> JointFriction:
     """
-    Return checked friction; each parameter is (n,), one value for all joints, or empty.
+    Return checked friction; each parameter is (n,), one number for all joints, or empty.
 
     `further` are other parameters, by their names in `FRICTION_FIELDS`. An empty parameter is that
     of `default`, or the default of the field, or 0; an empty `static` is `coulomb`. Raises
@@ -293,7 +295,7 @@ def make_friction(
     values: dict[str, FloatArray] = {}
     for field in FRICTION_FIELDS:
         otherwise = np.full(len(joint_names), field.default or 0.0)
-        if field.follows and (default is None or len(given[field.follows])):
+        if field.follows and (default is None or not is_empty(given[field.follows])):
             otherwise = values[field.follows]
         elif default is not None:
             otherwise = getattr(default, field.name)

@@ -4,9 +4,10 @@
 """The properties of a joint parameter: name, unit, default, bounds and description."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_per_joint, is_empty, LARGEST_VALUE, SMALLEST_DIVISOR
@@ -89,10 +90,10 @@ class ParameterField(NamedTuple):
 
 
 def per_joint_values(
-    label: str, value: Any, joint_names: Sequence[str], default: FloatArray,
+    label: str, value: npt.ArrayLike, joint_names: Sequence[str], default: FloatArray,
 ) -> FloatArray:
     """
-    Return a parameter as an array (n,): `value` is empty, one value for all, or one per joint.
+    Return a parameter as an array (n,): `value` is empty, one number for all, or one per joint.
 
     Empty means `default`. Raises InvalidInputError, naming the parameter as `label`, for another
     number of values, or for a value that is not finite or too large.

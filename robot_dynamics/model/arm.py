@@ -5,8 +5,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+import os
 import reprlib
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -16,14 +16,12 @@ from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import Actuators, make_reflected_inertia
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.model.joint_coordinates import JointCoordinates
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.uncertainty import ModelUncertainty
+from robot_dynamics.urdf.description_file import urdf_text
 from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
 from robot_dynamics.urdf.transmissions import gear_ratio, Reductions
 from robot_dynamics.validation import check_unique, check_vector
-
-if TYPE_CHECKING:
-    from robot_dynamics.model.effort_deviation import ModelUncertainty
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
@@ -53,6 +51,48 @@ class MimicJoint:
 
 
 @dataclass(frozen=True, eq=False)
+class JointCoordinates:
+    """
+    The map from n actuated joints to the m joints of the whole tree: q_tree = G q + q0.
+
+    `G` (m, n) sorts the joints, makes mimic joints follow their leaders (their row contains the
+    multiplier), and locks joints that are not actuated (their row is zero); `q0` is (m,). By the
+    principle of virtual work, efforts are mapped back with Gᵀ. Because G is constant,
+    M = Gᵀ M_tree G and C = Gᵀ C_tree G.
+    """
+
+    G: FloatArray
+    q0: FloatArray
+
+    def __post_init__(self) -> None:
+        m, n = self.G.shape
+        identity = m == n and np.array_equal(self.G, np.eye(n)) and not self.q0.any()
+        permutation = m == n and np.array_equal(self.G.T @ self.G, np.eye(n)) and (
+            np.isin(self.G, (0.0, 1.0)).all())
+        object.__setattr__(self, 'is_identity', bool(identity))
+        object.__setattr__(self, 'is_permutation', bool(permutation))
+
+    is_identity: bool = False
+    is_permutation: bool = False
+
+    def position(self, q: FloatArray) -> FloatArray:
+        """Positions of the tree, shape (m,), or (samples, m) from (samples, n)."""
+        return q if self.is_identity else q @ self.G.T + self.q0
+
+    def rate(self, v: FloatArray) -> FloatArray:
+        """Velocities or accelerations of the tree, shape (m,) or (samples, m)."""
+        return v if self.is_identity else v @ self.G.T
+
+    def effort(self, tau: FloatArray) -> FloatArray:
+        """Efforts at the actuated joints, (n,) or (samples, n), for efforts at all joints."""
+        return tau if self.is_identity else tau @ self.G
+
+    def form(self, A: FloatArray) -> FloatArray:
+        """Gᵀ A G: a matrix over all joints of the tree mapped to the actuated joints."""
+        return A if self.is_identity else self.G.T @ A @ self.G
+
+
+@dataclass(frozen=True, eq=False)
 class ArmModel:
     """
     An arm with a fixed base and n actuated joints, in the order of `joint_names`.
@@ -76,7 +116,7 @@ class ArmModel:
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
     drive: DriveEffort | None = None
-    uncertainty: 'ModelUncertainty | None' = None
+    uncertainty: ModelUncertainty | None = None
 
     def __repr__(self) -> str:
         loads = ''.join(f', {payload!r}' for payload in self.payloads)
@@ -134,7 +174,7 @@ class ArmModel:
         """
         Return this arm with these reflected rotor inertias [kg·m²] or [kg], without motors.
 
-        `inertia` is (n,) or one value for all joints; motors have their own (`make_actuators`).
+        `inertia` is (n,) or one number for all joints; motors have their own (`make_actuators`).
         Raises InvalidInputError for another number of values, and for a negative or non-finite
         value.
         """
@@ -198,12 +238,25 @@ class ArmModel:
 
 
 def load_arm(
-    urdf: str,
+    urdf: str | os.PathLike[str],
     joints: Sequence[str] = (),
-    gravity: Sequence[float] = STANDARD_GRAVITY,
+    gravity: npt.ArrayLike = STANDARD_GRAVITY,
 ) -> ArmModel:
     """
     Return the arm that a URDF describes.
+
+    `urdf` is the path of a URDF or xacro file, also with file:// or package://, or the text of a
+    URDF: a string with `<`. Raises ModelError if the file cannot be read, and like
+    `arm_from_urdf`, which has the other parameters.
+    """
+    return arm_from_urdf(urdf_text(urdf), joints, gravity)
+
+
+def arm_from_urdf(
+    urdf: str, joints: Sequence[str] = (), gravity: npt.ArrayLike = STANDARD_GRAVITY,
+) -> ArmModel:
+    """
+    Return the arm that the text of a URDF describes; it is never the path of a file.
 
     `joints` names the actuated joints in the wanted order; empty means all moving joints that are
     no mimic joints, in the order of the document. Other moving joints are locked at 0, or at the

@@ -10,6 +10,7 @@ f.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -259,3 +260,61 @@ class ArmDynamics(ManipulatorEquation):
         return self.unchecked.friction_along(
             **self._samples(q=q, v=v, load=load),
             state=None if state is None else self._vectors(state=state)['state'])
+
+
+@dataclass(frozen=True, eq=False)
+class TermSeries:
+    """
+    The model's effort at m states by term, each (m, n) [N·m] or [N]; energies (m,) [J].
+
+    Friction is that of `ArmDynamics.friction_along`, because the sign of a measured velocity is
+    meaningless around rest.
+    """
+
+    inertial: FloatArray
+    coriolis: FloatArray
+    gravity: FloatArray
+    friction: FloatArray
+    kinetic_energy: FloatArray
+    potential_energy: FloatArray
+
+    @property
+    def effort(self) -> FloatArray:
+        """The sum of the terms, which is the effort of the actuators, (m, n)."""
+        return np.asarray(self.inertial + self.coriolis + self.gravity + self.friction)
+
+    @property
+    def by_name(self) -> dict[str, FloatArray]:
+        """The four terms, (m, n) each, by name."""
+        return {'inertial': self.inertial, 'coriolis': self.coriolis, 'gravity': self.gravity,
+                'friction': self.friction}
+
+
+def model_terms(
+    dynamics: ArmDynamics, position: FloatArray, velocity: FloatArray, acceleration: FloatArray,
+) -> TermSeries:
+    """
+    Return the model's effort, split by term, and the energies, at m states.
+
+    The terms come only from the recursive Newton–Euler algorithm (Featherstone 2008, section 5.3),
+    τ = ID(q, q̇, q̈): g = ID(q, 0, 0), C q̇ = ID(q, q̇, 0) − g and M q̈ = ID(q, q̇, q̈) − ID(q, q̇, 0);
+    kinetic energy is ½ q̇ᵀ M q̇ with M q̇ = ID(q, 0, q̇) − g. Pinocchio's function for many states
+    therefore computes all of them.
+
+    `position`, `velocity` and `acceleration` are (m, n) [rad or m, per second, per second²] in the
+    order of `dynamics.arm.joint_names`, finite; the states are in the order of time, which matters
+    if gears have a presliding distance.
+    """
+    body, zero = dynamics.unchecked.rigid_body, np.zeros_like(position)
+    q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
+    gravity = body.inverse_dynamics_batch(q, zero, zero)
+    nonlinear = body.inverse_dynamics_batch(q, v, zero)
+    whole = body.inverse_dynamics_batch(q, v, a)
+    momentum = body.inverse_dynamics_batch(q, zero, v) - gravity
+    return TermSeries(
+        inertial=whole - nonlinear,
+        coriolis=nonlinear - gravity,
+        gravity=gravity,
+        friction=dynamics.unchecked.friction_along(q, v, whole),
+        kinetic_energy=np.asarray(0.5 * np.einsum('ij,ij->i', v, momentum)),
+        potential_energy=body.potential_energy_batch(q))

@@ -26,10 +26,10 @@ from robot_dynamics.joints.effort_convention import (
     MOTOR_SIDE,
 )
 from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm, STANDARD_GRAVITY
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel, STANDARD_GRAVITY
 from robot_dynamics.model.effort_deviation import make_uncertainty
-from robot_dynamics.model.yaml_text import load_yaml
 from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VALUE
+from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
 
@@ -80,9 +80,9 @@ def arm_from_parameters(
     or InvalidInputError if the parameters do not match the arm.
     """
     gravity = values.get('gravity', STANDARD_GRAVITY)
-    whole = load_arm(urdf, values.get('joints', ()), gravity)
+    whole = arm_from_urdf(urdf, values.get('joints', ()), gravity)
     names = tuple(joints) or whole.joint_names
-    arm = whole if names == whole.joint_names else load_arm(urdf, names, gravity)
+    arm = whole if names == whole.joint_names else arm_from_urdf(urdf, names, gravity)
 
     def of_joints(name: str) -> Sequence[float]:
         return _of_joints(values, name, whole, names)

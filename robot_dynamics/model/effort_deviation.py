@@ -11,10 +11,9 @@ Parameters that are not named in the uncertainty count as exact, and so do paylo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-import math
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import FRICTION_FIELDS, SMOOTHING_VELOCITY
@@ -22,49 +21,19 @@ from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import parameter_names, TorqueRegressor
+from robot_dynamics.model.uncertainty import ModelUncertainty
 from robot_dynamics.validation import (
     check_per_joint,
     check_scalar,
     check_unique,
     covariance_root,
+    is_empty,
 )
 
 FRICTION_PARAMETERS = tuple(field.name for field in FRICTION_FIELDS if field.is_estimated)
 JOINT_PARAMETERS = ('Ia', *FRICTION_PARAMETERS)
 """Reflected inertia and friction of a joint; a name is such as 'viscous(joint1)'."""
 _FIELD = 'uncertainty'
-
-
-@dataclass(frozen=True, eq=False)
-class ModelUncertainty:
-    """
-    The covariance of k parameters of an arm with n joints, and the noise of its measured effort.
-
-    `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
-    B with the covariance B Bᵀ. `effort_noise` (n,) [N·m] or [N] is the standard deviation of the
-    measured effort about the model, after a filter that passes the band of `noise_bandwidth` [Hz].
-    """
-
-    columns: IntArray
-    root: FloatArray
-    effort_noise: FloatArray
-    noise_bandwidth: float
-
-    @property
-    def has_covariance(self) -> bool:
-        """Whether any parameter has a covariance."""
-        return len(self.columns) > 0
-
-    def noise(self, bandwidth: float, dt: float) -> FloatArray:
-        """
-        Return the standard deviation (n,) of the effort noise behind another filter.
-
-        `bandwidth` [Hz] is the equivalent noise bandwidth of the filter, dt [s] the period of the
-        samples. The noise counts as white in a wider band; in a narrower band, it has all its
-        power.
-        """
-        band = min(bandwidth, 0.5 / dt)
-        return np.asarray(self.effort_noise * math.sqrt(max(1.0, band / self.noise_bandwidth)))
 
 
 def uncertain_names(arm: ArmModel) -> tuple[str, ...]:
@@ -75,20 +44,20 @@ def uncertain_names(arm: ArmModel) -> tuple[str, ...]:
 
 def make_uncertainty(
     arm: ArmModel, parameters: Sequence[str] = (), covariance: Sequence[float] = (),
-    effort_noise: Sequence[float] = (), noise_bandwidth: float = 0.0,
+    effort_noise: npt.ArrayLike = (), noise_bandwidth: float = 0.0,
 ) -> ModelUncertainty | None:
     """
     Return the checked uncertainty of an arm, None if nothing is given.
 
     `covariance` is the lower triangle, row by row, of the covariance of the named parameters.
-    `effort_noise` [N·m] or [N] has one value for all joints or one per joint; it needs a
+    `effort_noise` [N·m] or [N] is one number for all joints or one value per joint; it needs a
     `noise_bandwidth` [Hz] > 0. Raises InvalidInputError for an unknown name, another number of
     values, a value that is not finite, or a matrix that is not positive semidefinite.
     """
-    if not (len(parameters) or len(covariance) or len(effort_noise)):
+    if is_empty(parameters) and is_empty(covariance) and is_empty(effort_noise):
         return None
     noise = np.zeros(arm.joint_count)
-    if len(effort_noise):
+    if not is_empty(effort_noise):
         noise = check_per_joint(f'{_FIELD}.effort_noise', effort_noise, arm.joint_names)
         for joint, value in zip(arm.joint_names, noise.tolist()):
             check_scalar(f'{_FIELD}.effort_noise of {joint!r}', value, 0.0)

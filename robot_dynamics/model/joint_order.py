@@ -12,9 +12,9 @@ mimic joint, times its multiplier, is added to its leader; answers omit mimic jo
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, MimicJoint
@@ -50,17 +50,17 @@ class JointOrder:
             for name in given if name in mimics)
         self._same = given == arm.joint_names
 
-    def position(self, value: Any, field: str = 'position') -> FloatArray:
+    def position(self, value: npt.ArrayLike, field: str = 'position') -> FloatArray:
         """Return positions (n,) in the arm's order; raise InvalidInputError."""
         return self._motion(self._vector(field, value), field, True)
 
-    def rate(self, value: Any, field: str) -> FloatArray:
+    def rate(self, value: npt.ArrayLike, field: str) -> FloatArray:
         """Return velocities or accelerations (n,) in the arm's order; empty means zero."""
         if is_empty(value):
             return np.zeros(self._n)
         return self._motion(self._vector(field, value), field, False)
 
-    def effort(self, value: Any, field: str = 'effort') -> FloatArray:
+    def effort(self, value: npt.ArrayLike, field: str = 'effort') -> FloatArray:
         """Return efforts (n,) in the arm's order, those at mimic joints added to their leaders."""
         given = self._vector(field, value)
         tau = given[self._to_arm]
@@ -68,11 +68,11 @@ class JointOrder:
             tau[leader] += mimic.multiplier * given[column]
         return np.asarray(tau)
 
-    def positions(self, value: Any, field: str = 'position') -> FloatArray:
+    def positions(self, value: npt.ArrayLike, field: str = 'position') -> FloatArray:
         """Return many positions, (samples, n) in the arm's order, of a flat or 2-D array."""
         return self._motion(self._samples(field, value), field, True)
 
-    def rates(self, value: Any, samples: int, field: str) -> FloatArray:
+    def rates(self, value: npt.ArrayLike, samples: int, field: str) -> FloatArray:
         """Return many velocities or accelerations, (samples, n); empty means zero."""
         if is_empty(value):
             return np.zeros((samples, self._n))
@@ -92,10 +92,10 @@ class JointOrder:
             return value
         return np.asarray(value[np.ix_(*(self._to_request,) * value.ndim)])
 
-    def _vector(self, field: str, value: Any) -> FloatArray:
+    def _vector(self, field: str, value: npt.ArrayLike) -> FloatArray:
         return check_vector(field, value, len(self._given), self._given, LARGEST_VALUE)
 
-    def _samples(self, field: str, value: Any) -> FloatArray:
+    def _samples(self, field: str, value: npt.ArrayLike) -> FloatArray:
         return check_samples(field, value, len(self._given), self._given, LARGEST_VALUE)
 
     def _motion(self, given: FloatArray, field: str, with_offset: bool) -> FloatArray:

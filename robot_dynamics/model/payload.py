@@ -5,9 +5,9 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.validation import check_scalar, check_tensor, check_vector, LARGEST_VALUE
@@ -33,7 +33,9 @@ class Payload:
         return f'<Payload of {self.mass:g} kg on {self.link!r}>'
 
 
-def make_payload(link: str, mass: float, com: Any = (0, 0, 0), inertia: Any = None) -> Payload:
+def make_payload(
+    link: str, mass: float, com: npt.ArrayLike = (0, 0, 0), inertia: npt.ArrayLike | None = None,
+) -> Payload:
     """
     Return a checked Payload.
 

@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
 from robot_dynamics.model_check.body_checks import (
     check_extents,
@@ -56,7 +56,7 @@ def check_model(
     if negative:
         return negative
     robot = parse_urdf(urdf)
-    arm = load_arm(urdf) if arm is None else arm
+    arm = arm_from_urdf(urdf) if arm is None else arm
     moved = _moved_bodies(robot, arm, bodies)
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [

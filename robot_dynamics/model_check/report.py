@@ -8,7 +8,7 @@ import textwrap
 from typing import NamedTuple
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
@@ -61,7 +61,7 @@ class CheckedModel(NamedTuple):
 def joint_names_of(xml: str, joints: Sequence[str]) -> tuple[str, ...]:
     """Return the joints of the arm in a URDF, none if a finding prevents its creation."""
     try:
-        return load_arm(xml, joints).joint_names
+        return arm_from_urdf(xml, joints).joint_names
     except ModelError:
         return ()
 
@@ -78,7 +78,7 @@ def check_description(
     """
     if arm is None:
         try:
-            arm = load_arm(xml, joints)
+            arm = arm_from_urdf(xml, joints)
         except InvalidInputError:
             raise
         except ModelError:

@@ -16,8 +16,7 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.whole_turns import nearest_turn
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.term_series import model_terms
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robot_dynamics.monitoring.low_pass import LowPass
 
 NOISE_BANDWIDTH = 0.25 * math.pi * math.sqrt(2.0)

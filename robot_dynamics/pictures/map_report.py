@@ -4,13 +4,16 @@
 """The HTML report of a map: a verdict and a next step per joint, then the figure."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.torque_map import MapPanel
 from robot_dynamics.pictures.workspace_map import WorkspaceGravity
 from robot_dynamics.reporting.html_page import Grade, image, Origin, png, report_page, Verdict
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RESERVE = 0.8
 """Fraction of the effort limit up to which the reserve for motion is sufficient."""
@@ -23,7 +26,7 @@ REDUCE = ('reduce the payload, exclude these positions, or check the masses and 
           '`check_model`')
 
 
-def map_page(title: str, verdicts: Sequence[Verdict], figure: Any, origin: Origin) -> str:
+def map_page(title: str, verdicts: Sequence[Verdict], figure: 'Figure', origin: Origin) -> str:
     """Return the report."""
     return report_page(
         title, verdicts, RULE, origin, ['<h2>Map</h2>', image(png(figure), title)],

@@ -11,16 +11,17 @@ J. Dyn. Sys., Meas., Control 104, 1982, method 1).
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import BRIEF, search_box, worst_gravity
-from robot_dynamics.validation import check_unique, check_vector
+from robot_dynamics.validation import check_unique, check_vector, is_empty
 
 SAMPLES = 121
 """Number of positions of a joint."""
@@ -40,7 +41,8 @@ class PositionGrid(NamedTuple):
 
 
 def make_grid(
-    arm: ArmModel, joints: Sequence[str] = (), position: Any = (), samples: int = SAMPLES,
+    arm: ArmModel, joints: Sequence[str] = (), position: npt.ArrayLike = (),
+    samples: int = SAMPLES,
 ) -> PositionGrid:
     """
     Return a grid over the ranges of two joints, limited to one turn per joint.
@@ -56,7 +58,7 @@ def make_grid(
             'joints that move')
     first, second = _chosen(arm, joints)
     low, high = search_box(arm)
-    home = np.clip(np.zeros(n), low, high) if not len(position) else check_vector(
+    home = np.clip(np.zeros(n), low, high) if is_empty(position) else check_vector(
         'position', position, n, arm.joint_names)
     x = np.linspace(low[first], high[first], samples)
     y = np.linspace(low[second], high[second], samples)
@@ -80,7 +82,7 @@ def gravity_efforts(arm: ArmModel, grid: PositionGrid) -> FloatArray:
 
 
 def motion_efforts(
-    arm: ArmModel, grid: PositionGrid, velocity: Any, acceleration: Any,
+    arm: ArmModel, grid: PositionGrid, velocity: npt.ArrayLike, acceleration: npt.ArrayLike,
 ) -> FloatArray:
     """
     Return τ of one velocity and acceleration, (n,) each, over the grid, (l, k, n) [N·m] or [N].

@@ -13,10 +13,11 @@ reads the URDF has to use 9.81 m/s² along -z.
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
+import numpy.typing as npt
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.chain import PlanarChain
 from robot_dynamics.planar.two_link import PlanarTwoLink
-from robot_dynamics.validation import check_scalar, check_unique, check_vector
+from robot_dynamics.validation import check_per_joint, check_scalar, check_unique
 
 BASE_LINK = 'base_link'
 TOOL_LINK = 'tool0'
@@ -43,10 +44,10 @@ def planar_arm_urdf(
     lengths: Sequence[float],
     com_distances: Sequence[float],
     inertias: Sequence[float],
-    viscous_friction: Sequence[float] | None = None,
-    coulomb_friction: Sequence[float] | None = None,
-    effort_limits: Sequence[float] | None = None,
-    velocity_limits: Sequence[float] | None = None,
+    viscous_friction: npt.ArrayLike = 0.0,
+    coulomb_friction: npt.ArrayLike = 0.0,
+    effort_limits: npt.ArrayLike = GENEROUS_EFFORT_LIMIT,
+    velocity_limits: npt.ArrayLike = GENEROUS_VELOCITY_LIMIT,
     name: str = 'planar_arm',
     joint_names: Sequence[str] | None = None,
 ) -> str:
@@ -54,9 +55,10 @@ def planar_arm_urdf(
     Return the URDF of an n-link planar arm, first the link at the base.
 
     Masses [kg], lengths [m], COM distances from the joint [m] and moments of inertia about the
-    joint's axis through the COM [kg·m²] are as in `PlanarChain`. By default, viscous [N·m·s/rad]
-    and Coulomb friction [N·m] are 0, the limits are 1000 N·m and 100 rad/s, and the joints are
-    called joint1, joint2, ... The joints are continuous, so that they can turn over.
+    joint's axis through the COM [kg·m²] are as in `PlanarChain`. Viscous [N·m·s/rad] and Coulomb
+    friction [N·m], and the limits [N·m, rad/s], are one number for all joints or one value per
+    joint. By default, the joints are called joint1, joint2, ... They are continuous, so that they
+    can turn over.
 
     The moments about the other two axes do not move a planar arm; they are chosen as those of a
     thin rod along z, so that the pseudo-inertia (Wensing, Kim and Slotine, IEEE RA-L 3(1),
@@ -67,10 +69,10 @@ def planar_arm_urdf(
     """
     chain = PlanarChain(masses, lengths, com_distances, inertias)
     names = _joint_names(chain.link_count, joint_names)
-    viscous = _per_joint('viscous_friction', viscous_friction, 0.0, names)
-    coulomb = _per_joint('coulomb_friction', coulomb_friction, 0.0, names)
-    effort = _per_joint('effort_limits', effort_limits, GENEROUS_EFFORT_LIMIT, names, True)
-    velocity = _per_joint('velocity_limits', velocity_limits, GENEROUS_VELOCITY_LIMIT, names, True)
+    viscous = _per_joint('viscous_friction', viscous_friction, names)
+    coulomb = _per_joint('coulomb_friction', coulomb_friction, names)
+    effort = _per_joint('effort_limits', effort_limits, names, True)
+    velocity = _per_joint('velocity_limits', velocity_limits, names, True)
 
     robot = ElementTree.Element('robot', name=_checked_name('name', name))
     _add_base(robot, chain.lengths[0] / LENGTH_PER_WIDTH)
@@ -123,18 +125,11 @@ def _joint_names(count: int, given: Sequence[str] | None) -> list[str]:
 
 
 def _per_joint(
-    field: str,
-    values: Sequence[float] | None,
-    default: float,
-    names: list[str],
-    exclusive_minimum: bool = False,
+    field: str, values: npt.ArrayLike, names: list[str], exclusive_minimum: bool = False,
 ) -> list[float]:
-    if values is None:
-        return [default] * len(names)
-    checked = check_vector(field, values, len(names), names)
     return [
         check_scalar(f'{field}[{i}] ({names[i]})', value, 0.0, exclusive_minimum=exclusive_minimum)
-        for i, value in enumerate(checked)
+        for i, value in enumerate(check_per_joint(field, values, names))
     ]
 
 

@@ -4,9 +4,12 @@
 """The topics of a recording, their message types, and the QoS that their publishers offered."""
 
 import functools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.dependencies import optional
+
+if TYPE_CHECKING:
+    from rosbags.interfaces import Connection
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
@@ -71,7 +74,7 @@ def qos_to_rosbags(qos: TopicQos) -> Any:
         avoid_ros_namespace_conventions=False)
 
 
-def qos_from_rosbags(connection: Any) -> TopicQos:
+def qos_from_rosbags(connection: 'Connection') -> TopicQos:
     """Return the QoS that the publisher of a rosbags connection offered, as far as it is known."""
     profiles = getattr(connection.ext, 'offered_qos_profiles', [])
     if not profiles:

@@ -13,11 +13,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 import textwrap
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BLACK, ORANGE, SKY, GREEN = '#000000', '#E69F00', '#56B4E9', '#009E73'
 BLUE, VERMILION, PURPLE, GREY = '#0072B2', '#D55E00', '#CC79A7', '#666666'
@@ -182,7 +186,7 @@ def scatter_figure(
     return figure
 
 
-def save_figure(figure: Any, path: Path) -> None:
+def save_figure(figure: 'Figure', path: Path) -> None:
     """Write a figure to a file, whose suffix determines the format; raise OSError."""
     figure.savefig(path)
 
@@ -202,13 +206,13 @@ def styled_figure(
         yield figure_type(figsize=(width, height), layout=layout)
 
 
-def title_axes(axes: Any, title: str, note: str = '') -> None:
+def title_axes(axes: 'Axes', title: str, note: str = '') -> None:
     """Put a title above axes, to the left, and a note in small letters between both."""
     axes.set_title(title, loc='left', fontweight='bold', pad=20.0 if note else None)
     axes.annotate(note, (0.0, 1.0), (0.0, 4.0), 'axes fraction', 'offset points', fontsize=10)
 
 
-def legend_below(axes: Any, columns: int) -> None:
+def legend_below(axes: 'Axes', columns: int) -> None:
     """Put the legend of axes below their horizontal label, in this number of columns."""
     axes.legend(
         loc='upper center', bbox_to_anchor=(0.45, -0.2), frameon=False, ncols=columns,
@@ -226,7 +230,7 @@ def colour_map(colours: Sequence[str]) -> Any:
         'robot_dynamics', list(colours))
 
 
-def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
+def _draw(axes: 'Axes', panel: Panel, row: int, prismatic: bool) -> None:
     step = max(1, len(panel.times) // MAX_POINTS)
     times = panel.times[::step]
     for name, values in panel.lines.items():
@@ -241,7 +245,7 @@ def _draw(axes: Any, panel: Panel, row: int, prismatic: bool) -> None:
         axes.set_ylim(-1.0, 1.0)  # only zeros and rounding errors
 
 
-def _mark(axes: Any, boundary: TimeBoundary) -> None:
+def _mark(axes: 'Axes', boundary: TimeBoundary) -> None:
     """Draw the boundary, with the names of both sides below the upper edge."""
     axes.axvline(boundary.time, color=GREY, linestyle='--', linewidth=1.2)
     for text, align in ((f'{boundary.before} ', 'right'), (f' {boundary.after}', 'left')):

@@ -18,9 +18,12 @@ from html import escape
 from io import BytesIO
 import re
 import shlex
-from typing import Any, NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.reporting.figures import GREEN, GREY, ORANGE, VERMILION
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 1rem auto; padding: 0 1rem;
@@ -169,7 +172,7 @@ def image(png: bytes, what: str) -> str:
             f'src="data:image/png;base64,{encoded}"></div>')
 
 
-def png(figure: Any) -> bytes:
+def png(figure: 'Figure') -> bytes:
     """Return a figure of matplotlib as PNG."""
     data = BytesIO()
     figure.savefig(data, format='png')

@@ -10,9 +10,10 @@ electrical side delivers (`current_loop`). `integrator` computes the motion of t
 
 from collections.abc import Sequence
 import reprlib
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
@@ -37,6 +38,13 @@ class ArmState(NamedTuple):
     velocity: FloatArray
 
 
+class Energy(NamedTuple):
+    """Kinetic and potential energy [J]."""
+
+    kinetic: float
+    potential: float
+
+
 class ArmSimulation:
     """
     An arm in motion. Its brakes hold it until `release` is called, and again after `brake`.
@@ -45,8 +53,8 @@ class ArmSimulation:
     """
 
     def __init__(
-        self, arm: ArmModel, position: Any = None, velocity: Any = None,
-        max_step: float = DEFAULT_MAX_STEP,
+        self, arm: ArmModel, position: npt.ArrayLike | None = None,
+        velocity: npt.ArrayLike | None = None, max_step: float = DEFAULT_MAX_STEP,
     ) -> None:
         """
         Start at `position`, by default 0 or the limit nearest to it, and `velocity`, default 0.
@@ -146,9 +154,9 @@ class ArmSimulation:
         self._change(self._bare_arm.with_payloads(payloads))
 
     def _change(self, arm: ArmModel) -> None:
-        before = sum(self.energy())
+        before = sum(self.energy)
         self._use(arm)
-        self.work += sum(self.energy()) - before
+        self.work += sum(self.energy) - before
 
     def _use(self, arm: ArmModel) -> None:
         self._dynamics = UncheckedArmDynamics(arm)
@@ -178,10 +186,12 @@ class ArmSimulation:
         """The deflection z (n,) in [−1, 1] of dry friction; 0 for joints that stick rigidly."""
         return self._now.z.copy()
 
-    def energy(self) -> tuple[float, float]:
-        """Return the kinetic and the potential energy [J]; springs of presliding count."""
+    @property
+    def energy(self) -> Energy:
+        """The energy of links and rotors, and of the springs of presliding."""
         now = self._now
-        return self._integrator.kinetic_energy(now), self._integrator.potential_energy(now)
+        return Energy(
+            self._integrator.kinetic_energy(now), self._integrator.potential_energy(now))
 
     def step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
@@ -189,16 +199,19 @@ class ArmSimulation:
         """
         Return the state after `duration` [s] under the constant effort tau.
 
-        Raises InvalidInputError if the state is not finite or beyond LARGEST_VALUE, because a
-        joint moves no mass or an effort is too large; the previous state is then kept.
+        Raises InvalidInputError if the brakes are engaged, and if the state is not finite or
+        beyond LARGEST_VALUE, because a joint moves no mass or an effort is too large; the previous
+        state is then kept.
         """
-        if self.braked:
-            return self.state
+        check_released(self.braked)
         try:
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 return self._step(tau, duration, wrenches)
         except np.linalg.LinAlgError as error:
             raise self._not_finite(str(error)) from None
+
+    def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Let `duration` [s] pass with engaged brakes, which hold the arm against everything."""
 
     def _step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench],
@@ -245,3 +258,11 @@ class ArmSimulation:
         return InvalidInputError(
             f'the motion from position {self._now.q.tolist()} has no finite solution ({reason}), '
             'expected every joint to move some mass or inertia, and efforts that it can bear')
+
+
+def check_released(braked: bool) -> None:
+    """Raise InvalidInputError if the brakes of a simulated arm are engaged."""
+    if braked:
+        raise InvalidInputError(
+            'the brakes hold the simulated arm, as they do at the start: expected release() '
+            'before step()')

@@ -25,7 +25,7 @@ recording. A joint under a small vibrating load does not creep, as it does in Lu
 for every σ₁: while z changes, the power is that into the spring, plus σ₁ v² ≥ 0; in LuGre σ₁ is
 bounded, or fades with speed. Between its events the force is a smooth function of position and
 velocity: there is no additional state to integrate, and stiff springs have an exponential step
-(`spring_step`).
+(`exponential_step`).
 
 The spring stores ½ d (F_s z + F_o)² / F_s. Relaxed bristles, z = −F_o / F_s, have no force.
 """

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A step of motion under viscous friction that is too stiff for an explicit method.
+A step of motion with damping or springs that are too stiff for an explicit method.
 
 Light links with strong damping relax within microseconds; an explicit method would need equally
-short steps. With constant A = M⁻¹F_v over the step, v̇ = −A v + g is solved exactly for a g that
-is linear in time: the exponential method ETD2RK (S. M. Cox and P. C. Matthews, J. Comput. Phys.
-176, 2002, section 2.2), of order 2, extended to the position.
+short steps. With constant M, damping D and stiffness K over the step,
+M q̈ + D q̇ + K (q − q₀) = M g is solved exactly for a g that is linear in time: the exponential
+method ETD2RK (S. M. Cox and P. C. Matthews, J. Comput. Phys. 176, 2002, section 2.2), of order 2.
+Its φ functions are blocks of the exponential of one larger matrix (R. B. Sidje, ACM Trans.
+Mathematical Software 24(1), 1998, theorem 1).
 """
 
 from typing import NamedTuple
@@ -15,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.simulation.runge_kutta import Acceleration
+
+_PADE_DEGREE = 6
 
 
 def damping_rate(M: FloatArray, viscous: FloatArray, free: BoolArray) -> float:
@@ -26,7 +30,7 @@ def damping_rate(M: FloatArray, viscous: FloatArray, free: BoolArray) -> float:
     return float(np.diag(np.linalg.inv(M[np.ix_(free, free)])) @ viscous[free])
 
 
-class DampedStep(NamedTuple):
+class ExponentialStep(NamedTuple):
     """
     Position and velocity (n,) after a step.
 
@@ -38,71 +42,64 @@ class DampedStep(NamedTuple):
     correction: FloatArray
 
 
-def damped_step(
+def exponential_step(
     q: FloatArray, v: FloatArray, h: float, acceleration: Acceleration,
-    M: FloatArray, viscous: FloatArray, free: BoolArray,
-) -> DampedStep:
+    M: FloatArray, damping: FloatArray, stiffness: FloatArray, free: BoolArray,
+) -> ExponentialStep:
     """
     Return the motion after h [s].
 
-    `acceleration(q, v)` includes the viscous friction; `free` (n,) marks the moving joints. The
-    velocity of all other joints is and remains 0.
+    `acceleration(q, v)` includes damping and springs, both (n,), 0 without any; `free` (n,) marks
+    the moving joints. The velocity of all other joints is and remains 0.
     """
-    phi = _Phi(M, viscous, free, h)
+    index = np.flatnonzero(free)
+    n = len(index)
+    # In p = Lᵀ (q − q₀), M = L Lᵀ, damping and stiffness are symmetric.
+    L = np.linalg.cholesky(M[index[:, None], index])
+    L_inverse = np.linalg.inv(L)
+    K = L_inverse @ (stiffness[index, None] * L_inverse.T)
+    D = L_inverse @ (damping[index, None] * L_inverse.T)
+    rate = float(np.sqrt(np.trace(K))) or 1.0
+    unit = np.eye(n)
+    generator = np.zeros((4 * n, 4 * n))  # of (rate p, ṗ), of g and of its rate
+    generator[:n, n:2 * n] = rate * unit
+    generator[n:2 * n, :n], generator[n:2 * n, n:2 * n] = -K / rate, -D
+    generator[n:2 * n, 2 * n:3 * n] = generator[2 * n:3 * n, 3 * n:] = unit
+    blocks = matrix_exponential(h * generator)[:2 * n]
 
-    def rest(q: FloatArray, v: FloatArray) -> FloatArray:
-        return acceleration(q, v) + phi.A @ v
+    def motion(y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        after_q, after_v = q.copy(), np.zeros_like(v)
+        after_q[index] += L_inverse.T @ y[:n] / rate
+        after_v[index] = L_inverse.T @ y[n:]
+        return after_q, after_v
 
-    g0 = rest(q, v)
-    v_a = phi.exp @ v + h * (phi.one @ g0)
-    q_a = q + h * (phi.one @ v) + h**2 * (phi.two @ g0)
-    change = rest(q_a, v_a) - g0
-    correction = h * (phi.two @ change)
-    return DampedStep(q_a + h**2 * (phi.three @ change), v_a + correction, correction)
+    def rest(y: FloatArray, q: FloatArray, v: FloatArray) -> FloatArray:
+        return L.T @ acceleration(q, v)[index] + K @ y[:n] / rate + D @ y[n:]
 
-
-class _Phi:
-    """exp(−hA) and φ_k(hA), φ_k(z) = ∫₀¹ e^(−z(1−s)) s^(k−1)/(k−1)! ds, as matrices (n, n)."""
-
-    def __init__(
-        self, M: FloatArray, viscous: FloatArray, free: BoolArray, h: float,
-    ) -> None:
-        n = len(viscous)
-        index = np.flatnonzero(free)
-        L = np.linalg.cholesky(M[np.ix_(index, index)])
-        L_inverse = np.linalg.inv(L)
-        # A = M⁻¹F_v is similar to a symmetric matrix: A = L⁻ᵀ (L⁻¹ F_v L⁻ᵀ) Lᵀ.
-        rates, Q = np.linalg.eigh(L_inverse @ (viscous[index, None] * L_inverse.T))
-        rates = np.maximum(rates, 0.0)
-        left, right = L_inverse.T @ Q, Q.T @ L.T
-
-        def function(values: FloatArray) -> FloatArray:
-            full = np.zeros((n, n))
-            full[np.ix_(index, index)] = (left * values) @ right
-            return full
-
-        z = h * rates
-        self.A = function(rates)
-        self.exp = function(np.exp(-z))
-        one, two, three = phi_functions(z)
-        self.one, self.two, self.three = function(one), function(two), function(three)
+    y = np.concatenate((np.zeros(n), L.T @ v[index]))
+    g = rest(y, q, v)
+    first = blocks[:, :2 * n] @ y + blocks[:, 2 * n:3 * n] @ g
+    change = blocks[:, 3 * n:] @ (rest(first, *motion(first)) - g) / h
+    return ExponentialStep(*motion(first + change), motion(change)[1])
 
 
-def phi_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return φ₁, φ₂, φ₃ of z >= 0, accurate to rounding also for small z."""
-    series = z < 0.5
-    safe = np.where(series, 1.0, z)
-    one = -np.expm1(-safe) / safe
-    two = (1.0 - one) / safe
-    three = (0.5 - two) / safe
-    # φ_k(z) = Σ_j (−z)^j / (j + k)!
-    small = np.where(series, z, 0.0)
-    term3 = np.full_like(z, 1.0 / 6.0)
-    sum3 = term3.copy()
-    for j in range(1, 14):
-        term3 = -term3 * small / (j + 3)
-        sum3 = sum3 + term3
-    sum2 = 0.5 - small * sum3
-    sum1 = 1.0 - small * sum2
-    return (np.where(series, sum1, one), np.where(series, sum2, two),
-            np.where(series, sum3, three))
+def matrix_exponential(A: FloatArray) -> FloatArray:
+    """
+    Return exp(A) by scaling and squaring of a Padé approximant.
+
+    Source: G. H. Golub and C. F. Van Loan, *Matrix Computations*, Johns Hopkins 1996, algorithm
+    11.3.1.
+    """
+    halvings = max(0, int(np.ceil(np.log2(max(float(np.abs(A).sum(axis=0).max()), 1e-300)))) + 1)
+    A = A / 2.0**halvings
+    power = np.eye(len(A))
+    above, below, c = power.copy(), power.copy(), 1.0
+    for k in range(1, _PADE_DEGREE + 1):
+        c *= (_PADE_DEGREE - k + 1) / (k * (2 * _PADE_DEGREE - k + 1))
+        power = A @ power
+        above += c * power
+        below += (-c if k % 2 else c) * power
+    result = np.linalg.solve(below, above)
+    for _ in range(halvings):
+        result = result @ result
+    return np.asarray(result, dtype=np.float64)

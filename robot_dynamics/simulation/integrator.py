@@ -29,7 +29,7 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import EventFinder, StepEnd
-from robot_dynamics.simulation.exponential_step import damped_step, damping_rate
+from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 from robot_dynamics.simulation.runge_kutta import (
     Acceleration,
@@ -37,7 +37,6 @@ from robot_dynamics.simulation.runge_kutta import (
     RungeKuttaStep,
     WEIGHTS,
 )
-from robot_dynamics.simulation.spring_step import sprung_step
 
 STIFF = 1.0
 """Relaxation rate × step from which viscous friction is integrated exponentially."""
@@ -222,7 +221,8 @@ class MotionIntegrator:
     ) -> tuple[StepEnd, float]:
         """Return the end of an exponential step, and its estimated error of √M q̇ [J^½]."""
         n, alone = len(state.q), modes.open
-        M, viscous, free = np.zeros((len(q), len(q))), np.zeros(len(q)), np.ones(len(q), bool)
+        M, free = np.zeros((len(q), len(q))), np.ones(len(q), bool)
+        viscous, stiffness = np.zeros(len(q)), np.zeros(len(q))
         M[:n, :n] = self._forces.body_with(alone).mass_matrix(state.q)
         viscous[:n] = self._forces.damping(q[:n], v[:n], modes)
         free[:n] = ~modes.joints.stuck
@@ -230,11 +230,8 @@ class MotionIntegrator:
             assert self._forces.backlash is not None
             np.fill_diagonal(M[n:, n:], self._forces.backlash.inertia[alone])
         if modes.springs is not None:
-            stiffness = np.zeros(len(q))
             stiffness[:n] = modes.springs.stiffness
-            q, v, correction = sprung_step(q, v, h, acceleration, M, viscous, stiffness, free)
-        else:
-            q, v, correction = damped_step(q, v, h, acceleration, M, viscous, free)
+        q, v, correction = exponential_step(q, v, h, acceleration, M, viscous, stiffness, free)
         after = self._gather(state, q, v, modes)
         error = float(np.max(np.sqrt(np.diag(M)) * np.abs(correction)))
         return StepEnd(after, self._lost(state, after), acceleration(q, v)[:n]), error

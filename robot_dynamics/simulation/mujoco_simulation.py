@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.simulation.arm_simulation import ArmState
+from robot_dynamics.simulation.arm_simulation import ArmState, check_released
 from robot_dynamics.validation import check_vector
 
 BRAKE_INERTIA = 1e6
@@ -77,7 +78,7 @@ class MujocoSimulation:
 
     def __init__(
         self, model: Any, joints: Sequence[str] = (), names: Sequence[str] = (),
-        position: Any = None,
+        position: npt.ArrayLike | None = None,
     ) -> None:
         """
         Drive these joints of the MJCF, by default those that an actuator drives directly.
@@ -162,7 +163,7 @@ class MujocoSimulation:
         model.actuator_biastype[actuators] = int(self._mj.mjtBias.mjBIAS_NONE)
         model.actuator_gainprm[actuators] = 0.0
 
-    def _initial(self, joints: IntArray, position: Any) -> FloatArray:
+    def _initial(self, joints: IntArray, position: npt.ArrayLike | None) -> FloatArray:
         model = self.model
         if position is not None:
             return check_vector(
@@ -227,10 +228,20 @@ class MujocoSimulation:
         Return the state after `duration` [s] under the constant effort tau.
 
         Wrenches act on bodies, by name. The time step is that of the MJCF or the next smaller
-        one of which `duration` is a multiple. Raises InvalidInputError if the motion diverges.
+        one of which `duration` is a multiple. Raises InvalidInputError if the brakes are engaged,
+        and if the motion diverges.
         """
+        check_released(self.braked)
+        self.effort = tau
+        self._advance(duration, wrenches)
+        return self.state
+
+    def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Hold the driven joints with the brakes for `duration` [s], while other bodies move."""
+        self._advance(duration, wrenches)
+
+    def _advance(self, duration: float, wrenches: Sequence[ExternalWrench]) -> None:
         model, data = self.model, self.data
-        self.effort = np.zeros_like(tau) if self.braked else tau
         steps = max(1, math.ceil(duration / self._timestep - 1e-9))
         model.opt.timestep = duration / steps
         q = data.qpos[self._q]
@@ -246,7 +257,6 @@ class MujocoSimulation:
             raise InvalidInputError(
                 f'the motion from position {q.tolist()} diverges in MuJoCo, expected efforts that '
                 'the arm can bear, or a smaller timestep in the MJCF')
-        return self.state
 
     def _push(self, wrenches: Sequence[ExternalWrench]) -> None:
         model, data = self.model, self.data

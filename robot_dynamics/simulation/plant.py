@@ -3,8 +3,7 @@
 
 """A simulated robot with the interface of its controller: brakes, efforts, and noisy sensors."""
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -12,8 +11,9 @@ from robot_dynamics.joints.effort_convention import EffortConvention, measured_f
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.simulation.arm_simulation import ArmState
+from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
+from robot_dynamics.simulation.mujoco_simulation import DirectDrives, MujocoSimulation
 
 
 class InnerController:
@@ -78,61 +78,10 @@ class Measured(NamedTuple):
     motors: ArmState
 
 
-class Simulation(Protocol):
-    """A simulated arm with brakes: `ArmSimulation` or `MujocoSimulation`; arrays are (n,)."""
-
-    effort: FloatArray
-    braked: bool
-
-    @property
-    def arm(self) -> Any:
-        """The arm, with `joint_names`, `joint_kinds` and `gravity`."""
-
-    @property
-    def state(self) -> ArmState:
-        """Position and velocity."""
-
-    @property
-    def motor_state(self) -> ArmState:
-        """Motor-side state divided by the gear ratio."""
-
-    def reset(self) -> None:
-        """Return to the initial state with engaged brakes."""
-
-    def release(self) -> None:
-        """Release the brakes."""
-
-    def brake(self) -> None:
-        """Engage the brakes."""
-
-    def set_gravity(self, gravity: FloatArray) -> None:
-        """Change gravity (3,) [m/s²] at once."""
-
-    def step(
-        self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
-    ) -> ArmState:
-        """Return the state after `duration` [s]; raise RobotDynamicsError if it diverges."""
-
-
-class Drives(Protocol):
-    """The drives of a robot: `InnerController` or `DirectDrives`; arrays are (n,)."""
-
-    @property
-    def idle_effort(self) -> FloatArray:
-        """The commanded effort at which the drives deliver no torque."""
-
-    def set_gravity(self, gravity: FloatArray) -> None:
-        """Use another gravity (3,) [m/s²]."""
-
-    def with_own_compensation(
-        self, effort: FloatArray, q: FloatArray, v: FloatArray,
-    ) -> FloatArray:
-        """Return the torque at the joints for a commanded effort at the state (q, v)."""
-
-    def measured(
-        self, effort: FloatArray, q: FloatArray, v: FloatArray, braked: bool,
-    ) -> FloatArray:
-        """Return the effort that the robot reports."""
+Simulation = ArmSimulation | MujocoSimulation
+"""A simulated arm with brakes."""
+Drives = InnerController | DirectDrives
+"""The drives of a robot."""
 
 
 class Plant:
@@ -223,8 +172,12 @@ class Plant:
 
     def step(self, period: float) -> None:
         """Advance the simulation by `period` [s]."""
+        wrenches = list(self.wrenches.values())
+        if self.simulation.braked:
+            self.simulation.wait(period, wrenches)
+            return
         effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
-        self.simulation.step(effort, period, list(self.wrenches.values()))
+        self.simulation.step(effort, period, wrenches)
 
     def measure(self) -> Measured:
         """Return the present values of the sensors."""

@@ -26,7 +26,7 @@ from robot_dynamics.animation.chain_animation import chain_frames, frame_count
 from robot_dynamics.animation.video import check_format, Frame, write_video
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
@@ -113,7 +113,7 @@ def _run(arguments: argparse.Namespace) -> int:
             *(['rosbags', 'yaml', 'scipy'] if recorded else []))
     check_format(output)
     arm, series = _read_recording(arguments) if recorded else (
-        load_arm(command_line.read_robot(arguments.urdf), arguments.joints), None)
+        arm_from_urdf(command_line.read_robot(arguments.urdf), arguments.joints), None)
     PlanarView(arm)  # before the work, because it may reject the arm
     output = arguments.output or Path('out', f'{arm.name}.gif')
     command_line.prepare_file(output, arguments.force)
@@ -152,7 +152,7 @@ def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSerie
             urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
         else:
             urdf = command_line.read_robot(arguments.urdf)
-    return load_arm(urdf, arguments.joints), series
+    return arm_from_urdf(urdf, arguments.joints), series
 
 
 def _recorded_motion(

@@ -79,20 +79,19 @@ def _run(arguments: argparse.Namespace) -> int:
 def _urdf(arguments: argparse.Namespace) -> str:
     own = PlanarChain.from_two_link(PlanarTwoLink())
     given = (arguments.masses, arguments.lengths, arguments.com_distances, arguments.inertias)
-    effort_limits, velocity_limits = arguments.effort_limits, arguments.velocity_limits
     # The limits of the default arm do not apply to links of the user.
-    if all(values is None for values in given):
-        effort_limits = effort_limits or DEFAULT_EFFORT_LIMITS
-        velocity_limits = velocity_limits or DEFAULT_VELOCITY_LIMITS
+    is_default = all(values is None for values in given)
     return planar_arm_urdf(
         arguments.masses or own.masses,
         arguments.lengths or own.lengths,
         arguments.com_distances or own.com_distances,
         arguments.inertias or own.inertias,
-        viscous_friction=arguments.viscous,
-        coulomb_friction=arguments.coulomb,
-        effort_limits=effort_limits,
-        velocity_limits=velocity_limits,
+        viscous_friction=arguments.viscous or 0.0,
+        coulomb_friction=arguments.coulomb or 0.0,
+        effort_limits=arguments.effort_limits or (
+            DEFAULT_EFFORT_LIMITS if is_default else GENEROUS_EFFORT_LIMIT),
+        velocity_limits=arguments.velocity_limits or (
+            DEFAULT_VELOCITY_LIMITS if is_default else GENEROUS_VELOCITY_LIMIT),
         name=arguments.name,
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures import torque_grid
 from robot_dynamics.pictures.map_report import map_page, panel_verdict, workspace_verdicts
@@ -109,7 +109,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
             f'--velocity and --acceleration are given with {arguments.what!r}, expected '
             f'{MOTION!r}')
     require('the tool', 'matplotlib')
-    arm = load_arm(command_line.read_robot(arguments.urdf))
+    arm = arm_from_urdf(command_line.read_robot(arguments.urdf))
     link = arguments.link or tool_link(arm)
     arm.link_frame(link, '--link')
     load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''

@@ -64,8 +64,7 @@ def exciting_trajectory(
     motion.velocity[[0, -1]] = motion.acceleration[[0, -1]] = 0.0
 
     def begun_at(first: float) -> JointTrajectory:
-        q, v, a = (values.tolist() for values in motion)
-        return make_trajectory(names, (first + times).tolist(), q, v, a, names)
+        return make_trajectory(names, (first + times).tolist(), *motion)
 
     trajectory = begun_at(0.0)
     dense = np.linspace(0.0, excitation.duration, _CHECKS_PER_SEGMENT * count + 1)

@@ -19,13 +19,13 @@ from robot_dynamics.exceptions import (
     InvalidInputError,
     TrajectoryError,
 )
-from robot_dynamics.model.yaml_text import load_yaml
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,
     TrajectoryPoint,
 )
+from robot_dynamics.yaml_text import load_yaml
 
 DECIMALS = 9
 """Decimal places of every number: a resolution of nanometres."""

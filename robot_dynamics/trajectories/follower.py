@@ -11,9 +11,9 @@ resolution of only 2e-7 s. Durations are in seconds.
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import ceil, copysign, pi
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.trajectories.interpolation import (
@@ -168,8 +168,8 @@ class TrajectoryFollower:
         self,
         trajectory: JointTrajectory,
         now_ns: int,
-        position: Any,
-        velocity: Any,
+        position: npt.ArrayLike,
+        velocity: npt.ArrayLike,
         stamp_ns: int = 0,
     ) -> ActiveTrajectory:
         """
@@ -220,7 +220,9 @@ class TrajectoryFollower:
         if self.active is not None:
             self.active = self.active.earlier(shift_ns)
 
-    def _state_at(self, now_ns: int, position: Any, velocity: Any) -> Reference:
+    def _state_at(
+        self, now_ns: int, position: npt.ArrayLike, velocity: npt.ArrayLike,
+    ) -> Reference:
         if self.active is not None:
             reference = self.active.sample(now_ns)
             if all((np.abs(values) <= LARGEST_VALUE).all() for values in reference):

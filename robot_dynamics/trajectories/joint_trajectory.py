@@ -18,6 +18,7 @@ import reprlib
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.validation import (
@@ -25,8 +26,12 @@ from robot_dynamics.validation import (
     check_unique,
     check_vector,
     holds_numbers,
+    is_empty,
     LARGEST_VALUE,
 )
+
+Rows = Sequence[npt.ArrayLike | None] | FloatArray
+"""One row (n,) per point; None or an empty row for a point without the field."""
 
 # The range of the seconds in builtin_interfaces/Duration.
 _LONGEST_TIME = 2.0 ** 31
@@ -81,23 +86,24 @@ class JointTrajectory:
 def make_trajectory(
     joint_names: Sequence[str],
     times: Sequence[float],
-    positions: Sequence[Any],
-    velocities: Sequence[Any],
-    accelerations: Sequence[Any],
-    expected_joints: Sequence[str],
+    positions: Rows,
+    velocities: Rows = (),
+    accelerations: Rows = (),
+    expected_joints: Sequence[str] = (),
 ) -> JointTrajectory:
     """
-    Return the trajectory of a message, checked and put into the order of `expected_joints`.
+    Return a checked trajectory in the order of `expected_joints`.
 
-    `times` are the `time_from_start` of the points [s], rounded to 1 ns. `positions`,
-    `velocities` and `accelerations` have one row per point, in the order of `joint_names`; an
-    empty row means that the point omits the field, and `()` instead of all rows that all points
-    do. A single point may have velocity and acceleration: it is a streamed set-point. The last of
-    several points must be at rest.
+    By default, that is the order of `joint_names`. `times` are the `time_from_start` of the points
+    [s], rounded to 1 ns. `positions`, `velocities` and `accelerations` have one row per point, in
+    the order of `joint_names`; an empty row means that the point omits the field, and `()` instead
+    of all rows that all points do. A single point may have velocity and acceleration: it is a
+    streamed set-point. The last of several points must be at rest.
 
     Raises TrajectoryError, whose message names point, field, value and expected values.
     """
-    expected, names = tuple(expected_joints), list(joint_names)
+    names = list(joint_names)
+    expected = tuple(expected_joints) or tuple(names)
     try:
         _check_joint_names(names, expected)
         checked_times = _check_times(times)
@@ -179,7 +185,7 @@ def _check_times(times: Sequence[float]) -> list[float]:
 
 
 def _check_field(
-    field: str, rows: Sequence[Any], count: int, names: list[str], expected: tuple[str, ...],
+    field: str, rows: Rows, count: int, names: list[str], expected: tuple[str, ...],
 ) -> list[FloatArray | None]:
     """Return the rows in the order of `expected`, with None for each omitted field."""
     if len(rows) == 0:
@@ -231,8 +237,8 @@ def _as_matrix(rows: list[Any], columns: int) -> FloatArray:
     return np.asarray(rows, dtype=np.float64)
 
 
-def _is_absent(row: Any) -> bool:
-    return row is None or (hasattr(row, '__len__') and len(row) == 0)
+def _is_absent(row: object) -> bool:
+    return row is None or is_empty(row)
 
 
 def _check_fields_together(

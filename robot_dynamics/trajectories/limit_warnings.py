@@ -3,7 +3,7 @@
 
 """Messages about states and efforts outside an arm's limits, for answers that are still given."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -15,7 +15,11 @@ from robot_dynamics.trajectories.efforts import TrajectoryEfforts
 def limit_warnings(
     arm: ArmModel, q: FloatArray, v: FloatArray, effort: FloatArray | None = None,
 ) -> list[str]:
-    """Return one line for each joint whose position, velocity or effort is outside its limits."""
+    """
+    Return one line for each joint whose position, velocity or effort is outside its limits.
+
+    Arrays are (n,), or (samples, n): then a line names the sample that exceeds the limit most.
+    """
     limits = arm.limits
     return [
         *_outside('position', arm.joint_names, q, limits.lower, limits.upper),
@@ -26,14 +30,14 @@ def limit_warnings(
 
 
 def motor_warnings(arm: ArmModel, load: ActuatorLoad) -> list[str]:
-    """Return one line for each motor whose current or voltage would exceed its limit."""
+    """Return one such line for each motor whose current or voltage would exceed its limit."""
     return [
-        f'{field} of the motor of {name!r} is {value:.6g} {unit}, {ratio:.3g} times its limit'
+        f'{field} of the motor of {arm.joint_names[j]!r} is {values[index]:.6g} {unit}{sample}, '
+        f'{ratios[index]:.3g} times its limit'
         for field, unit, values, ratios in (
             ('current', 'A', load.current, load.current_ratio),
             ('voltage', 'V', load.voltage, load.voltage_ratio))
-        for name, value, ratio in zip(arm.joint_names, values.tolist(), ratios.tolist())
-        if ratio > 1.0]
+        for j, index, sample in _worst(ratios - 1.0)]
 
 
 def worst_in_words(result: TrajectoryEfforts) -> str:
@@ -49,7 +53,15 @@ def worst_in_words(result: TrajectoryEfforts) -> str:
 def _outside(
     field: str, names: Sequence[str], values: FloatArray, lower: FloatArray, upper: FloatArray,
 ) -> list[str]:
-    outside = np.flatnonzero((values < lower) | (values > upper)).tolist()
     return [
-        f'{field} of {names[i]!r} is {values[i]:.6g}, outside its limits '
-        f'[{lower[i]:.6g}, {upper[i]:.6g}]' for i in outside]
+        f'{field} of {names[j]!r} is {values[index]:.6g}{sample}, outside its limits '
+        f'[{lower[j]:.6g}, {upper[j]:.6g}]'
+        for j, index, sample in _worst(np.maximum(lower - values, values - upper))]
+
+
+def _worst(excess: FloatArray) -> Iterator[tuple[int, tuple[int, ...], str]]:
+    """Yield each joint with an excess above 0, the index of the largest one, and its sample."""
+    rows = np.atleast_2d(excess)
+    for j in np.flatnonzero((rows > 0.0).any(axis=0)).tolist():
+        i = int(rows[:, j].argmax())
+        yield (j, (j,), '') if excess.ndim == 1 else (j, (i, j), f' in sample {i}')

@@ -4,17 +4,17 @@
 """Quintic trajectories from rest to rest: point to point, and through via points."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.trajectories.interpolation import QUINTIC
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory, Rows
 
 
 def quintic_point_to_point(
-    joint_names: Sequence[str], start: Any, goal: Any, duration: float,
+    joint_names: Sequence[str], start: npt.ArrayLike, goal: npt.ArrayLike, duration: float,
 ) -> JointTrajectory:
     """
     Return the motion from rest at `start` to rest at `goal` in `duration` [s].
@@ -25,11 +25,11 @@ def quintic_point_to_point(
     9.2.2 (fifth-order time scaling).
     """
     rest = [[0.0] * len(joint_names)] * 2
-    return make_trajectory(joint_names, (0.0, duration), (start, goal), rest, rest, joint_names)
+    return make_trajectory(joint_names, (0.0, duration), (start, goal), rest, rest)
 
 
 def quintic_via_points(
-    joint_names: Sequence[str], times: Sequence[float], positions: Any,
+    joint_names: Sequence[str], times: Sequence[float], positions: Rows,
 ) -> JointTrajectory:
     """
     Return the smoothest motion through `positions` at `times`, from rest to rest.
@@ -40,14 +40,13 @@ def quintic_via_points(
     cost is one dense solve of 2 (m - 2) unknowns, suitable for a few hundred points.
     Raises TrajectoryError.
     """
-    path = make_trajectory(joint_names, times, positions, (), (), joint_names)
+    path = make_trajectory(joint_names, times, positions)
     if path.is_set_point:
         raise TrajectoryError('points has 1 point, expected at least a start and a goal')
     q = np.array([point.position for point in path.points])
     T = np.diff([point.time_from_start for point in path.points])
     v, a = _least_jerk_derivatives(q, T)
-    return make_trajectory(
-        joint_names, times, q.tolist(), v.tolist(), a.tolist(), joint_names)
+    return make_trajectory(joint_names, times, q, v, a)
 
 
 def _least_jerk_derivatives(q: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -31,6 +31,22 @@ def read_description(path: Path, field: str) -> str:
     return _expand_xacro(path, field)
 
 
+def urdf_text(urdf: str | os.PathLike[str]) -> str:
+    """
+    Return the URDF that a user of the library gives: a text with `<`, or else the path of a file.
+
+    Raises ModelError like `read_description`, also for a path at which there is no file.
+    """
+    if isinstance(urdf, str) and '<' in urdf:
+        return urdf
+    path = description_path(os.fspath(urdf), 'urdf')
+    if not os.path.isfile(path):
+        raise ModelError(
+            f'urdf is {os.fspath(urdf)!r}, which is no file, expected the path of a URDF or xacro '
+            'file, or the text of a URDF, which contains <')
+    return read_description(path, 'urdf')
+
+
 def read_description_file(file: str, field: str) -> str:
     """Return the URDF in a file, expanding xacro; raise ModelError, naming `field`, on failure."""
     return read_description(description_path(file, field), field)

@@ -11,8 +11,7 @@ from robot_dynamics.analysis.residual import merged_statistics, residual_statist
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.term_series import model_terms
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robots import robot_urdf
 
 # A warning of numpy indicates a number that the code did not check.

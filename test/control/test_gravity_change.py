@@ -164,10 +164,10 @@ def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
 def test_energy_of_a_change_of_gravity_counts_as_work() -> None:
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
     simulation.release()
-    start = sum(simulation.energy())
+    start = sum(simulation.energy)
     for gravity in ((3.0, 0.0, -9.0), (0.0, 0.0, 9.81)):
         simulation.step(np.zeros(2), 0.3)
         simulation.set_gravity(np.array(gravity))
     simulation.step(np.zeros(2), 0.3)
     assert abs(simulation.work) > 1.0
-    assert sum(simulation.energy()) - start == pytest.approx(simulation.work, abs=1e-5)
+    assert sum(simulation.energy) - start == pytest.approx(simulation.work, abs=1e-5)

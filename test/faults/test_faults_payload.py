@@ -142,7 +142,10 @@ def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
 def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
     bench.check_alive()
     with permitted(bench):
-        assert set_payload(bench, 100.0).success
+        answer = set_payload(bench, 100.0)
+        assert answer.success
+        assert [line.split(', expected')[0] for line in answer.warnings] == [
+            "payload.inertia.m is 100 kg on 'tool0'"]
         bench.efforts.wait_for(lambda m: np.allclose(m.effort, [-150.0, -60.0], atol=1e-5))
         check_rate(bench.efforts)
         assert set_payload(bench, 0.0).success

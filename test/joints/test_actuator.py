@@ -279,4 +279,4 @@ def test_no_motor_delivers_more_power_than_it_takes() -> None:
     for _ in range(400):
         simulation.step(np.array([50.0]), 1e-3)
     assert simulation.v[0] < 24.0 / (0.05 * 100.0)  # the no-load speed
-    assert simulation.work == pytest.approx(sum(simulation.energy()), rel=1e-6)
+    assert simulation.work == pytest.approx(sum(simulation.energy), rel=1e-6)

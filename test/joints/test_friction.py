@@ -225,7 +225,7 @@ def test_stick_slip_breaks_away_at_the_static_friction() -> None:
 # --- energy --------------------------------------------------------------------------------------
 
 def imbalance(simulation: ArmSimulation, before: float) -> float:
-    gained = sum(simulation.energy()) - before
+    gained = sum(simulation.energy) - before
     size = abs(simulation.work) + simulation.heat + abs(gained)
     return abs(simulation.work - simulation.heat - gained) / size
 
@@ -239,7 +239,7 @@ def imbalance(simulation: ArmSimulation, before: float) -> float:
 ], ids=['viscous', 'coulomb', 'stribeck', 'all'])
 def test_work_is_energy_gained_and_heat(friction: dict[str, list[float]]) -> None:
     simulation = released(two_links(**friction), (1.0, 0.5), (0.5, -1.0))
-    before = sum(simulation.energy())
+    before = sum(simulation.energy)
     for k in range(1000):
         tau = np.array([20.0 * np.sin(0.02 * k), 5.0 * np.cos(0.05 * k)])
         heat = simulation.heat

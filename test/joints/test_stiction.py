@@ -7,9 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.stiction import choose_modes, hold
-from robot_dynamics.simulation.exponential_step import damping_rate, phi_functions
-from scipy.integrate import quad
+from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
+from scipy.linalg import expm
 
 laws = settings(deadline=None, derandomize=True, max_examples=200)
 
@@ -76,14 +77,29 @@ def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed: in
     assert rate >= max(rates.real, default=0.0) - 1e-9
 
 
-@pytest.mark.parametrize('z', [0.0, 1e-12, 1e-6, 1e-3, 0.1, 0.499, 0.501, 1.0, 10.0, 1e4])
-def test_phi_functions_are_their_integrals(z: float) -> None:
-    values = [phi[0] for phi in phi_functions(np.array([z]))]
-    factorial = (1.0, 1.0, 2.0)
-    for k, value in enumerate(values, start=1):
-        # substitute u = 1 - s, as for large z the integrand is concentrated near s = 1
-        exact, _ = quad(
-            lambda u, k=k: np.exp(-z * u) * (1.0 - u)**(k - 1) / factorial[k - 1], 0.0, 1.0,
-            points=[min(1.0, 5.0 / z)] if z > 5.0 else None, epsabs=1e-15, epsrel=1e-13,
-            limit=200)
-        assert value == pytest.approx(exact, rel=1e-11)
+@pytest.mark.parametrize('damping', [0.0, 1e-9, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize('stiffness', [0.0, 1.0, 1e5])
+def test_an_exponential_step_of_a_linear_arm_is_exact(damping: float, stiffness: float) -> None:
+    M, _, _, viscous = random_case(7, 4)
+    v = np.array([0.5, 0.0, -1.2, 0.8])
+    h, free = 2e-3, v != 0.0
+    K, D = stiffness * np.linspace(0.5, 1.0, 4) * free, damping * (0.1 + viscous)
+    q, force = np.linspace(-0.3, 0.4, 4), np.array([3.0, -2.0, 1.0, 4.0])
+    moving = np.flatnonzero(free)
+    m = len(moving)
+    inverse = np.linalg.inv(M[np.ix_(moving, moving)])
+
+    def acceleration(at: FloatArray, rate: FloatArray) -> FloatArray:
+        a = np.zeros(4)
+        a[moving] = inverse @ (force - K * (at - q) - D * rate)[moving]
+        return a
+
+    end = exponential_step(q, v, h, acceleration, M, D, K, free)
+    generator = np.zeros((2 * m + 1, 2 * m + 1))  # of (q − q₀, v, 1)
+    generator[:m, m:2 * m] = np.eye(m)
+    generator[m:2 * m] = inverse @ np.column_stack(
+        (-np.diag(K[moving]), -np.diag(D[moving]), force[moving]))
+    exact = expm(h * generator) @ np.concatenate((np.zeros(m), v[moving], [1.0]))
+    assert end.position[moving] - q[moving] == pytest.approx(exact[:m], rel=1e-9, abs=1e-12)
+    assert end.velocity[moving] == pytest.approx(exact[m:2 * m], rel=1e-9, abs=1e-12)
+    assert end.velocity[~free].tolist() == [0.0] * (4 - m)

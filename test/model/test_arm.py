@@ -4,14 +4,17 @@
 """The public interface of an arm: joints by name, limits, friction, links, and rejections."""
 
 from dataclasses import FrozenInstanceError
+from pathlib import Path
 
 import numpy as np
 import numpy.testing as npt
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import load_arm, MimicJoint
+from robot_dynamics.model.arm import arm_from_urdf, load_arm, MimicJoint
+from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import MIMIC, robot_urdf, ROBOTS
 
@@ -264,4 +267,27 @@ def test_what_cannot_move_is_no_arm(joint):
 
 def test_a_broken_description_is_refused():
     with pytest.raises(ModelError, match='expected a URDF'):
-        load_arm('arm.urdf')
+        load_arm('<robot')
+
+
+@pytest.mark.parametrize('given', [str, Path, lambda path: f'file://{path}'])
+def test_a_path_is_read(tmp_path, given):
+    path = tmp_path / 'two link arm.urdf'
+    path.write_text(default_arm_urdf(), encoding='utf-8')
+    arm = load_arm(given(path), ['joint2'], (0.0, 0.0, -1.62))
+    assert (arm.joint_names, arm.gravity.tolist()) == (('joint2',), [0.0, 0.0, -1.62])
+
+
+@pytest.mark.parametrize('given', [
+    'arm.urdf', Path('arm.urdf'), '', '/', 'no URDF', 'x' * 5000, 'nul\0', 'file:///no/arm.urdf'])
+def test_a_path_without_a_file_gets_one_clear_error(given):
+    with pytest.raises(ModelError, match='which is no file, expected the path of a URDF or xac'):
+        load_arm(given)
+
+
+def test_a_description_from_outside_is_never_a_path(tmp_path):
+    path = tmp_path / 'arm.urdf'
+    path.write_text(default_arm_urdf(), encoding='utf-8')
+    for load in (arm_from_urdf, lambda text: arm_from_parameters(text, {}), check_model):
+        with pytest.raises(ModelError, match='not well-formed XML'):
+            load(str(path))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.model.joint_coordinates import JointCoordinates
+from robot_dynamics.model.arm import JointCoordinates
 
 laws = settings(deadline=None, derandomize=True, max_examples=50)
 

@@ -4,22 +4,28 @@
 """`ArmDynamics` and `RigidBody` accept every sequence of numbers, and reject all other inputs."""
 
 from collections.abc import Callable
+from dataclasses import fields
 import inspect
 from typing import Any
 
 import numpy as np
 import pytest
 from robot_dynamics.control.control_law import make_gains
+from robot_dynamics.control.effort_limiter import EffortLimits
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import load_arm
+from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
 _BARE = load_arm(default_arm_urdf())
 ARM = _BARE.with_friction(make_friction(
@@ -163,10 +169,66 @@ def test_parameters_of_an_arm_name_an_entry_that_is_no_number(
         assert str(caught.value) == f'{field}{place} is {bad!r}, expected a finite number'
 
 
-@pytest.mark.parametrize('make', [make_friction, lambda names, kp: make_gains(names, kp=kp)])
-def test_parameters_of_an_arm_are_sequences(make: Callable[..., object]) -> None:
-    with pytest.raises(InvalidInputError, match=r'has an array of shape \(\), expected 2'):
-        make(_BARE.joint_names, 0.5)
+def fields_of(value: Any) -> dict[str, Any]:
+    return {field.name: np.asarray(getattr(value, field.name)).tolist() for field in fields(value)}
+
+
+def urdf_with(**parameters: Any) -> ArmModel:
+    urdf = planar_arm_urdf([1.0, 1.0], [1.0, 1.0], [0.5, 0.5], [0.1, 0.1], **parameters)
+    return load_arm(urdf)
+
+
+PER_JOINT: dict[str, Callable[[Any], Any]] = {
+    **{f'friction.{field.name}': lambda x, name=field.name: fields_of(  # type: ignore[misc]
+        make_friction(_BARE.joint_names, **{'coulomb': float(name == 'offset'), name: x}))
+       for field in FRICTION_FIELDS},
+    **{f'actuator.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]
+        make_actuators(_BARE.joint_names, **{'torque_constant': 0.1, 'gear_ratio': 50.0,
+                                             'resistance': 1.0, 'rotor_inertia': 1.0, name: x}))
+       for name in list(inspect.signature(make_actuators).parameters)[1:-1]},
+    'actuator.reflected_inertia': lambda x: fields_of(make_actuators(
+        _BARE.joint_names, 0.1, 50.0, reflected_inertia=x)),
+    'with_reflected_inertia': lambda x: _BARE.with_reflected_inertia(x).reflected_inertia.tolist(),
+    'effort.scale': lambda x: fields_of(make_drive_effort(_BARE.joint_names, x)),
+    'effort.offset': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, x)),
+    'effort limit': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, 0.0, x)),
+    'uncertainty.effort_noise': lambda x: fields_of(make_uncertainty(
+        _BARE, effort_noise=x, noise_bandwidth=1.0)),
+    **{f'gains.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]
+        make_gains(_BARE.joint_names, **{name: x}))
+       for name in ('natural_frequency', 'damping_ratio', 'kp', 'kd')},
+    'following_error': lambda x: ControllerOptions(
+        make_gains(_BARE.joint_names), following_error=x).largest_error(
+            _BARE.limits.velocity).tolist(),
+    'effort_rate': lambda x: EffortLimits(
+        *(_BARE.limits.lower, _BARE.limits.upper, _BARE.limits.velocity), 0.01,
+        np.asarray(x) if isinstance(x, list) else x).joint_rates.tolist(),
+    'viscous_friction': lambda x: fields_of(urdf_with(viscous_friction=x).friction),
+    'coulomb_friction': lambda x: fields_of(urdf_with(coulomb_friction=x).friction),
+    'effort_limits': lambda x: fields_of(urdf_with(effort_limits=x).limits),
+    'velocity_limits': lambda x: fields_of(urdf_with(velocity_limits=x).limits),
+}
+"""Every parameter of the library with one value per joint."""
+
+
+@pytest.mark.parametrize('parameter', PER_JOINT)
+def test_one_number_is_a_parameter_of_all_joints(parameter: str) -> None:
+    make = PER_JOINT[parameter]
+    expected = make([0.9, 0.9])
+    assert expected != make([0.9, 0.8])
+    for number in (0.9, np.float64(0.9), np.array(0.9)):
+        assert make(number) == expected
+
+
+def test_a_wrong_number_for_all_joints_is_named_without_an_index() -> None:
+    for bad in (np.nan, None, '1.0', True):
+        with pytest.raises(InvalidInputError, match='^friction.viscous is .*, expected '):
+            make_friction(_BARE.joint_names, bad)  # type: ignore[arg-type]
+
+
+def test_a_state_needs_a_value_per_joint() -> None:
+    with pytest.raises(InvalidInputError, match=r'initial_position has an array of shape \(\)'):
+        ArmSimulation(_BARE, 0.5)
 
 
 @pytest.mark.parametrize('mass', ['1.0', None, True])

@@ -18,8 +18,7 @@ import pytest
 from random_trees import Case, case_of, laws, random_case, random_cases
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.term_series import model_terms
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf

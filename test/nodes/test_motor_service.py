@@ -18,6 +18,7 @@ from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,
+    InverseDynamicsBatch,
     InverseDynamicsTrajectory,
 )
 from ros_harness import DYNAMICS, NodeProcess, RosClient
@@ -79,7 +80,7 @@ def test_forward_dynamics_takes_the_rotors_along(
         position=Q, velocity=V, effort=effort.tolist()))
     assert list(answer.acceleration) == pytest.approx(A)
     assert len(answer.motor_current) == 2
-    assert "current of the motor of 'joint1'" in answer.message
+    assert any("current of the motor of 'joint1'" in words for words in answer.warnings)
 
 
 def test_a_trajectory_must_be_within_what_the_motors_have(
@@ -98,6 +99,17 @@ def test_a_trajectory_must_be_within_what_the_motors_have(
     assert answer.worst_ratio > 1.0
     assert answer.worst_time == expected.worst_time
     assert answer.message.startswith("current of the motor of 'joint1' is ")
+    assert answer.warnings == [answer.message]
+
+
+def test_a_batch_warns_of_the_motors_too(client: RosClient) -> None:
+    one, batch = (
+        client.call(kind, f'/dynamics/{name}', kind.Request(
+            position=Q, velocity=V, acceleration=A))
+        for kind, name in ((InverseDynamics, 'inverse_dynamics'),
+                           (InverseDynamicsBatch, 'inverse_dynamics_batch')))
+    assert [line.replace(' in sample 0', '') for line in batch.warnings] == list(one.warnings)
+    assert any('current of the motor' in line for line in batch.warnings)
 
 
 def test_the_urdfs_transmissions_are_the_gear_ratios(

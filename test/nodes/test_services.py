@@ -17,7 +17,7 @@ from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import RosClient
 from service_bench import A, Q, Served, served, TAU, V
-from service_requests import wrench
+from service_requests import SERVICES, wrench
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
@@ -217,16 +217,16 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) ->
     equation = robot.answer('manipulator_equation', **fields)
     for field, joint in (('position', limited), ('velocity', 0)):
         words = f"{field} of '{arm.joint_names[joint]}' is "
-        assert any(line.startswith(words) for line in response.warnings), response.warnings
-        assert words in back.message
-        assert words in equation.message
+        for answer in (response, back, equation):
+            assert any(line.startswith(words) for line in answer.warnings), answer.warnings
 
 
 def test_within_the_limits_there_is_no_warning(planar: Served) -> None:
     for service, fields in (
             ('inverse_dynamics', {}), ('manipulator_equation', {}),
-            ('forward_dynamics', {'effort': [0.0, 0.0]})):
-        assert planar.answer(service, position=Q, velocity=V, **fields).message == ''
+            ('inverse_dynamics_batch', {}), ('forward_dynamics', {'effort': [0.0, 0.0]})):
+        answer = planar.answer(service, position=Q, velocity=V, **fields)
+        assert (answer.message, list(answer.warnings)) == ('', [])
 
 
 def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
@@ -235,7 +235,27 @@ def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
         "effort of 'joint1'", "effort of 'joint2'"]
     assert '[-150, 150]' in response.warnings[0]
     back = planar.answer('forward_dynamics', position=Q, effort=response.effort)
-    assert back.message == '; '.join(response.warnings)
+    assert back.warnings == response.warnings
+
+
+def test_a_batch_warns_of_the_worst_sample_of_each_joint(planar: Served) -> None:
+    velocity = [*V, 12.0, 0.0, -20.0, 30.0, 11.0, 0.0]  # the limit is 10 rad/s
+    response = planar.answer('inverse_dynamics_batch', position=Q * 4, velocity=velocity)
+    speeds = [line for line in response.warnings if line.startswith('velocity')]
+    assert speeds == [
+        f"velocity of '{joint}' is {v} in sample 2, outside its limits [-10, 10]"
+        for joint, v in (('joint1', '-20'), ('joint2', '30'))]
+    for index in range(4):  # the same efforts as one by one, with warnings of the same joints
+        one = planar.answer(
+            'inverse_dynamics', position=Q, velocity=velocity[2 * index:2 * index + 2])
+        assert {line.split(' is ')[0] for line in one.warnings} <= {
+            line.split(' is ')[0] for line in response.warnings}
+
+
+def test_every_service_has_warnings() -> None:
+    for name, service in SERVICES.items():
+        assert service.Response.get_fields_and_field_types().get('warnings') == (
+            'sequence<string>'), name
 
 
 # --- trajectories --------------------------------------------------------------------------------
@@ -254,6 +274,7 @@ def test_a_trajectory_gets_its_efforts(planar: Served) -> None:
         assert returned.time_from_start == sent.time_from_start
         assert returned.effort == pytest.approx(effort)
     assert response.feasible
+    assert list(response.warnings) == []
     assert response.worst_joint == expected.worst_joint
     assert response.worst_ratio == pytest.approx(expected.worst_ratio)
     assert response.worst_time == expected.worst_time
@@ -266,6 +287,8 @@ def test_a_trajectory_that_is_too_quick_is_not_feasible(planar: Served) -> None:
     assert not response.feasible
     assert response.worst_ratio > 1.0
     assert response.worst_joint in planar.arm.joint_names
+    assert response.warnings[-1] == response.message
+    assert response.message.startswith(f'effort of {response.worst_joint!r} is ')
 
 
 def test_the_efforts_of_a_trajectory_are_in_its_own_order(planar: Served) -> None:

@@ -47,12 +47,12 @@ def test_a_free_arm_keeps_its_energy(
     """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
     arm = two_link()
     simulation = released(arm, q0, v0)
-    at_start = sum(simulation.energy())
-    lowest = released(arm, (np.pi, 0.0)).energy()[1]
+    at_start = sum(simulation.energy)
+    lowest = released(arm, (np.pi, 0.0)).energy[1]
     worst = 0.0
     for _ in range(600):
         simulation.step(np.zeros(2), 0.1)
-        worst = max(worst, abs(sum(simulation.energy()) - at_start))
+        worst = max(worst, abs(sum(simulation.energy) - at_start))
     assert worst < 1e-6 * (at_start - lowest)
     if abs(at_start) > 1.0:
         assert worst < 1e-6 * abs(at_start)
@@ -99,9 +99,9 @@ def test_a_real_arm_keeps_its_energy() -> None:
     assert not arm.friction.coulomb.any()
     assert not arm.friction.viscous.any()
     simulation = released(arm, [0.2, -1.0, 0.8, 0.3, -0.4, 0.1])
-    at_start = sum(simulation.energy())
+    at_start = sum(simulation.energy)
     simulation.step(np.zeros(6), 2.0)
-    kinetic, potential = simulation.energy()
+    kinetic, potential = simulation.energy
     assert kinetic > 10.0  # the arm fell
     assert kinetic + potential == pytest.approx(at_start, abs=1e-5 * kinetic)
 
@@ -110,9 +110,12 @@ def test_a_real_arm_keeps_its_energy() -> None:
 
 def test_brakes_hold_until_they_are_released() -> None:
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
-    q, v = simulation.step(np.array([100.0, 50.0]), 1.0)
-    assert q.tolist() == [1.0, 0.5]
-    assert v.tolist() == [0.0, 0.0]
+    for engage in (simulation.reset, simulation.brake, lambda: simulation.wait(1.0)):
+        engage()
+        with pytest.raises(InvalidInputError, match=r'brakes hold the simulated arm.*release\(\)'):
+            simulation.step(np.array([100.0, 50.0]), 1.0)
+        assert simulation.q.tolist() == [1.0, 0.5]
+        assert simulation.v.tolist() == [0.0, 0.0]
     simulation.release()
     assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
 
@@ -168,7 +171,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
     arm = load_arm(planar_arm_urdf([3.0, 2.0], lengths, [0.3, 0.2], [0.1, 0.05]))
     payload = make_payload('tool0', m)
     simulation = released(arm, (1.0, 0.5), (2.0, -1.0))
-    at_start, changes = sum(simulation.energy()), []
+    at_start, changes = sum(simulation.energy), []
     for load in (payload, None, payload, payload, None):
         simulation.step(np.zeros(2), 0.05)
         if brakes:
@@ -183,7 +186,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
         expected = 0.5 * m * (dx**2 + dz**2) + m * 9.81 * z
         assert changes[-1] == pytest.approx(
             expected * (bool(load) - carried), rel=1e-9, abs=1e-12)
-        assert sum(simulation.energy()) == pytest.approx(
+        assert sum(simulation.energy) == pytest.approx(
             at_start + simulation.work - simulation.heat, abs=1e-6)
         simulation.release()
     assert np.abs(changes).max() > 5.0
@@ -211,13 +214,13 @@ def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
     geared = arm.with_actuators(make_actuators(
         arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-4]))
     simulation = released(geared, (0.4, 0.3), (1.0, -2.0))
-    at_start = sum(simulation.energy())
+    at_start = sum(simulation.energy)
     rotors = 0.5 * 100.0**2 * 1e-4 * (1.0 + 4.0)
-    assert simulation.energy()[0] - ArmSimulation(arm, (0.4, 0.3), (1.0, -2.0)).energy()[0] == (
+    assert simulation.energy[0] - ArmSimulation(arm, (0.4, 0.3), (1.0, -2.0)).energy[0] == (
         pytest.approx(rotors, rel=1e-9))
     simulation.step(np.zeros(2), 0.6)
-    assert sum(simulation.energy()) == pytest.approx(at_start, abs=1e-6)
-    kinetic = simulation.energy()[0]
+    assert sum(simulation.energy) == pytest.approx(at_start, abs=1e-6)
+    kinetic = simulation.energy[0]
     simulation.brake()
     assert simulation.heat == pytest.approx(kinetic)
 
@@ -306,6 +309,6 @@ def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
         simulation.step(np.zeros(1), 0.005, [push])
     # The push stays normal to the link: its moment is constant during the motion.
     work = 50.0 * LENGTH * float(simulation.q[0])
-    kinetic, _ = simulation.energy()
+    kinetic, _ = simulation.energy
     assert work > 0.1
     assert simulation.heat == pytest.approx(work - kinetic, rel=1e-6)

@@ -143,7 +143,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
     simulation = released(one_link(restitution=[restitution]))
     simulation.step(np.array([2.0]), 0.05)  # only the motor moves, inside the gap
     assert simulation.v.tolist() == [0.0]
-    momentum, energy = J * simulation.motor_state.velocity[0], sum(simulation.energy())
+    momentum, energy = J * simulation.motor_state.velocity[0], sum(simulation.energy)
     assert momentum == pytest.approx(2.0 * 0.05)
     m, impacts = M * J / (M + J), 0
     for _ in range(2000):
@@ -162,7 +162,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
         assert simulation.heat - heat == pytest.approx(
             0.5 * (1.0 - e * e) * m * before**2, abs=1e-12)
     assert impacts >= (1 if restitution == 0.0 else 2)
-    assert sum(simulation.energy()) + simulation.heat == pytest.approx(energy, abs=1e-12)
+    assert sum(simulation.energy) + simulation.heat == pytest.approx(energy, abs=1e-12)
     if restitution == 1.0:
         assert simulation.heat == pytest.approx(0.0, abs=1e-15)
 
@@ -219,12 +219,12 @@ def test_no_energy_comes_or_goes(restitution: float) -> None:
         backlash=[0.02, 0.03], restitution=[restitution], resistance=[0.8], inductance=[4e-4],
         voltage_limit=[48.0], efficiency=[0.8])
     simulation = released(arm, (0.5, -0.4))
-    start, energies, work, total = sum(simulation.energy()), [], 0.0, 0.0
+    start, energies, work, total = sum(simulation.energy), [], 0.0, 0.0
     for k in range(2000):
         t = 2e-3 * k
         goal = np.array([0.5 + 0.4 * np.sin(3.0 * t), -0.4 - 0.5 * np.sin(5.0 * t)])
         simulation.step(200.0 * (goal - simulation.q) - 15.0 * simulation.v, 2e-3)
-        energies.append(sum(simulation.energy()))
+        energies.append(sum(simulation.energy))
         total += abs(simulation.work - work)
         work = simulation.work
     scale = total + simulation.heat + np.ptp(energies)

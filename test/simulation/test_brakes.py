@@ -11,6 +11,7 @@ from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
@@ -65,7 +66,7 @@ def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) 
             assert state.position.tolist() == position.tolist()
             assert state.velocity.tolist() == [0.0, 0.0]
         assert simulation.effort.tolist() == [0.0, 0.0]
-        simulation.step(np.array([100.0, 50.0]), 0.1)
+        simulation.wait(0.1, [ExternalWrench('tool0', np.array([50.0, 0.0, 0.0]), np.zeros(3))])
 
 
 @ARMS
@@ -75,11 +76,11 @@ def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmM
     rotors = REFLECTED_INERTIA if simulation.arm.actuators is not None else 0.0
     links = ArmDynamics(bare()).rigid_body.mass_matrix(simulation.q)
     expected = 0.5 * float(v @ links @ v + rotors * omega @ omega)
-    (kinetic, potential), heat, work = simulation.energy(), simulation.heat, simulation.work
+    (kinetic, potential), heat, work = simulation.energy, simulation.heat, simulation.work
     simulation.brake()
     assert simulation.heat - heat == pytest.approx(expected, rel=1e-12)
     assert expected == pytest.approx(kinetic, rel=1e-12)
-    assert simulation.energy() == (0.0, potential)
+    assert simulation.energy == (0.0, potential)
     assert simulation.work == work
 
 
@@ -92,15 +93,15 @@ def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
 @ARMS
 def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmModel]) -> None:
     simulation = ArmSimulation(make_arm(), START)
-    at_start, turned_over = sum(simulation.energy()), 0.0
+    at_start, turned_over = sum(simulation.energy), 0.0
     for k in range(12):
         simulation.release()
         simulation.step(np.array([-50.0, -11.0]) + 30.0 * np.sin(k + np.arange(2)), 0.08)
-        turned_over += simulation.energy()[0]
+        turned_over += simulation.energy[0]
         if k % 2:
             simulation.brake()
     assert turned_over > 10.0
-    error = sum(simulation.energy()) - at_start - simulation.work + simulation.heat
+    error = sum(simulation.energy) - at_start - simulation.work + simulation.heat
     assert abs(error) < 1e-6 * turned_over
 
 

@@ -78,11 +78,11 @@ def test_friction_never_adds_energy(friction: list[float], state: list[float]) -
         [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05],
         viscous_friction=friction[:2], coulomb_friction=friction[2:]))
     simulation = released(arm, state[:2], state[2:])
-    energy = sum(simulation.energy())
-    scale = 1.0 + abs(energy) + simulation.energy()[0]
+    energy = sum(simulation.energy)
+    scale = 1.0 + abs(energy) + simulation.energy[0]
     for _ in range(20):
         simulation.step(np.zeros(2), 0.01)
-        after = sum(simulation.energy())
+        after = sum(simulation.energy)
         assert after <= energy + 1e-9 * scale
         energy = after
 
@@ -232,11 +232,11 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
         slope, (0.0, duration), [0.0, v0], 'Radau', events=speed, rtol=1e-11, atol=1e-13).y[:, -1]
     for step in (4e-3, 2e-3, 1e-3):
         simulation = released(arm, (0.0,), (v0,), step)
-        before = sum(simulation.energy())
+        before = sum(simulation.energy)
         q, v = simulation.step(np.array([tau]), duration)
         assert q == pytest.approx(exact[:1], abs=2e-8)
         assert v == pytest.approx(exact[1:], abs=1e-7 / np.sqrt(J))  # tolerance of a sub-step
-        gain = sum(simulation.energy()) - before
+        gain = sum(simulation.energy) - before
         assert simulation.work - simulation.heat == pytest.approx(gain, abs=1e-8)
 
 
@@ -246,10 +246,10 @@ def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:
     assert arm.friction.viscous.min() > 0.0
     assert arm.friction.coulomb.min() > 0.0
     simulation = released(arm, np.full(7, 0.3), np.full(7, 1.0))
-    energy = sum(simulation.energy())
+    energy = sum(simulation.energy)
     for _ in range(100):
         simulation.step(np.zeros(7), 0.01)
-        after = sum(simulation.energy())
+        after = sum(simulation.energy)
         assert after <= energy + 1e-9
         energy = after
     assert np.abs(simulation.v).max() < 10.0

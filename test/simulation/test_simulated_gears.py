@@ -93,7 +93,7 @@ def test_under_a_load_below_its_friction_a_joint_creeps(width: float) -> None:
     expected = width * np.arctanh(2.0 / (5.0 + 0.1 * MASS * GRAVITY))
     assert state.velocity[0] == pytest.approx(expected, rel=1e-6)
     assert simulation.work - simulation.heat == pytest.approx(
-        sum(simulation.energy()) - sum(released(arm, [0.0]).energy()), abs=1e-7)
+        sum(simulation.energy) - sum(released(arm, [0.0]).energy), abs=1e-7)
 
 
 @pytest.mark.parametrize(('width', 'bound'), [(0.05, 1e-8), (0.002, 1e-6)])
@@ -118,12 +118,12 @@ def test_the_energy_balance_closes(width: list[float], backlash: float | None) -
         arm = arm.with_actuators(make_actuators(
             NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
     simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
-    at_start, largest, turns, before = sum(simulation.energy()), 1.0, 0, simulation.v.copy()
+    at_start, largest, turns, before = sum(simulation.energy), 1.0, 0, simulation.v.copy()
     for k in range(500):
         effort = np.array([60.0, 20.0]) * np.sin(0.03 * k + np.array([0.0, 1.0]))
         v = simulation.step(effort, 0.002).velocity
         turns, before = turns + int((v * before < 0.0).sum()), v
-        change = sum(simulation.energy()) - at_start
+        change = sum(simulation.energy) - at_start
         largest = max(largest, simulation.work, simulation.heat)
         assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-6 * largest)
     assert turns >= 4
@@ -176,11 +176,11 @@ def test_load_dependent_friction_acts_where_teeth_touch() -> None:
 
     def error_of_energy(step: float) -> float:
         simulation = released(arm, [0.4, -0.3], [1.0, -2.0], step)
-        at_start, worst = sum(simulation.energy()), 0.0
+        at_start, worst = sum(simulation.energy), 0.0
         for k in range(round(0.4 / step)):
             effort = np.array([60.0, 20.0]) * np.sin(15.0 * k * step + np.array([0.0, 1.0]))
             simulation.step(effort, step)
-            change = sum(simulation.energy()) - at_start
+            change = sum(simulation.energy) - at_start
             worst = max(worst, abs(simulation.work - simulation.heat - change))
         assert simulation.heat > 5.0
         return worst

@@ -110,7 +110,7 @@ class ControlPath:
         return self.command.loop
 
     @property
-    def lock(self) -> AbstractContextManager[Any]:
+    def lock(self) -> AbstractContextManager[object]:
         """The lock of the control path."""
         return self.command.lock
 

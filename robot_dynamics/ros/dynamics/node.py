@@ -6,7 +6,6 @@
 from collections.abc import Sequence
 import math
 import re
-from typing import Any
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -118,7 +117,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     ramps the effort to zero, if it is called before the context is shut down.
     """
 
-    def __init__(self, **node_arguments: Any) -> None:
+    def __init__(self, **node_arguments: object) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 

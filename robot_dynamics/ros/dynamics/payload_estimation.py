@@ -302,8 +302,9 @@ def estimate_to_ros(estimate: PayloadEstimate, response: EstimatePayload.Respons
     response.verdicts = list(estimate.verdicts)
     response.per_percent_of_effort = floats_to_ros(estimate.per_percent)
     response.advice = list(estimate.advice)
-    response.remarks = [*estimate.implausible, estimate.friction, *estimate.remarks]
+    response.remarks = [estimate.friction, *estimate.remarks]
+    response.warnings = list(estimate.implausible)
     try:
         response.payload = payload_to_ros(estimate.payload())
-    except InvalidInputError:  # the verdicts and the remarks state the reason
+    except InvalidInputError:  # the verdicts and the warnings state the reason
         response.payload = payload_to_ros(None)

@@ -21,7 +21,7 @@ from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics.ros.parameters.payloads import changed_payloads, check_all
+from robot_dynamics.ros.parameters.payloads import changed_payloads, check_all, payload_warnings
 
 ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Number of messages for late subscribers: the largest number of loaded links."""
@@ -96,6 +96,10 @@ class PayloadKeeper:
         self._payloads, self.obstacle = with_payload_on(self._payloads, link, None), ''
         self._in_force(self._payloads)
         return describe_payloads(self._payloads)
+
+    def warnings(self, arm: ArmModel) -> list[str]:
+        """Return why the payloads are implausible on an arm, if that is permitted."""
+        return payload_warnings(arm, self._payloads, self._values())
 
     def status(self) -> Status:
         """Return the status for the diagnostics."""

@@ -115,8 +115,9 @@ class DynamicsServices:
             response.effort_deviation = floats_to_ros(order.answer(deviation))
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)
         response.terms.header.stamp = self._node.get_clock().now().to_msg()
-        response.warnings = limit_warnings(dynamics.arm, q, v, terms.effort)
-        response.warnings += _fill_motors(response, order, dynamics.arm, terms.effort, v, a)
+        response.warnings = [
+            *limit_warnings(dynamics.arm, q, v, terms.effort),
+            *_fill_motors(response, order, dynamics.arm, terms.effort, v, a)]
 
     def _batch(
         self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
@@ -129,6 +130,10 @@ class DynamicsServices:
         effort = dynamics.inverse_dynamics_batch(q, v, a)
         response.joint_names = list(order.names)
         response.effort = floats_to_ros(order.answer(effort))
+        response.warnings = limit_warnings(dynamics.arm, q, v, effort)
+        if dynamics.arm.actuators is not None:
+            response.warnings += motor_warnings(
+                dynamics.arm, dynamics.arm.actuators.load(effort, v, a))
 
     def _trajectory(
         self,
@@ -142,12 +147,14 @@ class DynamicsServices:
         result = efforts_along(dynamics, trajectory)
         order = JointOrder(dynamics.arm, request.trajectory.joint_names)
         response.trajectory = with_efforts(request.trajectory, order.answer(result.efforts))
-        excesses = motion_excesses(dynamics.arm, trajectory)
-        response.feasible = result.feasible and not excesses
+        response.message = worst_in_words(result)
+        response.warnings = motion_excesses(dynamics.arm, trajectory)
+        if not result.feasible:
+            response.warnings += [response.message]
+        response.feasible = not response.warnings
         response.worst_joint = result.worst_joint
         response.worst_ratio = result.worst_ratio
         response.worst_time = result.worst_time
-        response.message = '; '.join(filter(None, [*excesses, worst_in_words(result)]))
 
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
@@ -161,9 +168,9 @@ class DynamicsServices:
         response.joint_names = list(order.names)
         a = dynamics.forward_dynamics(q, v, tau, wrenches)
         response.acceleration = floats_to_ros(order.answer(a))
-        response.message = '; '.join([
+        response.warnings = [
             *limit_warnings(dynamics.arm, q, v, tau),
-            *_fill_motors(response, order, dynamics.arm, tau, v, a)])
+            *_fill_motors(response, order, dynamics.arm, tau, v, a)]
 
     def _manipulator_equation(
         self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
@@ -185,14 +192,16 @@ class DynamicsServices:
                 order.answer_form(body.christoffel_symbols(q)))
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
-        response.message = '; '.join(limit_warnings(dynamics.arm, q, v))
+        response.warnings = limit_warnings(dynamics.arm, q, v)
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
         if self._controller is None and self._payloads and request.payload.inertia.m == 0.0:
             response.message = self._payloads.remove(request.payload.header.frame_id)
-        else:
-            response.message = self._payloads.change(self._used(), request.payload, seconds)
+            return
+        controller = self._used()
+        response.message = self._payloads.change(controller, request.payload, seconds)
+        response.warnings = self._payloads.warnings(controller.arm)
 
     def _estimate_payload(
         self, request: EstimatePayload.Request, response: EstimatePayload.Response,
@@ -213,6 +222,7 @@ class DynamicsServices:
             change = self._payloads.change(
                 controller, payload_to_ros(estimate.payload()), seconds)
             response.message += f'; applied: {change}'
+            response.warnings += self._payloads.warnings(controller.arm)
         if request.stop:
             self._estimation.stop()
 

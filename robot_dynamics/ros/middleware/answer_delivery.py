@@ -19,6 +19,7 @@ import warnings
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.service import Service
 from rclpy.timer import Timer
 from robot_dynamics.ros.middleware.rclpy_internals import (
     replace_send_response,
@@ -59,7 +60,7 @@ class AnswerDelivery:
         self._waiting: list[_Response] = []
         self._timer: Timer | None = None
 
-    def take_over(self, service: Any) -> None:
+    def take_over(self, service: Service) -> None:
         """Send the responses of a service of the node from now on."""
         replace_send_response(service, partial(self._send, service))
 
@@ -125,7 +126,7 @@ class AnswerDelivery:
             self._timer.cancel()
 
 
-def is_discovered(node: Node, service: Any) -> bool:
+def is_discovered(node: Node, service: Service) -> bool:
     """Return whether as many response readers as request writers are discovered."""
     name = service.service_name
     writers = node.get_publishers_info_by_topic(f'rq{name}Request', no_mangle=True)

@@ -81,7 +81,7 @@ class GuardedCallbacks(Node):
     callback_errors = 0
     """Number of callbacks that failed with an unexpected error."""
 
-    def __init__(self, *args: Any, **more: Any) -> None:
+    def __init__(self, *args: object, **more: object) -> None:
         self._logged_at: dict[str, float] = {}
         self._answers = AnswerDelivery(self)
         super().__init__(*args, **more)
@@ -91,9 +91,9 @@ class GuardedCallbacks(Node):
                 self._answers.take_over(service)
 
     def create_subscription(
-        self, msg_type: Any, topic: str, callback: Callable[..., None], *args: Any,
+        self, msg_type: type, topic: str, callback: Callable[..., None], *args: object,
         refuse: Callable[[UnreadableMessageError], None] | None = None,
-        largest: int = LARGEST_MESSAGE, raw: bool = False, **more: Any,
+        largest: int = LARGEST_MESSAGE, raw: bool = False, **more: object,
     ) -> Any:
         """
         Create a subscription whose callback cannot end the node.
@@ -123,7 +123,8 @@ class GuardedCallbacks(Node):
             super().destroy_node()
 
     def create_timer(
-        self, timer_period_sec: float, callback: Callable[..., None], *args: Any, **more: Any,
+        self, timer_period_sec: float, callback: Callable[..., None], *args: object,
+        **more: object,
     ) -> Any:
         """Create a timer whose callback cannot end the node."""
         return super().create_timer(
@@ -140,7 +141,8 @@ class GuardedCallbacks(Node):
         self.create_guard_condition(self._guarded(call, 'the first spin')).trigger()
 
     def create_service(
-        self, srv_type: Any, srv_name: str, callback: Callable[..., Any], *args: Any, **more: Any,
+        self, srv_type: Any, srv_name: str, callback: Callable[..., object], *args: object,
+        **more: object,
     ) -> Any:
         """Create a service whose response contains the error if its callback fails."""
         service = super().create_service(
@@ -164,7 +166,7 @@ class GuardedCallbacks(Node):
         return result
 
     def _answering(
-        self, srv_type: Any, srv_name: str, callback: Callable[..., Any],
+        self, srv_type: Any, srv_name: str, callback: Callable[..., object],
     ) -> Callable[..., Any]:
         @functools.wraps(callback)
         def answer(request: Any, response: Any) -> Any:
@@ -186,7 +188,7 @@ class GuardedCallbacks(Node):
 
     def _guarded(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
         @functools.wraps(callback)
-        def call(*args: Any) -> None:
+        def call(*args: object) -> None:
             try:
                 callback(*args)
             except Exception as error:

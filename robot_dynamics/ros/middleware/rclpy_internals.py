@@ -297,12 +297,12 @@ def replace_send_response(service: Service, send: Callable[[Any, Any], None]) ->
         setattr(service, SEND_RESPONSE, send)
 
 
-def send_response(service: Service, message: Any, header: Any) -> None:
+def send_response(service: Service, message: object, header: object) -> None:
     """Send a response by the method that `replace_send_response` has replaced."""
     type(service).send_response(service, message, header)
 
 
-def request_number(header: Any) -> int | None:
+def request_number(header: object) -> int | None:
     """
     Return the number of a request among those of its client.
 

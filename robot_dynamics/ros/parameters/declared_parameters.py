@@ -129,7 +129,7 @@ class DeclaredParameters:
 
     def __init__(
         self, node: Node, specs: Sequence[ParameterSpec],
-        check: Callable[[Values], Any], apply: Callable[[Values], None],
+        check: Callable[[Values], object], apply: Callable[[Values], None],
         others: Sequence[str] = (),
     ) -> None:
         """

@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.node import Node
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.model.yaml_text import load_yaml
+from robot_dynamics.yaml_text import load_yaml
 
 
 class ParameterFile:
@@ -77,7 +77,7 @@ class ParameterFile:
         return [] if any(_applies(section, node) for section in sections) else sections
 
 
-def write_parameter_file(section: str, values: Mapping[str, Any]) -> str:
+def write_parameter_file(section: str, values: Mapping[str, object]) -> str:
     """Write parameters into a temporary parameter file with one section; return its path."""
     yaml = optional('yaml', 'a parameter file')
     with NamedTemporaryFile(

@@ -3,9 +3,10 @@
 
 """The payloads of a node: a list by link, checked for its arm."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from geometry_msgs.msg import InertiaStamped
+from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import Payload, with_payload_on
 from robot_dynamics.model.payload_check import check_payloads
@@ -33,6 +34,17 @@ def changed_payloads(
     if payload is not None:
         check_all(arm, changed, values)
     return changed
+
+
+def payload_warnings(arm: ArmModel, payloads: Sequence[Payload], values: Values) -> list[str]:
+    """Return why these payloads are implausible, if `allow_implausible_payload` permits them."""
+    if not values[PAYLOAD_SPEC.name]:
+        return []
+    try:
+        check_payloads(arm, payloads)
+    except InvalidInputError as error:
+        return [str(error)]
+    return []
 
 
 def check_all(arm: ArmModel, payloads: Iterable[Payload], values: Values) -> None:

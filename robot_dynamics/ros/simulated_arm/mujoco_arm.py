@@ -4,7 +4,6 @@
 """The node `mujoco_arm`: an arm in MuJoCo with the interface of `simulated_arm`."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -92,7 +91,7 @@ class MujocoArmNode(PlantNode):
     Any executor may spin it; simulated time passes from the first spin on.
     """
 
-    def __init__(self, **node_arguments: Any) -> None:
+    def __init__(self, **node_arguments: object) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 

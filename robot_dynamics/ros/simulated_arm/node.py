@@ -4,7 +4,6 @@
 """The node `simulated_arm`: simulates the motion under efforts, and publishes joint states."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -26,7 +25,7 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
-from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC
+from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC, payload_warnings
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
@@ -101,7 +100,7 @@ class SimulatedArmNode(PlantNode):
     Any executor may spin it; simulated time passes from the first spin on.
     """
 
-    def __init__(self, **node_arguments: Any) -> None:
+    def __init__(self, **node_arguments: object) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
 
@@ -153,6 +152,7 @@ class SimulatedArmNode(PlantNode):
             return response
         response.success = True
         response.message = describe_change(before, payloads)
+        response.warnings = payload_warnings(self._arm, payloads, self._settings.values)
         return response
 
 

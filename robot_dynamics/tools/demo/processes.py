@@ -83,9 +83,9 @@ class NodeProcess:
     """A node with a parameter file and a log file."""
 
     def __init__(
-        self, name: str, module: str, parameters: Mapping[str, Any], directory: Path,
+        self, name: str, module: str, parameters: Mapping[str, object], directory: Path,
         others: Path | None = None, arguments: Sequence[str] = (),
-        defaults: Mapping[str, Any] | None = None,
+        defaults: Mapping[str, object] | None = None,
     ) -> None:
         """
         Start the node; its parameters `<name>.yaml` and log `<name>.log` are in `directory`.
@@ -138,7 +138,7 @@ class NodeProcess:
             self._process.wait()
 
 
-def _written(file: Path, parameters: Mapping[str, Any]) -> Path:
+def _written(file: Path, parameters: Mapping[str, object]) -> Path:
     # JSON is YAML in which no name or number can be read as another type.
     file.write_text(
         json.dumps({'/**': {'ros__parameters': dict(parameters)}}, indent=2) + '\n',
@@ -153,7 +153,7 @@ class Nodes:
         self._directory = directory
         self._processes: list[NodeProcess] = []
 
-    def start(self, name: str, module: str, parameters: Mapping[str, Any], **more: Any) -> (
+    def start(self, name: str, module: str, parameters: Mapping[str, object], **more: Any) -> (
             NodeProcess):
         """Start a node with these parameters, and the other arguments of NodeProcess."""
         process = NodeProcess(name, module, parameters, self._directory, **more)

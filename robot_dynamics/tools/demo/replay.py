@@ -11,7 +11,7 @@ import time
 from rclpy.qos import QoSProfile
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, ROBOT_DESCRIPTION
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
@@ -164,10 +164,10 @@ class Playback:
 
 def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
     """Return the arm with those of its joints that were recorded; the others are locked."""
-    arm = load_arm(urdf)
+    arm = arm_from_urdf(urdf)
     joints = [name for name in arm.joint_names if name in series.joint_names]
     if not joints:
         raise InvalidInputError(
             f'the recording has the joints {list(series.joint_names)}, but the arm '
             f'{arm.name!r} has {list(arm.joint_names)}: give its description with --robot')
-    return arm if len(joints) == arm.joint_count else load_arm(urdf, joints)
+    return arm if len(joints) == arm.joint_count else arm_from_urdf(urdf, joints)

@@ -88,7 +88,7 @@ class Session(DynamicsClient):
         if not self.wait(condition):
             raise DemoError(f'{START_TIMEOUT:g} s passed without {what}.\n{self.processes.logs()}')
 
-    def call(self, service_type: Any, name: str, request: Any) -> Any:
+    def call(self, service_type: type, name: str, request: object) -> Any:
         """Return the response of a service; raise DemoError without one."""
         try:
             return super().call(service_type, name, request)

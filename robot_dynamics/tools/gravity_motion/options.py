@@ -7,7 +7,7 @@ import argparse
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from robot_dynamics.exceptions import InvalidInputError
 
@@ -77,7 +77,7 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
 
 
 def motion_request(
-    arguments: argparse.Namespace, urdf: str | None, parameters: Mapping[str, Any],
+    arguments: argparse.Namespace, urdf: str | None, parameters: Mapping[str, object],
     weight: 'Payload | None',
 ) -> 'MotionRequest':
     """

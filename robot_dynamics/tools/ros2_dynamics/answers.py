@@ -85,12 +85,17 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
             ['joint', *MOTORS.values()],
             [[name, *row] for name, *row in zip(names, *motors.values())]))
     blocks.append(_in_words(energies))
-    blocks += [f'Warning: {warning}' for warning in response.warnings]
+    blocks += warning_lines(response.warnings)
     optional = {'effort_deviation': deviation, **motors}
     return Answer({
         'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
         'terms': terms, **energies, **{key: value for key, value in optional.items() if value},
         'warnings': list(response.warnings)}, '\n\n'.join(blocks))
+
+
+def warning_lines(warnings: Iterable[str]) -> list[str]:
+    """Return the warnings of a response as lines of text."""
+    return [f'Warning: {warning}' for warning in warnings]
 
 
 def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
@@ -118,7 +123,7 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
             'friction': vectors['friction']})]
     data = {
         'node': client.name, 'joint_names': names, **motion, 'mass_matrix': M.tolist(),
-        'coriolis_matrix': C.tolist(), **vectors, **energies, 'message': response.message}
+        'coriolis_matrix': C.tolist(), **vectors, **energies, 'warnings': list(response.warnings)}
     if arguments.christoffel:
         c = np.array(response.christoffel).reshape(n, n, n)
         data['christoffel'] = c.tolist()
@@ -127,7 +132,7 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
         blocks.append('Christoffel symbols c_ijk that are not 0\n' + text_table(
             ['i', 'j', 'k', 'c_ijk'], rows))
     blocks.append(_in_words(energies))
-    blocks += [f'Warning: {response.message}'] if response.message else []
+    blocks += warning_lines(response.warnings)
     return Answer(data, '\n\n'.join(blocks))
 
 
@@ -171,9 +176,10 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
             payload=_payload_to_ros(arguments), transition_time=arguments.transition))
         return Answer(
             {'node': client.name, 'message': response.message,
-             'transition_time': arguments.transition},
-            f'{client.name}: {response.message}' + (
-                f', in {arguments.transition:g} s' if arguments.transition else ''))
+             'transition_time': arguments.transition, 'warnings': list(response.warnings)},
+            '\n'.join([f'{client.name}: {response.message}' + (
+                f', in {arguments.transition:g} s' if arguments.transition else ''),
+                *warning_lines(response.warnings)]))
     payloads = _payloads_in_force(client)
     if payloads is None:
         raise NoAnswerError(f'{client.name} does not publish its payloads')

@@ -111,7 +111,7 @@ class DynamicsClient:
 
     # ------------------------------------------------------------------ services and topics
 
-    def call(self, service_type: Any, name: str, request: Any) -> Any:
+    def call(self, service_type: type, name: str, request: object) -> Any:
         """
         Return the answer of a service; raise NoAnswerError or RefusedError.
 
@@ -139,7 +139,7 @@ class DynamicsClient:
         return {name: parameter_value_to_python(value)
                 for name, value in zip(names, response.values)}
 
-    def set_parameter(self, name: str, value: Any) -> None:
+    def set_parameter(self, name: str, value: object) -> None:
         """Set a parameter of the node; raise NoAnswerError or RefusedError."""
         response = self.call(SetParameters, 'set_parameters', SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()]))
@@ -148,7 +148,7 @@ class DynamicsClient:
             raise RefusedError(result.reason)
 
     def receive(
-        self, message_type: type, topic: str, qos: Any,
+        self, message_type: type, topic: str, qos: QoSProfile | int,
         take: Callable[[Any], Answer | None],
     ) -> Answer | None:
         """Return what `take` makes of the first message that it takes; None after the timeout."""

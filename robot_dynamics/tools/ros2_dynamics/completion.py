@@ -8,9 +8,8 @@ These are completers of argcomplete, which calls them with the beginning of a wo
 arguments before it. A completer cannot report an error, and then offers no names.
 """
 
-from argparse import Namespace
+from argparse import Action, Namespace
 from collections.abc import Callable
-from typing import Any
 
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
@@ -27,24 +26,24 @@ def _asking(ask: Callable[[DynamicsClient], list[str]], arguments: Namespace) ->
         return []
 
 
-def complete_nothing(prefix: str, **_: Any) -> list[str]:
+def complete_nothing(prefix: str, **_: object) -> list[str]:
     """Return nothing for a number, where argcomplete would offer files."""
     return []
 
 
-def complete_checks(prefix: str, **_: Any) -> list[str]:
+def complete_checks(prefix: str, **_: object) -> list[str]:
     """Return the names of the checks of a model."""
     from robot_dynamics.model_check.finding import CHECKS
     return list(CHECKS)
 
 
-def complete_nodes(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+def complete_nodes(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return the `dynamics` nodes that run."""
     return _asking(lambda client: client.nodes(), Namespace())
 
 
 def complete_joints(
-    prefix: str, parsed_args: Namespace, action: Any = None, **_: Any,
+    prefix: str, parsed_args: Namespace, action: Action | None = None, **_: object,
 ) -> list[str]:
     """Return NAME= for each joint that has no value yet."""
     texts = getattr(parsed_args, getattr(action, 'dest', 'position'), None) or []
@@ -55,12 +54,12 @@ def complete_joints(
     return [f'{name}=' for name in names if name not in given]
 
 
-def complete_links(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+def complete_links(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return the links of the arm."""
     from robot_dynamics.urdf.parser import parse_urdf
     return _asking(lambda client: list(parse_urdf(client.description()).link_names), parsed_args)
 
 
-def complete_topics(prefix: str, parsed_args: Namespace, **_: Any) -> list[str]:
+def complete_topics(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return the topics that exist."""
     return _asking(lambda client: client.topics(), parsed_args)

@@ -286,7 +286,7 @@ def goal_publication(
 
     def publish(goal: Sequence[float], duration: float) -> None:
         publisher.publish(trajectory_to_ros(
-            make_trajectory(names, [duration], [goal], rest, rest, names)))
+            make_trajectory(names, [duration], [goal], rest, rest)))
 
     def has_subscriber() -> bool:
         subscriptions = node.get_subscriptions_info_by_topic(topic)

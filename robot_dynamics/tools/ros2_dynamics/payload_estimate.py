@@ -9,7 +9,7 @@ import math
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.payload_estimation.summary import parameter_rows
 from robot_dynamics.reporting.text_table import text_table
-from robot_dynamics.tools.ros2_dynamics.answers import Answer
+from robot_dynamics.tools.ros2_dynamics.answers import Answer, warning_lines
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_interfaces.srv import EstimatePayload
 
@@ -31,12 +31,14 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
         'deviations': [value if math.isfinite(value) else None for value in response.deviations],
         'verdicts': list(response.verdicts),
         'per_percent_of_effort': list(response.per_percent_of_effort),
-        'advice': list(response.advice), 'remarks': list(response.remarks)}
+        'advice': list(response.advice), 'remarks': list(response.remarks),
+        'warnings': list(response.warnings)}
     if response.parameters:
         rows = parameter_rows(
             response.values, response.deviations, response.per_percent_of_effort,
             response.verdicts)
         text += (f'\n{response.duration:.1f} s, {response.holds} holds\n\n'
                  f'{text_table(rows[0], rows[1:], left_columns=1)}\n')
-        text += ''.join(f'\n{line}' for line in (*response.advice, *response.remarks))
+        text += ''.join(f'\n{line}' for line in (
+            *response.advice, *response.remarks, *warning_lines(response.warnings)))
     return Answer(data, text)

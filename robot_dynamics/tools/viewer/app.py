@@ -13,12 +13,12 @@ import math
 from pathlib import Path
 import queue
 import time
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown
@@ -27,6 +27,9 @@ from robot_dynamics.tools.viewer.panel import ArmPanel
 from robot_dynamics.tools.viewer.scene import ArmScene
 from robot_dynamics.tools.viewer.source import ArmSource, Description
 from sensor_msgs.msg import JointState
+
+if TYPE_CHECKING:
+    import viser
 
 CAMERA = (0.95, -1.45, 0.65)
 """Position of the camera, in multiples of the reach of the arm."""
@@ -46,7 +49,7 @@ class Viewer:
     """A page on a viser server, for the nodes to which `node` subscribes."""
 
     def __init__(
-        self, server: Any, node: ViewerNode, robot: str | None = None,
+        self, server: 'viser.ViserServer', node: ViewerNode, robot: str | None = None,
         mesh_paths: Sequence[Path] = (),
     ) -> None:
         """
@@ -97,7 +100,7 @@ class Viewer:
         """Show this arm; if that fails, keep the arm before and show the reason."""
         xml, directory, joints = description
         try:
-            arm = load_arm(xml, joints)
+            arm = arm_from_urdf(xml, joints)
         except RobotDynamicsError as error:
             self._arm_problem = str(error)
             return

@@ -4,11 +4,14 @@
 """Placement of the labels of the viewer: distance between labels, and the side of their anchor."""
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import viser
 
 CHARACTER = 6.3
 """Width of a character of a label on the screen [pixel], rounded up."""
@@ -55,7 +58,7 @@ def label_anchor(view: View | None, point: FloatArray, text: str) -> str:
     return 'top-right' if is_too_wide else 'top-left'
 
 
-def newest_view(clients: Iterable[Any]) -> View | None:
+def newest_view(clients: 'Iterable[viser.ClientHandle]') -> View | None:
     """Return the view of the client of viser whose camera moved last; None without a client."""
     cameras = [client.camera for client in clients]
     if not cameras:

@@ -150,7 +150,8 @@ class ViewerNode:
             report(f'node {name} not found')
             return
         client.call_async(request).add_done_callback(lambda done: self._hand_on(
-            done, lambda response: report(f'{name}: {response.message or "done"}')))
+            done, lambda response: report(f'{name}: ' + '; '.join(
+                [response.message or 'done', *getattr(response, 'warnings', ())]))))
 
     def _hand_on(self, future: Any, answered: Callable[[Any], None]) -> None:
         self._turned = True

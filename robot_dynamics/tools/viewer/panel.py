@@ -10,7 +10,7 @@ thread of the viewer empties.
 
 from collections.abc import Callable, Mapping
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -19,6 +19,9 @@ from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from robot_dynamics.ros.dynamics.markers import HOT, WARM
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
+
+if TYPE_CHECKING:
+    import viser
 
 Ask = Callable[[Callable[[], None]], None]
 """Queues a call for the thread of the viewer."""
@@ -41,7 +44,7 @@ PLOT_WIDTH = 360
 class ArmPanel:
     """The controls for one arm; `close` removes them."""
 
-    def __init__(self, gui: Any, arm: ArmModel, ask: Ask) -> None:
+    def __init__(self, gui: 'viser.GuiApi', arm: ArmModel, ask: Ask) -> None:
         self._gui, self._arm, self._ask = gui, arm, ask
         self.on_reference: Callable[[], None] = lambda: None
         self.on_hold: Callable[[], None] = lambda: None

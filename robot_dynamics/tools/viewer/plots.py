@@ -5,11 +5,14 @@
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.reporting.figures import LINES
+
+if TYPE_CHECKING:
+    import viser
 
 SHOWN = 15.0
 """[s]"""
@@ -25,7 +28,7 @@ class LivePlot:
     """One chart: lines over the last SHOWN seconds."""
 
     def __init__(
-        self, gui: Any, title: str, names: Sequence[str], least_span: float = 1.0,
+        self, gui: 'viser.GuiApi', title: str, names: Sequence[str], least_span: float = 1.0,
     ) -> None:
         """`title` has the unit of all lines; the axis spans at least `least_span`."""
         self._least_span = least_span

@@ -11,7 +11,7 @@ is drawn as a bone from joint to joint, so that every arm is visible.
 from collections.abc import Mapping, Sequence
 import copy
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +25,9 @@ from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untr
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
 import trimesh
 from visualization_msgs.msg import Marker
+
+if TYPE_CHECKING:
+    import viser
 
 LINK_COLOUR = (0.72, 0.74, 0.78, 1.0)
 COLOURED = ('.dae', '.glb', '.gltf', '.obj')
@@ -51,7 +54,7 @@ class ArmScene:
     """One arm in the scene of a viser server; `close` removes it."""
 
     def __init__(
-        self, server: Any, arm: ArmModel, xml: str, directory: Path | None,
+        self, server: 'viser.ViserServer', arm: ArmModel, xml: str, directory: Path | None,
         mesh_paths: Sequence[Path] = (),
     ) -> None:
         """

@@ -18,10 +18,13 @@ import io
 import ipaddress
 import re
 import socket
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    import viser
 
 _THIS_COMPUTER = re.compile(r'localhost|127(\.\d{1,3}){3}|\[::1\]')
 _HTTP_PORT = 80
@@ -57,13 +60,13 @@ def start_server(host: str, port: int, title: str) -> Any:
     return server
 
 
-def stop_server(server: Any) -> None:
+def stop_server(server: 'viser.ViserServer') -> None:
     """Stop a server without its message on stdout."""
     with redirect_stdout(io.StringIO()):
         server.stop()
 
 
-def address_of(server: Any) -> str:
+def address_of(server: 'viser.ViserServer') -> str:
     """Return the address of the page."""
     host = server.get_host()
     return f'http://{f"[{host}]" if ":" in host else host}:{server.get_port()}'
@@ -162,7 +165,7 @@ def _tolerate_races() -> None:
     AsyncMessageBuffer.push = push_and_wake
 
 
-def _never_share(server: Any) -> None:
+def _never_share(server: 'viser.ViserServer') -> None:
     """Disable the request of a page for a public address of this server through viser."""
     import viser._messages as messages
     server._websock_server.unregister_handler(messages.ShareUrlRequest)

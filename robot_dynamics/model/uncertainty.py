@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The uncertainty of the parameters of an arm; `effort_deviation` has what follows from it."""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class ModelUncertainty:
+    """
+    The covariance of k parameters of an arm with n joints, and the noise of its measured effort.
+
+    `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
+    B with the covariance B Bᵀ. `effort_noise` (n,) [N·m] or [N] is the standard deviation of the
+    measured effort about the model, after a filter that passes the band of `noise_bandwidth` [Hz].
+    """
+
+    columns: IntArray
+    root: FloatArray
+    effort_noise: FloatArray
+    noise_bandwidth: float
+
+    @property
+    def has_covariance(self) -> bool:
+        """Whether any parameter has a covariance."""
+        return len(self.columns) > 0
+
+    def noise(self, bandwidth: float, dt: float) -> FloatArray:
+        """
+        Return the standard deviation (n,) of the effort noise behind another filter.
+
+        `bandwidth` [Hz] is the equivalent noise bandwidth of the filter, dt [s] the period of the
+        samples. The noise counts as white in a wider band; in a narrower band, it has all its
+        power.
+        """
+        band = min(bandwidth, 0.5 / dt)
+        return np.asarray(self.effort_noise * math.sqrt(max(1.0, band / self.noise_bandwidth)))
