@@ -17,6 +17,7 @@ sys.path.insert(0, str(ROOT / 'docs' / 'site'))
 from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
 import site_links  # noqa: E402
+import words  # noqa: E402
 
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 NOTEBOOKS = sorted((ROOT / 'docs').rglob('*.ipynb'))
@@ -38,10 +39,20 @@ def test_anchors_of_links_are_headings(page: Path) -> None:
             assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
 
 
-def test_every_page_of_docs_is_in_the_navigation() -> None:
+def test_every_page_is_in_the_navigation_or_one_link_away() -> None:
     navigation = (ROOT / 'mkdocs.yml').read_text(encoding='utf-8').split('\nnav:\n')[1]
-    for page in (ROOT / 'docs').glob('*.md'):
-        assert f': {page.name}\n' in navigation, page.name
+    entries = navigation.strip().splitlines()
+    assert len(entries) <= 30, 'entries, headings included'
+    assert 'safety.md' in entries[1]
+    shown = {ROOT / 'docs' / page for page in re.findall(r': ([\w/]+\.md)$', navigation, re.M)}
+    shown = {page for page in shown if page.exists()} | {ROOT / 'README.md'}
+    linked = {(page.parent / link.partition('#')[0]).resolve() for page in shown
+              for link in site_links.links(page.read_text(encoding='utf-8'))}
+    assert not {*words.pages(), *words.appendix()} - shown - linked
+
+
+def test_the_pages_without_the_appendix_are_short() -> None:
+    assert words.words(words.pages()) <= words.MOST_WORDS
 
 
 # --- links ---------------------------------------------------------------------------------------
