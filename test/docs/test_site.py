@@ -165,7 +165,7 @@ STYLE = '@font-face {src: url("f.woff")} p {background: url(data:image/png;base6
 def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
     (directory / 'index.html').write_text(page, encoding='utf-8')
     (directory / 'a.css').write_text(style, encoding='utf-8')
-    for name in ('a.png', 'a.js'):
+    for name in ('a.png', 'a.js', 'f.woff'):
         (directory / name).touch()
     return directory
 
@@ -205,6 +205,12 @@ def test_links_to_absent_files_are_found(tmp_path: Path, address: str, is_there:
     faults = faults_of(write_site(tmp_path, page=f'{GOOD}<a href="{address}">this</a>'))
     assert faults == (
         [] if is_there else [f'index.html: links to {address}, which does not exist'])
+
+
+def test_fonts_that_are_absent_are_found(tmp_path: Path) -> None:
+    style = '@font-face {src: url("../fonts/absent.ttf")}'
+    assert faults_of(write_site(tmp_path, style=style)) == [
+        'a.css: links to ../fonts/absent.ttf, which does not exist']
 
 
 def test_an_empty_directory_is_no_site(tmp_path: Path) -> None:
