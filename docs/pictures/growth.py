@@ -4,8 +4,8 @@
 """
 Draw docs/images/growth.png: the time per call over the number of joints.
 
-The numbers are those of the table in docs/evidence/benchmarks.md, so that the figure and the table show
-one measurement. `scripts/bench growth` measures.
+The numbers are those of the table in docs/evidence/benchmarks.md, so that the figure and the table
+show one measurement. `scripts/bench growth` measures.
 """
 
 from pathlib import Path

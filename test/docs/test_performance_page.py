@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/evidence/benchmarks.md has the output of each benchmark; docs/performance.md has figures of them."""
+"""docs/evidence/benchmarks.md has the output of each benchmark, docs/performance.md figures."""
 
 import importlib
 from pathlib import Path
