@@ -12,8 +12,9 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / 'docs' / 'site'))
+sys.path[:0] = [str(ROOT / 'docs' / 'site'), str(ROOT / 'scripts')]
 
+import _mutants  # noqa: E402
 from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
 import site_links  # noqa: E402
@@ -53,6 +54,16 @@ def test_every_page_is_in_the_navigation_or_one_link_away() -> None:
 
 def test_the_pages_without_the_appendix_are_short() -> None:
     assert words.words(words.pages()) <= words.MOST_WORDS
+
+
+def test_rows_of_mutation_testing_replace_those_of_the_same_module() -> None:
+    text = _mutants.PAGE.read_text(encoding='utf-8')
+    assert _mutants.with_rows(text, {}) == text
+    row, = re.findall(r'^\| laws \|.*\n', text, re.MULTILINE)
+    new = {'laws': '| laws | 1 |\n', 'other': '| other | 2 |\n'}
+    written = _mutants.with_rows(text, new)
+    assert row not in written
+    assert '| laws | 1 |\n| other | 2 |\n' + _mutants.END in written
 
 
 # --- links ---------------------------------------------------------------------------------------
