@@ -25,7 +25,7 @@ NO_TESTS = 33
 PAGE = Path(__file__).parents[1] / 'docs' / 'evidence' / 'mutation.md'
 HEAD = ('| module | mutants | killed | survived | killed [%] | time [s] | measured |\n'
         '| --- | --- | --- | --- | --- | --- | --- |\n')
-BEGIN, END = '<!-- table: begin -->\n', '<!-- table: end -->\n'
+BEGIN, END = '<!-- table: begin -->\n\n', '\n<!-- table: end -->\n'
 
 
 def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
