@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'names', nargs='*', metavar='NAME',
         help=f'one of {list(BENCHMARKS)}, all by default; or of {list(LONG_BENCHMARKS)}')
     parser.add_argument(
-        '--write', action='store_true', help='put what they print into docs/benchmarks.md')
+        '--write', action='store_true', help='write their output to docs/evidence/benchmarks.md')
     arguments, options = parser.parse_known_args(argv)
     names = arguments.names or list(BENCHMARKS)
     if options and names != ['safe_motion']:

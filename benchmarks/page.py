@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-docs/benchmarks.md: the output of each benchmark, inserted between its marks.
+docs/evidence/benchmarks.md: the output of each benchmark, inserted between its marks.
 
 A benchmark NAME has its place between `<!-- NAME -->` and `<!-- end -->`.
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 import platform
 import re
 
-PAGE = Path(__file__).parents[1] / 'docs' / 'benchmarks.md'
+PAGE = Path(__file__).parents[1] / 'docs' / 'evidence' / 'benchmarks.md'
 
 
 def names() -> list[str]:

@@ -4,13 +4,15 @@
 """
 Print the result of mutmut per module, and write the surviving mutants as differences of lines.
 
-Usage: _mutants.py DIRECTORY [MODULE...]
+Usage: _mutants.py DIRECTORY [--write] [MODULE...]
 DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor, and one
 whose tests timed out too: on a loaded machine, it may be equivalent.
+With --write the rows replace those of the same modules in docs/evidence/mutation.md.
 """
 
 import ast
 from collections.abc import Iterator
+from datetime import date
 import difflib
 import json
 from pathlib import Path
@@ -20,6 +22,10 @@ KILLED = (1, 3)
 """Exit codes of pytest: a test failed, or pytest itself."""
 TIMEOUTS = (-24, 24, 36, 152, 255)
 NO_TESTS = 33
+PAGE = Path(__file__).parents[1] / 'docs' / 'evidence' / 'mutation.md'
+HEAD = ('| module | mutants | killed | survived | killed [%] | time [s] | measured |\n'
+        '| --- | --- | --- | --- | --- | --- | --- |\n')
+BEGIN, END = '<!-- table: begin -->\n\n', '\n<!-- table: end -->\n'
 
 
 def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
@@ -43,12 +49,19 @@ def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
             *(line for line in changes if not line.startswith(('---', '+++', '@@')))])
 
 
-def main(directory: Path, modules: list[str]) -> None:
+def with_rows(text: str, rows: dict[str, str]) -> str:
+    """Return the text of the page with these rows, by module, in place of its own ones."""
+    before, rest = text.split(BEGIN)
+    table, after = rest.split(END)
+    there = {line.split(' | ')[0].strip('| '): f'{line}\n' for line in table.splitlines()[2:]}
+    return f'{before}{BEGIN}{HEAD}{"".join({**there, **rows}.values())}{END}{after}'
+
+
+def main(directory: Path, modules: list[str], is_written: bool) -> None:
     """Print one line per module."""
     report = directory / 'survivors.txt'
-    texts = []
-    print('| module | mutants | killed | survived | killed [%] | time [s] |')
-    print('| --- | --- | --- | --- | --- | --- |')
+    texts, rows = [], {}
+    print(HEAD, end='')
     for meta in sorted((directory / 'mutants').rglob('*.py.meta')):
         source = meta.with_suffix('')
         data = json.loads(meta.read_text(encoding='utf-8'))
@@ -60,12 +73,17 @@ def main(directory: Path, modules: list[str]) -> None:
         found = list(survivors(source.read_text(encoding='utf-8'), results))
         killed = len(results) - len(found)
         seconds = sum(data['durations_by_key'].values())
-        print(f'| {source.stem} | {len(results)} | {killed} | {len(found)} | '
-              f'{100.0 * killed / len(results):.1f} | {seconds:.0f} |')
+        rows[source.stem] = (
+            f'| {source.stem} | {len(results)} | {killed} | {len(found)} | '
+            f'{100.0 * killed / len(results):.1f} | {seconds:.0f} | {date.today()} |\n')
+        print(rows[source.stem], end='')
         texts += [f'== {source.stem}', *found]
     report.write_text('\n\n'.join([*texts, '']), encoding='utf-8')
     print(f'Survivors: {report}')
+    if is_written:
+        PAGE.write_text(with_rows(PAGE.read_text(encoding='utf-8'), rows), encoding='utf-8')
 
 
 if __name__ == '__main__':
-    main(Path(sys.argv[1]), sys.argv[2:])
+    main(Path(sys.argv[1]), [name for name in sys.argv[2:] if name != '--write'],
+         '--write' in sys.argv)

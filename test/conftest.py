@@ -91,7 +91,7 @@ BROKEN: pytest.StashKey[dict[int, tuple[BaseException, str]]] = pytest.StashKey(
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         '--write-fault-table', action='store_true',
-        help='write the results of the fault tests to docs/fault_tests.md')
+        help='write the results of the fault tests to docs/evidence/fault_tests.md')
     parser.addoption(
         '--list-faults', metavar='FILE', help='write the faults that are collected, as JSON')
 

@@ -4,8 +4,8 @@
 """
 Draw docs/images/growth.png: the time per call over the number of joints.
 
-The numbers are those of the table in docs/benchmarks.md, so that the figure and the table show
-one measurement. `scripts/bench growth` measures.
+The numbers are those of the table in docs/evidence/benchmarks.md, so that the figure and the table
+show one measurement. `scripts/bench growth` measures.
 """
 
 from pathlib import Path
@@ -49,12 +49,12 @@ def read_growth(page: str) -> Growth:
     """Return what the table of the page contains; raise ValueError if it has no such table."""
     match = TABLE.search(page)
     if match is None:
-        raise ValueError('docs/benchmarks.md has no table <!-- growth -->')
+        raise ValueError('docs/evidence/benchmarks.md has no table <!-- growth -->')
     rows = {line[:18].strip(): line[18:].split() for line in match[1].splitlines()}
     fit = re.search(r'dynamics: ([\d.]+) µs \+ ([\d.]+) µs per joint, R² = ([\d.]+)', match[1])
     long = re.search(r'exponents from (\d+)', match[1])
     if fit is None or long is None:
-        raise ValueError('docs/benchmarks.md has no fits below the table <!-- growth -->')
+        raise ValueError('docs/evidence/benchmarks.md has no fits below the table <!-- growth -->')
     exponents = {
         name: float(re.findall(rf'{name} ([\d.]+)', match[1][long.end():])[0]) for name in LOOKS}
     return Growth(
@@ -89,7 +89,7 @@ def draw_inverse_dynamics(axes: Any, growth: Growth) -> None:
 
 def main(directory: Path) -> None:
     """Write the picture into a directory."""
-    page = Path(__file__).parents[1] / 'benchmarks.md'
+    page = Path(__file__).parents[1] / 'evidence' / 'benchmarks.md'
     growth = read_growth(page.read_text(encoding='utf-8'))
     with styled_figure(10.0, 5.0) as figure:
         every, inverse = figure.subplots(1, 2)

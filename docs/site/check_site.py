@@ -41,8 +41,8 @@ def faults_of(directory: Path) -> list[str]:
     """
     Return a line for each fault of a site.
 
-    Faults are addresses of other servers that a page or a style sheet loads, and links within the
-    site to files that do not exist.
+    Faults are addresses of other servers that a page or a style sheet loads, and addresses within
+    the site, also of fonts in style sheets, at which no file exists.
     """
     pages = {page: _Page(page.read_text(encoding='utf-8'))
              for page in sorted(directory.rglob('*.html'))}
@@ -51,16 +51,16 @@ def faults_of(directory: Path) -> list[str]:
     loaded = {page: addresses.loaded for page, addresses in pages.items()}
     for style in sorted(directory.rglob('*.css')):
         loaded[style] = re.findall(
-            r'(?:url\(|@import)\s*["\']?((?:https?:)?//[^"\')\s;]*)',
+            r'(?:url\(|@import(?!\s*url))\s*["\']?([^"\')\s;]+)',
             style.read_text(encoding='utf-8'))
     return [
         f'{file.relative_to(directory)}: loads {address}'
         for file, addresses in loaded.items() for address in addresses
         if urlsplit(address).netloc] + [
-        f'{page.relative_to(directory)}: links to {address}, which does not exist'
-        for page, addresses in pages.items()
-        for address in dict.fromkeys(addresses.loaded + addresses.linked)
-        if not _exists(address, page, directory)]
+        f'{file.relative_to(directory)}: links to {address}, which does not exist'
+        for file, addresses in loaded.items()
+        for address in dict.fromkeys(addresses + (pages[file].linked if file in pages else []))
+        if not _exists(address, file, directory)]
 
 
 def _exists(address: str, page: Path, directory: Path) -> bool:

@@ -4,6 +4,8 @@
 """What MkDocs calls: pages of files outside docs/ and of the code, links, formulas, anchors."""
 
 from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
 import posixpath
 
 from mathml import FormulaExtension
@@ -21,6 +23,9 @@ from site_links import (
     target_in_site,
     with_links_of_site,
 )
+
+FONT = 'STIXTwoMath-Regular.ttf'
+"""Of the formulas; site.css names it. Licence: SIL OFL 1.1."""
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -45,6 +50,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         _replace(files, config, page, text)
     for page, text in {**code, **python_pages()}.items():
         _replace(files, config, page, text)
+    font = Path(str(resources.files('ziamath').joinpath('fonts', FONT)))
+    files.append(File.generated(config, f'fonts/{FONT}', abs_src_path=str(font)))
     return files
 
 

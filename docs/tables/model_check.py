@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Write docs/model_check_robots.md: findings of the model check in example-robot-data.
+Write docs/evidence/model_check_robots.md: findings of the model check in example-robot-data.
 
 Without an argument the script writes the page; with `--print` it only prints the table.
 """
@@ -24,12 +24,12 @@ from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.rotor_check import LARGEST_ACCELERATION
 
 PACKAGE = 'example-robot-data'
-PAGE = Path(__file__).parents[1] / 'model_check_robots.md'
+PAGE = Path(__file__).parents[1] / 'evidence' / 'model_check_robots.md'
 BEGIN, END = '<!-- table: begin -->\n', '<!-- table: end -->\n'
 TEXT = """\
 # Model check of published robots
 
-Findings of the [model check](model_check.md) in the robots of {package}.
+Findings of the [model check](../model_check.md) in the robots of {package}.
 `scripts/run python docs/tables/model_check.py` writes this page.
 A test compares four rows with the check; `scripts/test -m soak` compares all rows.
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/benchmarks.md has the output of each benchmark; docs/performance.md has figures of them."""
+"""docs/evidence/benchmarks.md has the output of each benchmark, docs/performance.md figures."""
 
 import importlib
 from pathlib import Path
@@ -10,7 +10,7 @@ import re
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / 'docs' / 'benchmarks.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'docs' / 'evidence' / 'benchmarks.md').read_text(encoding='utf-8')
 GUIDE = (ROOT / 'docs' / 'performance.md').read_text(encoding='utf-8')
 CONDITIONS = re.compile(r'\b(?:7 joints|10,000 samples|p99|100 calls per second)')
 

@@ -28,7 +28,8 @@ def test_the_figure_of_the_architecture_names_existing_modules():
 
 def test_the_figure_of_the_growth_reads_the_table_of_the_page():
     growth = script('growth')
-    found = growth.read_growth((ROOT / 'docs' / 'benchmarks.md').read_text(encoding='utf-8'))
+    page = ROOT / 'docs' / 'evidence' / 'benchmarks.md'
+    found = growth.read_growth(page.read_text(encoding='utf-8'))
     assert found.joints[0] == 2
     assert found.joints[-1] == 60
     assert set(found.times) == set(growth.LOOKS)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures in docs/safety.md and in the pages it leads to, and tests in docs/fault_tests.md."""
+"""Figures in docs/safety.md and the pages it leads to; tests in docs/evidence/fault_tests.md."""
 
 from collections.abc import Callable, Iterator
 import json

@@ -12,11 +12,13 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / 'docs' / 'site'))
+sys.path[:0] = [str(ROOT / 'docs' / 'site'), str(ROOT / 'scripts')]
 
+import _mutants  # noqa: E402
 from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
 import site_links  # noqa: E402
+import words  # noqa: E402
 
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 NOTEBOOKS = sorted((ROOT / 'docs').rglob('*.ipynb'))
@@ -38,10 +40,30 @@ def test_anchors_of_links_are_headings(page: Path) -> None:
             assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
 
 
-def test_every_page_of_docs_is_in_the_navigation() -> None:
+def test_every_page_is_in_the_navigation_or_one_link_away() -> None:
     navigation = (ROOT / 'mkdocs.yml').read_text(encoding='utf-8').split('\nnav:\n')[1]
-    for page in (ROOT / 'docs').glob('*.md'):
-        assert f': {page.name}\n' in navigation, page.name
+    entries = navigation.strip().splitlines()
+    assert len(entries) <= 30, 'entries, headings included'
+    assert 'safety.md' in entries[1]
+    shown = {ROOT / 'docs' / page for page in re.findall(r': ([\w/]+\.md)$', navigation, re.M)}
+    shown = {page for page in shown if page.exists()} | {ROOT / 'README.md'}
+    linked = {(page.parent / link.partition('#')[0]).resolve() for page in shown
+              for link in site_links.links(page.read_text(encoding='utf-8'))}
+    assert not {*words.pages(), *words.appendix()} - shown - linked
+
+
+def test_the_pages_without_the_appendix_are_short() -> None:
+    assert words.words(words.pages()) <= words.MOST_WORDS
+
+
+def test_rows_of_mutation_testing_replace_those_of_the_same_module() -> None:
+    text = _mutants.PAGE.read_text(encoding='utf-8')
+    assert _mutants.with_rows(text, {}) == text
+    row, = re.findall(r'^\| laws \|.*\n', text, re.MULTILINE)
+    new = {'laws': '| laws | 1 |\n', 'other': '| other | 2 |\n'}
+    written = _mutants.with_rows(text, new)
+    assert row not in written
+    assert '| laws | 1 |\n| other | 2 |\n' + _mutants.END in written
 
 
 # --- links ---------------------------------------------------------------------------------------
@@ -154,7 +176,7 @@ STYLE = '@font-face {src: url("f.woff")} p {background: url(data:image/png;base6
 def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
     (directory / 'index.html').write_text(page, encoding='utf-8')
     (directory / 'a.css').write_text(style, encoding='utf-8')
-    for name in ('a.png', 'a.js'):
+    for name in ('a.png', 'a.js', 'f.woff'):
         (directory / name).touch()
     return directory
 
@@ -194,6 +216,12 @@ def test_links_to_absent_files_are_found(tmp_path: Path, address: str, is_there:
     faults = faults_of(write_site(tmp_path, page=f'{GOOD}<a href="{address}">this</a>'))
     assert faults == (
         [] if is_there else [f'index.html: links to {address}, which does not exist'])
+
+
+def test_fonts_that_are_absent_are_found(tmp_path: Path) -> None:
+    style = '@font-face {src: url("../fonts/absent.ttf")}'
+    assert faults_of(write_site(tmp_path, style=style)) == [
+        'a.css: links to ../fonts/absent.ttf, which does not exist']
 
 
 def test_an_empty_directory_is_no_site(tmp_path: Path) -> None:

@@ -235,7 +235,7 @@ def test_guide_and_readme_state_the_counts_of_the_table(command):
         f'Of its {len(rows)} robots that can be loaded, {errors} have an error, and {clean} have '
         'no finding.') in (ROOT / 'docs' / 'model_check.md').read_text(encoding='utf-8')
     readme = (ROOT / 'README.md').read_text(encoding='utf-8')
-    assert f'[{len(rows)} published robots](docs/model_check_robots.md)' in readme
+    assert f'[{len(rows)} published robots](docs/evidence/model_check_robots.md)' in readme
 
 
 @pytest.mark.soak

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The table of faults in docs/fault_tests.md.
+The table of faults in docs/evidence/fault_tests.md.
 
 Each test that injects a fault has a mark with the fault and the expected reaction.
 `scripts/test -m fault --write-fault-table` runs these tests and writes the page from the results.
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'fault_tests.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'evidence' / 'fault_tests.md'
 BEGIN, END = '<!-- faults: begin -->\n', '<!-- faults: end -->\n'
 COLLECTED: pytest.StashKey[list['Row']] = pytest.StashKey()
 """The rows of all collected tests, also of those that a mark deselects."""

@@ -1,0 +1,43 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Print the number of words of each page that people write, of the appendix, and of both.
+
+The pages are README.md and docs/*.md. The appendix is what scripts write: docs/reference and
+docs/evidence. A word is what `wc -w` counts, also in code and tables.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MOST_WORDS = 45_000
+"""Of all pages without the appendix."""
+
+
+def pages() -> list[Path]:
+    """Return the pages that people write."""
+    return [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+
+
+def appendix() -> list[Path]:
+    """Return the pages that scripts write."""
+    return sorted((ROOT / 'docs').glob('*/*.md'))
+
+
+def words(files: Iterable[Path]) -> int:
+    """Return the number of words of all files."""
+    return sum(len(file.read_text(encoding='utf-8').split()) for file in files)
+
+
+def main() -> None:
+    """Print one line per page, and the sums."""
+    for page in pages():
+        print(f'{words([page]):7,}  {page.relative_to(ROOT)}')
+    print(f'{words(pages()):7,}  pages, at most {MOST_WORDS:,}')
+    print(f'{words(appendix()):7,}  appendix: docs/reference and docs/evidence')
+
+
+if __name__ == '__main__':
+    main()
