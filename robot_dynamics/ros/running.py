@@ -141,7 +141,9 @@ def limit_memory(beyond: int = MEMORY_LIMIT) -> None:
     """
     Limit the memory of this process to `beyond` bytes more than it has, on Linux.
 
-    A stricter limit stays active.
+    The middleware allocates memory for the counts in a service request before it reads the data:
+    an invalid request of 16 bytes can therefore allocate all the memory of the computer, which
+    then kills the node. With a limit, such a request fails instead. A stricter limit stays active.
     """
     status = Path('/proc/self/status')
     has = re.search(r'^VmData:\s*(\d+) kB', status.read_text(), re.MULTILINE) if (

@@ -13,11 +13,12 @@ interrupted.
 
 import argparse
 from collections.abc import Sequence
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 import sys
 
-from robot_dynamics.dependencies import require
+from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
 from robot_dynamics.gravity_calibration.recorded_holds import (
@@ -39,7 +40,9 @@ from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.html_page import summary
 from robot_dynamics.reporting.text_table import quantity_table, text_table
 from robot_dynamics.tools import command_line
-from robot_dynamics.tools.gravity_motion.options import add_motion_options, motion_request
+from robot_dynamics.tools.gravity_motion.options import add_motion_options
+from robot_dynamics.tools.gravity_motion.plan import MotionSettings
+from robot_dynamics.tools.gravity_motion.poses import PoseChoice
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 
 OUTPUT = Path('calibrated.yaml')
@@ -107,17 +110,26 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
 
 def _move(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     """Move the arm and record; then calibrate from the recordings."""
-    from robot_dynamics.dependencies import require_ros
     require_ros('calibrate_gravity --move')
-    from robot_dynamics.tools.gravity_motion.session import record_holds
+    from robot_dynamics.tools.gravity_motion.session import MotionRequest, record_holds
     if arguments.bags or arguments.with_weight:
         raise InvalidInputError(
             'recordings are given with --move, expected none: --move makes them')
     if not arguments.preview:
         prepare_outputs(arguments)
-    request = motion_request(
-        arguments, None if arguments.urdf is None else command_line.read_robot(arguments.urdf),
-        command_line.read_parameters(arguments.parameters), loads(arguments)[0])
+    if arguments.poses is not None and not arguments.poses.is_file():
+        raise InvalidInputError(f'--poses is {str(arguments.poses)!r}, expected a YAML file')
+    weight, _ = loads(arguments)
+    first = arguments.recording or Path(f'gravity-{datetime.now():%Y%m%d-%H%M%S}')
+    request = MotionRequest(
+        [first] if weight is None else [first, first.with_name(f'{first.name}-with-weight')],
+        PoseChoice(arguments.poses, arguments.count, arguments.seed, arguments.ranges),
+        MotionSettings(
+            arguments.hold, arguments.approach, arguments.step, arguments.velocity,
+            arguments.tolerance),
+        weight, arguments.node, arguments.timeout,
+        None if arguments.urdf is None else command_line.read_robot(arguments.urdf),
+        command_line.read_parameters(arguments.parameters), arguments.yes, arguments.preview)
     arguments.topic = record_holds(request)
     if arguments.topic is None:
         return command_line.DONE

@@ -4,16 +4,7 @@
 """The options of `calibrate_gravity --move`."""
 
 import argparse
-from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from robot_dynamics.exceptions import InvalidInputError
-
-if TYPE_CHECKING:
-    from robot_dynamics.model.payload import Payload
-    from robot_dynamics.tools.gravity_motion.session import MotionRequest
 
 
 def add_motion_options(parser: argparse.ArgumentParser) -> None:
@@ -74,28 +65,3 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
         '--timeout', type=float, default=5.0, metavar='S',
         help='Time to search for the node, and to wait for each answer [s] (default: '
              '%(default)g)')
-
-
-def motion_request(
-    arguments: argparse.Namespace, urdf: str | None, parameters: Mapping[str, object],
-    weight: 'Payload | None',
-) -> 'MotionRequest':
-    """
-    Return the request of the options.
-
-    `urdf` and `parameters` describe the arm; without --with-weight-after, there is no `weight`.
-    """
-    from robot_dynamics.tools.gravity_motion.plan import MotionSettings
-    from robot_dynamics.tools.gravity_motion.poses import PoseChoice
-    from robot_dynamics.tools.gravity_motion.session import MotionRequest
-    if arguments.poses is not None and not arguments.poses.is_file():
-        raise InvalidInputError(f'--poses is {str(arguments.poses)!r}, expected a YAML file')
-    first = arguments.recording or Path(f'gravity-{datetime.now():%Y%m%d-%H%M%S}')
-    return MotionRequest(
-        [first] if weight is None else [first, first.with_name(f'{first.name}-with-weight')],
-        PoseChoice(arguments.poses, arguments.count, arguments.seed, arguments.ranges),
-        MotionSettings(
-            arguments.hold, arguments.approach, arguments.step, arguments.velocity,
-            arguments.tolerance),
-        weight, arguments.node, arguments.timeout, urdf, parameters, arguments.yes,
-        arguments.preview)
