@@ -6,6 +6,7 @@
 import ast
 from collections.abc import Iterator
 from configparser import ConfigParser
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 import re
 import shutil
@@ -108,6 +109,33 @@ def test_few_public_parameters_have_any_type() -> None:
     assert len(found) <= MOST_ANY, '\n'.join(found)
     assert has_any(ast.parse("Sequence['Any | None']", mode='eval').body)
     assert not has_any(ast.parse('Sequence[object]', mode='eval').body)
+
+
+def imports_within(folder: Path, root: Path = PROJECT) -> dict[str, set[str]]:
+    """Return the modules of a folder with those that each imports, also only for types."""
+    name = '.'.join(folder.relative_to(root).parts)
+    return {
+        path.stem: {
+            node.module.removeprefix(f'{name}.')
+            for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{name}.')}
+        for path in folder.glob('*.py') if path.name != '__init__.py'}
+
+
+@pytest.mark.parametrize('folder', [
+    path.parent for path in sorted(Path(robot_dynamics.__file__).parent.rglob('__init__.py'))],
+    ids=lambda path: path.name)
+def test_no_circle_of_imports_in_a_folder(folder: Path) -> None:
+    list(TopologicalSorter(imports_within(folder)).static_order())  # raises CycleError
+
+
+def test_imports_for_types_count_in_a_circle(tmp_path: Path) -> None:
+    (tmp_path / 'one').mkdir()
+    (tmp_path / 'one' / 'a.py').write_text('from one.b import B\n', encoding='utf-8')
+    (tmp_path / 'one' / 'b.py').write_text(
+        'if TYPE_CHECKING:\n    from one.a import A\n', encoding='utf-8')
+    with pytest.raises(CycleError):
+        list(TopologicalSorter(imports_within(tmp_path / 'one', tmp_path)).static_order())
 
 
 @pytest.fixture(scope='module')

@@ -235,6 +235,20 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
     assert stepped.set_payload().message == 'no payload'
 
 
+def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped: LockStepped) -> None:
+    heavy = payload_to_ros(make_payload('tool0', 500.0))
+    assert 'payload.inertia.m is 500 kg' in stepped.set_payload(payload=heavy).message
+    node, name = '/stepped/simulated_arm', 'allow_implausible_payload'
+    stepped.client.set_parameters(node, {name: True})
+    response = stepped.set_payload(payload=heavy)
+    stepped.client.set_parameters(node, {name: False})
+    assert response.success
+    assert [line.split(', expected')[0] for line in response.warnings] == [
+        "payload.inertia.m is 500 kg on 'tool0'"]
+    response = stepped.set_payload()
+    assert (response.message, list(response.warnings)) == ('no payload', [])
+
+
 def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
     push = stepped.client.publisher(WrenchStamped, '/stepped/simulated_arm/external_wrench')
     message = WrenchStamped()
