@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
-from robot_dynamics.joints.friction import JointFriction, make_friction
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.friction_terms import (
     DRY_FRICTION,
     FrictionTerm,
@@ -43,11 +43,6 @@ class Column(NamedTuple):
     def name(self) -> str:
         """The name, such as 'viscous' or 'sigmoid 0.1'."""
         return self.parameter.heading + (f' {self.candidate:g}' if self.width else '')
-
-    def friction(self, plain: JointFriction, scale: FloatArray) -> JointFriction:
-        """Return the friction (n,) whose effort is this column, from one with other widths."""
-        widths = {self.width.name: scale * self.candidate} if self.width else {}
-        return plain.replaced(**widths).unit(self.parameter.name)
 
 
 def columns_of(term: FrictionTerm) -> Iterator[Column]:
@@ -162,9 +157,10 @@ def joint_columns(
     columns = np.zeros((m, n, COLUMN_COUNT))
     columns[:, :, INERTIA] = a
     stretches = [slice(*ends) for ends in zip(starts, [*starts[1:], m])]
-    plain = make_friction(kinds)
+    scale, plain = scales_of(kinds), make_friction(kinds)
     for i, column in enumerate(FRICTION_COLUMNS, 1):
-        friction = column.friction(plain, scales_of(kinds))
+        widths = {column.width.name: scale * column.candidate} if column.width else {}
+        friction = plain.replaced(**widths).unit(column.parameter.name)
         distance, sign = friction.presliding_distance, np.sign(v)
         for part in stretches if distance.any() else ():
             sign[part] = presliding_state(q[part], v[part], distance)

@@ -225,8 +225,8 @@ def _point(point: FloatArray) -> str:
 def _friction_table(identification: Identification) -> Rows:
     """Return friction and rotors with units in the headings."""
     rows = friction_rows(identification)
-    units = {field.heading: field.units for field in FRICTION_FIELDS if field.unit}
-    units['reflected inertia'] = list(_INERTIA)
+    units: dict[str, Sequence[str]] = {'reflected inertia': _INERTIA, **{
+        field.heading: field.units for field in FRICTION_FIELDS if field.unit}}
     kinds = set(identification.arm.joint_kinds)
     return [tuple(
         f'{heading} [{_of_kinds(units[heading], kinds)}]' if heading in units else heading

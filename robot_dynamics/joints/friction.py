@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction_terms import DRY_FRICTION, Part, smooth_sign, TERMS, VISCOUS
+from robot_dynamics.joints.friction_terms import smooth_sign, TERMS, VISCOUS
 from robot_dynamics.joints.parameter_field import ParameterField, per_joint_values
 from robot_dynamics.validation import is_empty
 
@@ -49,26 +49,25 @@ class JointFriction:
     def __init__(self, values: Mapping[str, FloatArray]) -> None:
         vars(self).update(values)
         self._values, self._rest = values, np.zeros_like(self.viscous)
-        slow = self._rest + _SLOW
         self._dry = [term.dry for term in TERMS if term.dry and term.dry(self, self._rest).any()]
-        self._smooth, self._per_load = (
-            [part for part in parts if part and part(self, slow).any()] for parts in (
-                [term.smooth for term in TERMS], [term.per_load for term in TERMS]))
-        constants = [term.constant(self) for term in TERMS if term.constant]
+        smooth = [(term.shape, values[term.size], values.get(term.per_load, self._rest))
+                  for term in TERMS if term.shape]
+        self._smooth = [part for part in smooth if part[1].any() or part[2].any()]
+        self._has_load = any(per_load.any() for _, _, per_load in smooth)
+        constants = [values[term.constant] for term in TERMS if term.constant]
         self._constant: FloatArray = sum(constants, start=self._rest)
         self._has_constant = bool(self._constant.any())
         self.is_dry = bool(self._dry)
         """Whether any joint has dry friction."""
-        self.is_linear = not self._per_load and self._smooth in ([], [VISCOUS.smooth])
+        self.is_linear = all(shape is VISCOUS.shape for shape, _, _ in self._smooth)
         """Whether smooth friction is viscous friction."""
         self.is_viscous = self.is_linear and not (self.is_dry or self._has_constant)
         """Whether there is only viscous friction, or no friction."""
         self.is_zero = self.is_viscous and not self._smooth
         """Whether there is no friction."""
         self.at_rest = FrictionAtRest(
-            sum((self._rest + part(self, speed) for term in TERMS if term.kind == DRY_FRICTION
-                 for part, speed in ((term.dry, self._rest), (term.smooth, self._rest + np.inf))
-                 if part), start=self._rest),
+            sum((size * shape(self, self._rest + np.inf) for shape, size, _ in self._smooth
+                 if shape is not VISCOUS.shape), start=self.dry(self._rest)),
             sum(map(np.abs, constants), start=self._rest))
 
     if TYPE_CHECKING:
@@ -130,11 +129,20 @@ class JointFriction:
 
     def dry(self, v: FloatArray) -> FloatArray:
         """Return the magnitude of dry friction of a joint that slides at v, (..., n) or (n,)."""
-        return self._sum(self._dry, v)
+        total = None
+        for magnitude in self._dry:
+            total = magnitude(self, v) if total is None else total + magnitude(self, v)
+        return np.zeros_like(v) if total is None else total
 
-    def per_load(self, v: FloatArray) -> FloatArray:
-        """Return the friction per unit of |load|, (..., n)."""
-        return self._sum(self._per_load, v)
+    def smooth(self, v: FloatArray) -> tuple[FloatArray, FloatArray | None]:
+        """Return smooth friction (..., n), and that per unit of |load|, None without it."""
+        effort, by_load = None, None
+        for part, size, per_load in self._smooth:
+            shape = part(self, v)
+            effort = size * shape if effort is None else effort + size * shape
+            if self._has_load:
+                by_load = per_load * shape if by_load is None else by_load + per_load * shape
+        return np.zeros_like(v) if effort is None else effort, by_load
 
     def effort(
         self, v: FloatArray, load: FloatArray | float = 0.0, sign: FloatArray | None = None,
@@ -145,12 +153,12 @@ class JointFriction:
         `load` (..., n) is the effort of the rigid bodies, M a + C v + g − Jᵀ f. Dry friction has
         the sign of v, 0 at rest, or `sign` (..., n) if it is given.
         """
-        effort = self._sum(self._smooth, v)
+        effort, per_load = self.smooth(v)
         if self._dry:
             effort = effort + self.dry(v) * (np.sign(v) if sign is None else sign)
         if self._has_constant:
             effort = effort + self._constant
-        return effort + self.per_load(v) * np.abs(load) if self._per_load else effort
+        return effort if per_load is None else effort + per_load * np.abs(load)
 
     def smooth_effort(self, v: FloatArray, load: FloatArray | float = 0.0) -> FloatArray:
         """
@@ -197,7 +205,10 @@ class JointFriction:
         self, v: FloatArray, effort: FloatArray, sign: FloatArray | None = None,
     ) -> FloatArray:
         """Return the load (..., n) of a joint effort minus friction, the inverse of `effort`."""
-        return self._load_of(v, effort - self.effort(v, 0.0, sign))
+        left = effort - self._constant
+        if self._dry:
+            left = left - self.dry(v) * (np.sign(v) if sign is None else sign)
+        return self._behind_smooth(v, left)
 
     def without_dry(
         self, v: FloatArray, effort: FloatArray, direction: FloatArray | None = None,
@@ -208,8 +219,9 @@ class JointFriction:
         Dry friction of sliding joints counts as part of the effort that the gears transmit;
         `direction` (n,) is that of sliding, the sign of v if it is not given.
         """
+        load = self.load_behind(v, effort, direction)
         sign = np.sign(v) if direction is None else direction
-        return self.load_behind(v, effort, sign) + self.dry(v) * sign
+        return load + self.dry(v) * sign if self._dry else load
 
     def sliding(
         self, effort: FloatArray, direction: FloatArray, is_steep: bool,
@@ -225,8 +237,8 @@ class JointFriction:
             base = base - direction * self.dry(self._rest + np.inf)
 
         def load(v: FloatArray) -> FloatArray:
-            left = base - self._sum(self._smooth, v)
-            return self._load_of(v, left - direction * self.dry(v) if is_steep else left)
+            return self._behind_smooth(
+                v, base - direction * self.dry(v) if is_steep and self._dry else base)
 
         return load
 
@@ -239,8 +251,8 @@ class JointFriction:
         if self.is_linear:
             return self.viscous
         v = np.where(np.abs(v) < _SLOW, _SLOW, v)
-        smooth = self._sum(self._smooth, v) + self.per_load(v) * np.abs(load)
-        return np.asarray(smooth / v)
+        effort, per_load = self.smooth(v)
+        return np.asarray((effort if per_load is None else effort + per_load * np.abs(load)) / v)
 
     @cached_property
     def _at_joint(self) -> 'JointFriction':
@@ -253,19 +265,11 @@ class JointFriction:
     def _gear_size(self, load: FloatArray | float) -> FloatArray:
         return np.asarray(self.sigmoid + self.load * np.abs(load))
 
-    def _load_of(self, v: FloatArray, effort: FloatArray) -> FloatArray:
-        """Return the load that an effort leaves after the friction that depends on it."""
-        if not self._per_load:
-            return effort
-        return np.asarray(effort / (1.0 + self.per_load(v) * np.sign(effort)))
-
-    def _sum(self, parts: Sequence[Part], v: FloatArray) -> FloatArray:
-        if not parts:
-            return np.zeros_like(v)
-        total = parts[0](self, v)
-        for part in parts[1:]:
-            total = total + part(self, v)
-        return total
+    def _behind_smooth(self, v: FloatArray, effort: FloatArray) -> FloatArray:
+        """Return the load that an effort leaves after smooth friction."""
+        smooth, per_load = self.smooth(v)
+        left = effort - smooth
+        return left if per_load is None else left / (1.0 + per_load * np.sign(left))
 
 
 def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:

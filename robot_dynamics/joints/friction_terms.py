@@ -4,11 +4,11 @@
 """
 The terms of friction: everything that the package knows about each of them.
 
-    τ_f = D(v) sgn v + S(v) + c + L(v) |τ_load|
+    τ_f = D(v) sgn v + (F + μ |τ_load|) s(v) + c
 
 A term has some of these parts: the magnitude D of dry friction, which also holds a joint at rest;
-smooth friction S, an odd function of the velocity; a constant c; and smooth friction L per load.
-`friction` adds up the parts. Model, simulation, identification, deviation of the effort, export
+smooth friction of the shape s, an odd function of the velocity; and a constant c.
+`friction` adds up the terms. Model, simulation, identification, deviation of the effort, export
 and parameters of the nodes iterate over `TERMS`: a new term is an object here.
 
 Sources: B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, Automatica 30(7), 1994, sections 2
@@ -35,17 +35,18 @@ Part = Callable[[Any, FloatArray], FloatArray]
 
 class FrictionTerm(NamedTuple):
     """
-    A term of friction: its kind, parameters and parts.
+    A term of friction: its kind, its parameters, and its parts.
 
-    A term of dry friction has the part `dry`, or a smooth one that replaces it.
+    `dry` is D and `shape` is s. `size`, `per_load` and `constant` name the parameters F, μ and c.
     """
 
     kind: str
     fields: tuple[ParameterField, ...]
     dry: Part | None = None
-    smooth: Part | None = None
-    per_load: Part | None = None
-    constant: Callable[[Any], FloatArray] | None = None
+    shape: Part | None = None
+    size: str = ''
+    per_load: str = ''
+    constant: str = ''
 
 
 def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatArray:
@@ -55,15 +56,14 @@ def smooth_sign(v: FloatArray, smoothing_velocity: FloatArray | float) -> FloatA
 
 def stribeck_curve(v: FloatArray, velocity: FloatArray) -> FloatArray:
     """Return exp(−(v/v_s)²), which decreases from 1 to 0."""
-    ratio = v / velocity
-    return np.asarray(np.exp(-ratio * ratio))
+    return np.asarray(np.exp(-np.square(v / velocity)))
 
 
 VISCOUS = FrictionTerm(VISCOUS_FRICTION, (
     ParameterField(
         'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6, 'Viscous friction F_v {unit}',
         'viscous', otherwise='the damping in the URDF', counterpart='damping'),
-), smooth=lambda f, v: f.viscous * v)
+), shape=lambda f, v: v, size='viscous')
 
 DRY = FrictionTerm(DRY_FRICTION, (
     ParameterField(
@@ -88,7 +88,7 @@ DRY = FrictionTerm(DRY_FRICTION, (
         'simulated_arm and where the whole motion is known, and sets the width of friction '
         'compensation', 'presliding', ('coulomb',),
         candidates=(0.0, 0.001, 0.003, 0.01, 0.03), omitted='the presliding distance'),
-), constant=lambda f: f.offset, dry=lambda f, v: f.coulomb if f.static is f.coulomb else (
+), constant='offset', dry=lambda f, v: f.coulomb if f.static is f.coulomb else (
     f.coulomb + (f.static - f.coulomb) * stribeck_curve(v, f.stribeck_velocity)))
 
 GEARS = FrictionTerm(DRY_FRICTION, (
@@ -104,14 +104,13 @@ GEARS = FrictionTerm(DRY_FRICTION, (
         'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
         'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
         'same smooth sign', 'load', omitted='the load-dependent friction'),
-), smooth=lambda f, v: f.sigmoid * smooth_sign(v, f.sigmoid_velocity),
-    per_load=lambda f, v: f.load * smooth_sign(v, f.sigmoid_velocity))
+), shape=lambda f, v: smooth_sign(v, f.sigmoid_velocity), size='sigmoid', per_load='load')
 
 EFFORT_OFFSET = FrictionTerm(OFFSET_EFFORT, (
     ParameterField(
         'effort_offset', _EFFORT, 0.0, -1e6, 1e6,
         'Constant offset {unit} of the measured effort (sensor or drive bias)', 'offset',
         omitted='the effort offset F_b'),
-), constant=lambda f: f.effort_offset)
+), constant='effort_offset')
 
 TERMS = (VISCOUS, DRY, GEARS, EFFORT_OFFSET)

@@ -75,19 +75,15 @@ class UncheckedArmDynamics:
         return effort if self.is_frictionless else effort + self.friction_effort(v, effort)
 
     def friction_effort(
-        self, v: FloatArray, load: FloatArray, sign: FloatArray | None = None,
-        smooth: bool = False,
+        self, v: FloatArray, load: FloatArray, smooth: bool = False,
     ) -> FloatArray:
         """
         Return the friction (..., n) at the velocity v.
 
-        `load` (..., n) is the effort of the rigid bodies. `sign` (..., n), if given, replaces the
-        sign of v in dry friction (`presliding`); `smooth` replaces it by a sigmoid
-        (`JointFriction.smooth_effort`).
+        `load` (..., n) is the effort of the rigid bodies. `smooth` replaces the sign of v in dry
+        friction by a sigmoid (`JointFriction.smooth_effort`).
         """
-        if smooth and sign is None:
-            return self.friction.smooth_effort(v, load)
-        return self.friction.effort(v, load, sign)
+        return self.friction.smooth_effort(v, load) if smooth else self.friction.effort(v, load)
 
     def friction_along(
         self, q: FloatArray, v: FloatArray, load: FloatArray, state: FloatArray | None = None,
@@ -99,11 +95,8 @@ class UncheckedArmDynamics:
         dry friction follows the displacement since the last velocity reversal
         (`presliding_state`), with `state` (n,) at the first sample.
         """
-        distance = self.friction.presliding_distance
-        if not distance.any():
-            return self.friction_effort(v, load, smooth=True)
-        sign = presliding_state(q, v, distance, state)
-        return self.friction_effort(v, load, sign)
+        sign = presliding_state(q, v, self.friction.presliding_distance, state)
+        return self.friction.effort(v, load, sign)
 
     def forward_dynamics(
         self, q: FloatArray, v: FloatArray, tau: FloatArray,

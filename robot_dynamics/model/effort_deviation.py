@@ -111,7 +111,8 @@ class EffortDeviation:
             load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
         sign = smooth_sign(v, SMOOTHING_VELOCITY) if smooth else np.sign(v)
         # friction by the load multiplies all of the bodies
-        by_load = 1.0 + self._dynamics.friction.per_load(v) * np.sign(load)
+        per_load = self._dynamics.friction.smooth(v)[1]
+        by_load = np.ones_like(v) if per_load is None else 1.0 + per_load * np.sign(load)
         bodies = by_load[:, np.newaxis] * self._regressor(q[None], v[None], a[None])[0]
         joints = np.concatenate([np.diag(column) for column in (
             by_load * a, *(unit.effort(v, load, sign) for unit in self._units))], axis=1)

@@ -175,17 +175,15 @@ def _check_limits(arm: ArmModel) -> list[Finding]:
 def _check_friction(arm: ArmModel) -> list[Finding]:
     """Return the joints that no effort within the limit moves against friction."""
     friction, limit = arm.friction, arm.limits.effort
-    findings = []
-    for title, effort in (
+    return [
+        Finding(
+            'friction', ERROR, name,
+            f'{title} of joint {name!r} is {effort[i]:.4g}, expected less than its effort '
+            f'limit, {limit[i]:.4g}: no permitted effort would move the joint')
+        for title, effort in (
             ('dry friction F_c + F_a', friction.counterpart('friction')),
-            ('effort offset F_b', np.abs(friction.effort_offset))):
-        findings += [
-            Finding(
-                'friction', ERROR, name,
-                f'{title} of joint {name!r} is {effort[i]:.4g}, expected less than its effort '
-                f'limit, {limit[i]:.4g}: no permitted effort would move the joint')
-            for i, name in enumerate(arm.joint_names) if effort[i] > limit[i]]
-    return findings
+            ('effort offset F_b', np.abs(friction.effort_offset)))
+        for i, name in enumerate(arm.joint_names) if effort[i] > limit[i]]
 
 
 def _check_gravity(arm: ArmModel, search: Search) -> list[Finding]:
