@@ -52,8 +52,8 @@ class JointFriction:
         self._dry = [term.dry for term in TERMS if term.dry and term.dry(self, self._rest).any()]
         smooth = [(term.shape, values[term.size], values.get(term.per_load, self._rest))
                   for term in TERMS if term.shape]
-        self._smooth = [part for part in smooth if part[1].any() or part[2].any()]
-        self._has_load = any(per_load.any() for _, _, per_load in smooth)
+        self._smooth = [(shape, size, per_load if per_load.any() else None)
+                        for shape, size, per_load in smooth if size.any() or per_load.any()]
         constants = [values[term.constant] for term in TERMS if term.constant]
         self._constant: FloatArray = sum(constants, start=self._rest)
         self._has_constant = bool(self._constant.any())
@@ -140,7 +140,7 @@ class JointFriction:
         for part, size, per_load in self._smooth:
             shape = part(self, v)
             effort = size * shape if effort is None else effort + size * shape
-            if self._has_load:
+            if per_load is not None:
                 by_load = per_load * shape if by_load is None else by_load + per_load * shape
         return np.zeros_like(v) if effort is None else effort, by_load
 
