@@ -3,8 +3,8 @@
 
 """The model check of a node: findings are logged, and an error rejects the model."""
 
+from typing import Any
 
-from rclpy.impl.rcutils_logger import RcutilsLogger
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.worst_gravity import BRIEF, QUICK
 from robot_dynamics.model_check.finding import CHECKS, refuse_errors
@@ -20,7 +20,7 @@ IGNORE_CHECKS_SPEC = ParameterSpec(
     read_only=True, choices=tuple(CHECKS))
 
 
-def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: RcutilsLogger) -> None:
+def check_or_refuse(xml: str, arm: ArmModel, values: Values, logger: Any) -> None:
     """
     Log findings and scope of the model check; raise ModelError with the first error not ignored.
 
