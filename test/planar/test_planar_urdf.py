@@ -202,7 +202,7 @@ def test_numbers_survive_to_the_last_digit():
     ({'com_distances': [2.0, 0.4]}, 'com_distances[0] (link1) is 2, expected a number in [0, 1]'),
     ({'viscous_friction': [0.0, -0.1]},
      'viscous_friction[1] (joint2) is -0.1, expected a number >= 0'),
-    ({'coulomb_friction': [1.0]}, 'coulomb_friction has 1 values, expected 2'),
+    ({'coulomb_friction': [1.0] * 3}, 'coulomb_friction has 3 values, expected 2'),
     ({'effort_limits': [0.0, 1.0]}, 'effort_limits[0] (joint1) is 0, expected a number > 0'),
     ({'velocity_limits': [1.0, np.inf]}, 'velocity_limits[1] (joint2) is inf'),
     ({'name': ' '}, "name is ' ', expected a printable name"),
@@ -244,7 +244,7 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
     assert main(['--masses', '5', '2']) == 0
     limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
     assert [limit.get('effort') for limit in limits] == ['1000.0', '1000.0']
-    assert main(['--viscous', '0.5', '0.5']) == 0
+    assert main(['--viscous', '0.5']) == 0  # of both joints
     limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
     assert [limit.get('effort') for limit in limits] == ['150.0', '60.0']
 
@@ -255,8 +255,8 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
      'planar_urdf: masses[1] (link2) is nan, expected a finite number\n'),
     (['--lengths', '1', '1', '1'],
      "planar_urdf: lengths has 3 values, expected 2, one for each of ['link1', 'link2']\n"),
-    (['--viscous', '1'],
-     'planar_urdf: viscous_friction has 1 values, expected 2, '
+    (['--viscous', '1', '2', '3'],
+     'planar_urdf: viscous_friction has 3 values, expected 2, '
      "one for each of ['joint1', 'joint2']\n"),
 ])
 def test_tool_reports_errors_in_one_line(arguments, message, capsys):
