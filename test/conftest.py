@@ -44,6 +44,11 @@ os.environ.pop('PYTEST_ADDOPTS', None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+if find_spec('hypothesis') is not None:  # the time of an example depends on the load
+    from hypothesis import settings
+    settings.register_profile('suite', settings(deadline=None))
+    settings.load_profile('suite')
+
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
     r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
