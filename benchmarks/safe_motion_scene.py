@@ -277,7 +277,7 @@ class Scene:
         active = self.loop.controller.trajectory
         if active is not None and active is self._active:
             return True  # the same set-point again: the arm continues on its path
-        self._active = active
+        self._active, self._unknown = active, 0
         hull.begin(before, limits)
         hull.include(*(point.position for point in points))
         q, v = points[-1].position, points[-1].velocity
