@@ -173,7 +173,8 @@ def wrong_velocity(scene: Scene) -> None:
 
     Or the sample of a joint that moves is frozen.
     """
-    moving = np.flatnonzero(np.abs(scene.motion.goal - scene.motion.start) > AT_GOAL)
+    has_way = np.abs(scene.motion.goal - scene.motion.start) > AT_GOAL
+    moving = np.flatnonzero(has_way & (np.abs(scene.plant.v) > AT_GOAL))
     kinds = [*([0, 1, 2] if scene.case.has_velocity else []), *([3] if moving.size else [])]
     if not kinds:
         return

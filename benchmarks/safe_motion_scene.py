@@ -261,9 +261,9 @@ class Scene:
 
     @property
     def state(self) -> Reference:
-        """The state of the reference, or that of the arm without a reference."""
-        return self.loop.reference or Reference(
-            self.plant.q, self.plant.v, np.zeros_like(self.plant.q))
+        """The state of the reference, or the last measured one without a reference."""
+        _, q, v = self.loop.controller.state or (0, self.plant.q, self.plant.v)
+        return self.loop.reference or Reference(q, v, np.zeros_like(q))
 
     def send(self, trajectory: JointTrajectory) -> bool:
         """Send a trajectory to the loop; return whether the loop follows it."""
@@ -277,7 +277,7 @@ class Scene:
         active = self.loop.controller.trajectory
         if active is not None and active is self._active:
             return True  # the same set-point again: the arm continues on its path
-        self._active = active
+        self._active, self._unknown = active, 0
         hull.begin(before, limits)
         hull.include(*(point.position for point in points))
         q, v = points[-1].position, points[-1].velocity

@@ -11,6 +11,8 @@ from robot_dynamics.control.controller import Controller
 
 LONGEST_PERIOD, STEP = 0.05, 0.002
 """[s] between two states for which the motion of a frozen joint is predicted, and its step."""
+STEADY_TIME = 0.05
+"""[s] of the mean of the feedback of the other joints."""
 _MOST_STEPS = 100
 
 
@@ -38,7 +40,7 @@ class FrozenJoints:
         """Time [s] of the steady clock at which the planned stop had not ended yet."""
         v = v if v is not None else np.zeros_like(q)
         self._q = q
-        self._e, self._e_dot = np.zeros((2, len(q)))
+        self._e, self._e_dot, self._steady = np.zeros((3, len(q)))
         trajectory = controller.trajectory
         if trajectory is None:
             return
@@ -67,6 +69,19 @@ class FrozenJoints:
             self._q, velocity = q_r - self._e, v_r - self._e_dot
         return np.where(self.marks, self._q, q), (
             None if v is None else np.where(self.marks, velocity, v))
+
+    def steady_feedback(self, e: FloatArray, e_dot: FloatArray, dt: float) -> FloatArray:
+        """
+        Return the steady feedback (n,) of the other joints to their errors, dt [s] later.
+
+        It does not accelerate them, because friction or a load holds them. The coupling torque for
+        this acceleration would accelerate the joints without a signal.
+        """
+        K_p, K_d = self._controller.feedback_gains
+        weight = 1.0 - math.exp(-dt / STEADY_TIME)
+        self._steady = self._steady + weight * (
+            np.where(self.marks, 0.0, K_p * e + K_d * e_dot) - self._steady)
+        return self._steady
 
     def _follow(self, dt: float) -> None:
         """Let the error follow the closed loop, ë = −K_d ė − K_p e, for dt [s]."""

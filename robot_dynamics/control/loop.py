@@ -365,7 +365,8 @@ class ControlLoop:
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
         limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt,
-            controller.braked if self._frozen is None else self._stopped(output), fault,
+            controller.braked if self._frozen is None else self._stopped(
+                output, self._frozen, dt or 0.0), fault,
             partial(controller.motion_equation, output))
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
@@ -388,10 +389,17 @@ class ControlLoop:
         is_disturbed = v is not None and bool((np.abs(v) > limit)[~frozen.marks].any())
         return is_disturbed or now - frozen.moved_until > self.supervisor.options.hold_time
 
-    def _stopped(self, output: ControlOutput) -> Brake:
+    def _stopped(self, output: ControlOutput, frozen: FrozenJoints, dt: float) -> Brake:
         """Return the brake of an arm with frozen joints: the command of the planned stop."""
         def brake(q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
-            return hold if output.command is None else output.command
+            command, state = output.command, output.state
+            if command is None:
+                return hold
+            if state.trajectory is None or state.v is None:
+                return command
+            M, _ = self.controller.motion_equation(output, q, v)
+            steady = frozen.steady_feedback(state.position_error, state.velocity_error, dt)
+            return command - np.where(frozen.marks, M @ steady, 0.0)
         return brake
 
     def _jumps(self, v: FloatArray) -> bool:

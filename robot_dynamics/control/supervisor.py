@@ -212,8 +212,14 @@ class CommandSupervisor:
         return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, equation)
 
     def act(self, now: float) -> None:
-        """Let the fault action run although states are valid, without its `hold_time`."""
-        if self.mode is Mode.FAULT and not self._acts:
+        """
+        Let the fault action run although states are valid, without its `hold_time`.
+
+        A stop before the end of the command has failed then: the ramp begins.
+        """
+        if self.mode is Mode.BRAKING:
+            self.deactivate(now)
+        elif self.mode is Mode.FAULT and not self._acts:
             self._acts, self._since = True, now
             if self.options.fault_action == 'hold_gravity_then_ramp':
                 self._since -= self.options.hold_time

@@ -78,6 +78,8 @@ _NS = 1e-9
 _STEP_NS, _CHECK_NS, _PAUSE_NS = (round(1e9 * each) for each in (STEP, CHECK, PAUSE))
 _NEVER = -1 << 62
 _LARGEST_ALERT = 0.5
+_ZERO = 1e-9
+"""[rad] or [m] of an integral of zeros, with rounding."""
 
 
 class MotionConsistency:
@@ -259,7 +261,9 @@ class MotionConsistency:
                 variance = np.maximum(variance, (UNKNOWN_NOISE * self._unit)**2)
         variance = np.minimum(variance, (LARGEST_NOISE * self._unit)**2)
         squares = (self._squares - self._squared[first])[:, None]
-        floor = (FLOOR + SLOW * length) * self._unit + NOISE_FACTOR * np.sqrt(variance * squares)
+        noise = np.where(  # zeros have no noise
+            np.abs(integral) > _ZERO, NOISE_FACTOR * np.sqrt(variance * squares), 0.0)
+        floor = (FLOOR + SLOW * length) * self._unit + noise
         tolerance = floor + RATIO * np.where(  # no error of the scale reverses the sign
             integral * moved < 0.0, 0.0, np.maximum(np.abs(moved), np.abs(integral)))
         agrees = np.abs(difference) <= tolerance
@@ -388,8 +392,7 @@ class MotionConsistency:
         if self._is_held is not None and desired is not None and is_left.any():
             is_left &= (self._v != 0.0) | ~self._is_held(self._q, desired - self._q)
         self._left = np.where(is_left, self._left + 1, 0)
-        # A joint that stands still may obey the next reference.
-        frozen = same & (self.frozen & (self._v != 0.0) | (excess > 0.0) & (
+        frozen = same & (self.frozen | (excess > 0.0) & (
             (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS)
             | (self._lively >= LIVELY) & (duration > LONGEST_REPEATS)
             & (np.abs(self._v) > DECAYED * self._unit)))

@@ -463,6 +463,38 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name: str, rate: float, j: in
 
 
 @wrong_rates
+def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate: float) -> None:
+    """The feedback of a joint that sticks asks for accelerations that do not happen."""
+    one = LockStep(arm_named('default'), q=Q, rate=rate)
+    one.push = lambda t: np.array([-20.0, 0.0]) * np.clip(one.v[0] / 0.01, -1.0, 1.0)
+    one.run(0.1)
+    one.follow(Q + 0.6 * directions(2))
+    one.run(0.2)
+    one.sensor = frozen(1)
+    trace = one.run(0.8)
+    assert one.loop.supervisor.fault is not None
+    assert one.loop.supervisor.fault.name == 'frozen_joint'
+    print(f'at most {trace.speed.max():.2g} rad/s')
+    assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
+
+
+def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:
+    """Its fault ends when the sample changes, not when its reference ends."""
+    one = LockStep(arm_named('default'), q=Q)
+    one.sensor = frozen(1)
+    one.run(0.3)
+    one.follow(Q + 0.5 * directions(2))
+    trace = one.run(2.5)
+    supervisor = one.loop.supervisor
+    assert supervisor.fault is not None
+    assert supervisor.fault.name == 'frozen_joint'
+    assert supervisor.mode is Mode.FAULT
+    assert supervisor.fault_count == 1
+    assert supervisor.limiter.last is None  # the fault action has ended: brakes hold the arm
+    assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
+
+
+@wrong_rates
 def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate: float) -> None:
     """The positions are those of an encoder, and repeat at rest."""
     one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=rate, delay=4)

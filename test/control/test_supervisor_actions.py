@@ -44,6 +44,19 @@ def test_hold_gravity_then_ramp() -> None:
     assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME, abs=1.5 * PERIOD)
 
 
+@pytest.mark.parametrize('is_fault', [True, False])
+def test_a_stop_that_has_failed_ends_with_the_ramp(is_fault: bool) -> None:
+    """An arm that is lost in the stop before the end is not held for the rest of its time."""
+    one = running(HOLD)
+    if is_fault:
+        one.fail(START, TROUBLE)
+    assert one.brake(START)
+    one.act(START + 0.1)
+    assert one.mode is Mode.STOPPING
+    half = one.tick(START + 0.1 + 0.5 * RAMP_TIME)
+    assert half == pytest.approx(0.5 * HOLD)
+
+
 def test_the_hold_is_the_gravity_torque_of_the_newest_state() -> None:
     one = running()
     one.fail(START, LATCHED)

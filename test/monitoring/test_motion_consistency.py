@@ -253,6 +253,17 @@ def test_the_cause_is_named_in_motion_from_rest(fault: str, rate: int) -> None:
     assert FAULTS[fault][1] in one.reason
 
 
+def test_velocities_that_become_zero_have_no_noise() -> None:
+    """An oscillation that the noise before could explain is found in half a period."""
+    rng, t = np.random.default_rng(0), np.arange(0.0, 5.0, 1.0 / 500.0)
+    swing = 0.01 * np.sin(20.0 * t)[:, None] * (t >= 3.0)[:, None] * np.array([1.0, -1.0, 0.0])
+    v = rng.normal(0.0, 0.2, (len(t), N)) * (t < 3.0)[:, None]
+    row, reason = next(alarms(consistency(), States(
+        SECOND + np.round(1e9 * t).astype(np.int64), swing, v)))
+    assert 3.0 < t[row] < 3.0 + np.pi / 20.0
+    assert 'zero or missing' in reason
+
+
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
 def test_velocities_that_become_zero_in_motion_are_found_soon(rate: int) -> None:
     """A joint with a low velocity limit must not accelerate for long."""
@@ -365,6 +376,17 @@ def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> No
     found, one = freeze(joints, 1.0, 500, end=1.8)
     assert found is not None
     assert one.is_consistent
+
+
+def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes() -> None:
+    """Also when its reference stops, or has ended."""
+    one, q = consistency(), np.zeros(N)
+    reference = 0.2 * np.clip(np.arange(1500) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, 0, 0])
+    good = [one.update(k * SECOND // 500, q, q, row_of(
+        reference if k < 1000 else None, k)) for k in range(1500)]
+    assert not any(good[good.index(False):])
+    assert one.update(3 * SECOND, q + 1e-9, q, row_of(None, 0))
+    assert not one.frozen.any()
 
 
 def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong() -> None:
