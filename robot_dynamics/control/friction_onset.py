@@ -7,12 +7,13 @@ Friction that is given too large: how fast its compensation grows at a joint tha
 A surplus of effort x acts for a delay T before the loop reacts, and accelerates the joint to
 x T / m. On a wrist with m = 5e-4 kg m², of which the model contains no rotor, 0.4 N·m too much
 reach 8 rad/s in 10 ms: the joint exceeds its velocity limit, is stopped as a fault, and starts
-again. No gain prevents this, but a compensation that grows slowly does, because the joint breaks
-away at the true friction: at the rate 2 m Δv / T² its velocity grows by Δv in T.
+again, or it swings around its goal. Gains do not prevent this, but a compensation that grows
+slowly does, because the joint breaks away at the true friction: at the rate 2 m Δv / T² its
+velocity grows by Δv in T.
 
 A joint whose friction is given correctly needs its compensation at once. The limit therefore
-begins only at a joint that has run away, and lasts as long as the law. Below SURE_FRACTION the
-compensation is at most the true friction, and is never limited.
+begins only at a joint that has run away, and lasts as long as the law. SURE_FRACTION of the
+compensation is never limited: the rest of the true friction still damps the joint.
 """
 
 import numpy as np
@@ -21,8 +22,8 @@ from robot_dynamics.control.laws import LawInput
 from robot_dynamics.control.stable_gains import LOOP_DELAY
 from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
 
-SURE_FRACTION = 0.7
-"""Fraction of the given friction that does not exceed the true one: it is given up to 1.4 times."""
+SURE_FRACTION = 0.5
+"""Fraction of the given friction that is below the true one, also if 1.4 times it is given."""
 AHEAD = 0.3
 """Distance ahead of the reference, in widths of the compensation, from which a joint runs away."""
 SPEED_FRACTION = 0.1
@@ -52,39 +53,38 @@ class FrictionOnset:
         `v` and `v_ref` (n,) are the velocities of the joints and of the reference, `e` (n,) the
         position error, and `rate` (n,) [1/s] is K_p/K_d.
         """
-        width, speed = state.dynamics.friction.tracking_width, self._speed_limit(state)
+        width = state.dynamics.friction.tracking_width
+        speed = np.minimum(state.dynamics.arm.limits.velocity, LARGEST_SPEED)
         if not self._runs_away.any() and not (
-                (np.abs(e) > AHEAD * width) | (np.abs(v) > speed)).any():
+                (np.abs(e) > AHEAD * width) | (np.abs(v) > CATCH_UP_FRACTION * speed)).any():
             return -1.0, 1.0
         direction = smooth_sign(v_ref, SMOOTHING_VELOCITY)
         sign = np.clip(direction + e / width, -1.0, 1.0)
         most = np.maximum(CATCH_UP_FRACTION * speed, np.abs(v_ref))
         excess = v - np.clip(v_ref + rate * e, -most, most)
-        self._runs_away |= (v * sign > speed) | (
-            (-e * direction > AHEAD * width) & (excess * direction > SPEED_FRACTION * speed))
-        growth = self._growth(state, speed)
-        growth = np.where(self._runs_away & (growth < 1.0 - SURE_FRACTION), growth, 2.0)
-        is_limited = growth < 2.0
-        upper = np.maximum(SURE_FRACTION, self._sign + growth)
-        lower = np.minimum(-SURE_FRACTION, self._sign - growth)
         fast = SPEED_FRACTION * speed
-        upper = np.where(is_limited & (excess > fast), SURE_FRACTION, np.minimum(upper, 1.0))
-        lower = np.where(is_limited & (excess < -fast), -SURE_FRACTION, np.maximum(lower, -1.0))
-        self._sign = np.minimum(np.maximum(sign, lower), upper)
+        self._runs_away |= (excess * sign > CATCH_UP_FRACTION * speed) | (
+            (-e * direction > AHEAD * width) & (excess * direction > fast))
+        growth = self._growth(state, fast)
+        is_free = ~self._runs_away | (growth >= 1.0 - SURE_FRACTION)
+        upper = np.where(is_free, 1.0, np.where(excess > fast, SURE_FRACTION, np.clip(
+            self._sign + growth, SURE_FRACTION, 1.0)))
+        lower = np.where(is_free, -1.0, np.where(excess < -fast, -SURE_FRACTION, np.clip(
+            self._sign - growth, -1.0, -SURE_FRACTION)))
+        self._sign = np.clip(sign, lower, upper)
         return lower, upper
 
-    def _growth(self, state: LawInput, speed: FloatArray) -> FloatArray:
-        """Return by how much the size of the sign may grow since the last state, (n,)."""
+    def _growth(self, state: LawInput, change: FloatArray) -> FloatArray:
+        """
+        Return by how much the size of the sign may grow since the last state, (n,).
+
+        `change` (n,) is Δv.
+        """
         dt = 1e-9 * (state.stamp_ns - self._stamp_ns)
         self._stamp_ns = state.stamp_ns
         if not 0.0 <= dt < PAUSE:
-            self._sign, dt = np.zeros_like(speed), 0.0
+            self._sign, dt = np.zeros_like(change), 0.0
         m = 1.0 / np.diagonal(np.linalg.pinv(state.dynamics.rigid_body.mass_matrix(state.q)))
-        F = state.dynamics.friction.at_rest.static
         with np.errstate(divide='ignore', invalid='ignore'):
-            return np.asarray(
-                2.0 * m * SPEED_FRACTION * speed * dt / ((dt + LOOP_DELAY) ** 2 * F))
-
-    @staticmethod
-    def _speed_limit(state: LawInput) -> FloatArray:
-        return np.minimum(state.dynamics.arm.limits.velocity, LARGEST_SPEED)
+            rate = 2.0 * m * change / (dt + LOOP_DELAY) ** 2
+            return np.asarray(rate * dt / state.dynamics.friction.at_rest.static)
