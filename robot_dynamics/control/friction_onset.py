@@ -64,7 +64,7 @@ class FrictionOnset:
         excess = v - np.clip(v_ref + rate * e, -most, most)
         fast = SPEED_FRACTION * speed
         self._runs_away |= (excess * sign > CATCH_UP_FRACTION * speed) | (
-            (-e * direction > AHEAD * width) & (excess * direction > fast))
+            (-e * direction > AHEAD * width) & ((v - v_ref) * direction > fast))
         growth = self._growth(state, fast)
         is_free = ~self._runs_away | (growth >= 1.0 - SURE_FRACTION)
         upper = np.where(is_free, 1.0, np.where(excess > fast, SURE_FRACTION, np.clip(
