@@ -24,7 +24,7 @@ from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.friction_onset import FrictionOnset
 from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import EffortTerms
 
 CHANGE_FRACTION = 0.5
 """Fraction of the rate limit of the effort that the feedback may take."""

@@ -21,6 +21,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws import LawInput
 from robot_dynamics.control.stable_gains import LOOP_DELAY
 from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
 SURE_FRACTION = 0.5
 """Fraction of the given friction that is below the true one, also if 1.4 times it is given."""
@@ -40,9 +41,10 @@ class FrictionOnset:
     """The bounds of the sign of the compensation, for one law; n joints."""
 
     def __init__(self, n: int) -> None:
-        self._runs_away = np.zeros(n, dtype=bool)
+        self._runs_away, self._limits = np.zeros(n, dtype=bool), False
         self._sign = np.zeros(n)
         self._stamp_ns = 0
+        self._dynamics: UncheckedArmDynamics | None = None
 
     def bounds(
         self, state: LawInput, v: FloatArray, v_ref: FloatArray, e: FloatArray, rate: FloatArray,
@@ -53,11 +55,11 @@ class FrictionOnset:
         `v` and `v_ref` (n,) are the velocities of the joints and of the reference, `e` (n,) the
         position error, and `rate` (n,) [1/s] is K_p/K_d.
         """
-        width = state.dynamics.friction.tracking_width
-        speed = np.minimum(state.dynamics.arm.limits.velocity, LARGEST_SPEED)
-        if not self._runs_away.any() and not (
-                (np.abs(e) > AHEAD * width) | (np.abs(v) > CATCH_UP_FRACTION * speed)).any():
+        if state.dynamics is not self._dynamics:
+            self._use(state.dynamics)
+        if not self._limits and e.dot(e) < self._near and v.dot(v) < self._slow:
             return -1.0, 1.0
+        width, speed = self._width, self._speed
         direction = smooth_sign(v_ref, SMOOTHING_VELOCITY)
         sign = np.clip(direction + e / width, -1.0, 1.0)
         most = np.maximum(CATCH_UP_FRACTION * speed, np.abs(v_ref))
@@ -65,6 +67,7 @@ class FrictionOnset:
         fast = SPEED_FRACTION * speed
         self._runs_away |= (excess * sign > CATCH_UP_FRACTION * speed) | (
             (-e * direction > AHEAD * width) & ((v - v_ref) * direction > fast))
+        self._limits = bool(self._runs_away.any())
         growth = self._growth(state, fast)
         is_free = ~self._runs_away | (growth >= 1.0 - SURE_FRACTION)
         upper = np.where(is_free, 1.0, np.where(excess > fast, SURE_FRACTION, np.clip(
@@ -73,6 +76,13 @@ class FrictionOnset:
             self._sign - growth, -1.0, -SURE_FRACTION)))
         self._sign = np.clip(sign, lower, upper)
         return lower, upper
+
+    def _use(self, dynamics: UncheckedArmDynamics) -> None:
+        """Take the limits of an arm; joints nearer and slower than the least do not run away."""
+        self._dynamics, self._width = dynamics, dynamics.friction.tracking_width
+        self._speed = np.minimum(dynamics.arm.limits.velocity, LARGEST_SPEED)
+        self._near = float((AHEAD * self._width).min()) ** 2
+        self._slow = float((CATCH_UP_FRACTION * self._speed).min()) ** 2
 
     def _growth(self, state: LawInput, change: FloatArray) -> FloatArray:
         """

@@ -51,5 +51,5 @@ def shortfall(controller: Controller) -> str:
     too = f' ({", ".join(others)} too)' if others else ''
     return (
         f'{arm.joint_names[j]!r} rests {abs(e[j]):.3g} {unit} from its goal, expected at most '
-        f'{TOLERANCE:g}{too}: the feedback is {feedback[j]:.3g} {effort}, its stiffness {K[j, j]:.3g} '
-        f'{effort}/{unit}; {cause}')
+        f'{TOLERANCE:g}{too}: the feedback is {feedback[j]:.3g} {effort}, its stiffness '
+        f'{K[j, j]:.3g} {effort}/{unit}; {cause}')
