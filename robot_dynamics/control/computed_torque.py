@@ -21,9 +21,10 @@ from functools import partial
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_law import ErrorFeedback
+from robot_dynamics.control.friction_onset import FrictionOnset
 from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+from robot_dynamics.model.arm_dynamics import EffortTerms
 
 CHANGE_FRACTION = 0.5
 """Fraction of the rate limit of the effort that the feedback may take."""
@@ -41,6 +42,7 @@ class ComputedTorque(ControlLaw):
         self._friction_mode = options.friction_compensation
         self._zero = np.zeros(len(feedback.gains.kp))
         self._zero.setflags(write=False)
+        self._onset = FrictionOnset(len(self._zero))
         self._effort_rate = np.full(len(self._zero), np.inf)
         self._free_change = np.inf
         """(K_p + K_d²) ė up to which s is 1 in any pose."""
@@ -73,7 +75,7 @@ class ComputedTorque(ControlLaw):
             a, scale = self._limited(state)
         friction, effort = self._zero, dynamics.rigid_body.inverse_dynamics(q_ahead, v, a)
         if not dynamics.is_frictionless:
-            friction = self._friction(dynamics, v_ref, e, v, effort)
+            friction = self._friction(state, v_ref, e, v, effort)
             effort = effort + friction
         return LawOutput(
             effort, partial(self._terms, state, a, friction), friction, is_far, scale=scale)
@@ -97,11 +99,11 @@ class ComputedTorque(ControlLaw):
         return equation_terms(state.dynamics, q, v, a, friction, gravity)
 
     def _friction(
-        self, dynamics: UncheckedArmDynamics, v_ref: FloatArray, e: FloatArray, v: FloatArray,
-        load: FloatArray,
+        self, state: LawInput, v_ref: FloatArray, e: FloatArray, v: FloatArray, load: FloatArray,
     ) -> FloatArray:
+        dynamics, rate = state.dynamics, self.feedback.gains.ratio
         if self._friction_mode == 'reference':
             return dynamics.friction.tracking_effort(
-                v_ref, e, self.feedback.gains.ratio, load)
+                v_ref, e, rate, load, self._onset.bounds(state, v, v_ref, e, rate))
         return dynamics.friction_effort(v, load) if self._friction_mode == 'measured' else (
             self._zero)

@@ -39,13 +39,17 @@ def shortfall(controller: Controller) -> str:
     unit, effort = ('m', 'N') if arm.joint_kinds[j] == 'prismatic' else ('rad', 'N m')
     if abs(needed) > _OF_LIMIT * limit:
         cause = f'its effort limit of {limit:g} {effort} does not suffice'
-    elif is_held:
+    elif is_held and arm.friction.at_rest.static[j] > 0.0:
         cause = (
             'dry friction can hold it: identify friction and rotor, or give '
             'friction.presliding_distance')
+    elif is_held:
+        cause = 'dry friction, which the model lacks, can hold it: identify friction and rotor'
     else:
         cause = 'a load that the model does not contain, or a contact, holds it'
+    others = [arm.joint_names[k] for k in np.flatnonzero(np.abs(e) > TOLERANCE) if k != j]
+    too = f' ({", ".join(others)} too)' if others else ''
     return (
         f'{arm.joint_names[j]!r} rests {abs(e[j]):.3g} {unit} from its goal, expected at most '
-        f'{TOLERANCE:g}: the feedback is {feedback[j]:.3g} {effort}, its stiffness {K[j, j]:.3g} '
-        f'{effort}/{unit}; {cause}')
+        f'{TOLERANCE:g}{too}: the feedback is {feedback[j]:.3g} {effort}, its stiffness '
+        f'{K[j, j]:.3g} {effort}/{unit}; {cause}')

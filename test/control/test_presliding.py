@@ -165,7 +165,8 @@ def check_calm(case: Case, seen: Any, kind: type[Plant | Simulated] = Plant) -> 
 
 @pytest.mark.parametrize('case', [
     Case('xarm7', 500, 4, 4e-3), Case('z1', 125, 0, 4e-3), Case('panda', 125, 8, 1e-3),
-    Case('ur10', 125, 8, 4e-3, has_rotors=True), Case('default', 100, 8, 5e-3, 1.4)],
+    Case('ur10', 125, 8, 4e-3, has_rotors=True), Case('default', 100, 8, 5e-3, 1.4),
+    Case('ur10', 500, 4, 4e-3, 1.4), Case('ur5', 100, 20, 5e-3, 1.4)],
     ids=lambda case: f'{case.arm} {case.rate} Hz')
 def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: Any) -> None:
     check_calm(case, seen)
@@ -226,6 +227,13 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
     end = end_of_motion(case, seconds=3.0)
     seen(f'{end.farthest:.4f} rad')
     assert end.farthest < bound
+
+
+def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:
+    """The compensation grows slowly only at joints that have run away."""
+    end = end_of_motion(Case('ur10', 500, 4, 1e-3), seconds=3.0)
+    seen(f'{end.farthest:.4f} rad')
+    assert end.farthest < 0.015
 
 
 @pytest.mark.parametrize(('distance', 'width'), [

@@ -11,7 +11,7 @@ from robot_dynamics.control.shortfall import PATIENCE, shortfall, TOLERANCE
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
-START = np.array([0.8, 0.5])
+START = np.array([0.7, 0.5])
 GOAL = np.array([0.8, 0.7])
 
 
@@ -45,6 +45,7 @@ def test_a_joint_in_motion_is_not_named() -> None:
 
 @pytest.mark.parametrize(('missing', 'coulomb', 'cause'), [
     (0.03, 1.5, 'dry friction can hold it'),
+    (0.03, 0.0, 'dry friction, which the model lacks, can hold it'),
     (0.15, 0.0, 'a load that the model does not contain')])
 def test_a_joint_that_does_not_arrive_is_named(
     missing: float, coulomb: float, cause: str,
@@ -54,3 +55,9 @@ def test_a_joint_that_does_not_arrive_is_named(
     assert cause in words
     assert 'stiffness' in words
     assert 'N m/rad' in words
+
+
+def test_all_joints_that_do_not_arrive_are_named() -> None:
+    words = rests_at(GOAL - [0.02, 0.1])
+    assert words.startswith("'joint2' rests")
+    assert '(joint1 too)' in words
