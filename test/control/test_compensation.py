@@ -61,8 +61,6 @@ def run(
         output = controller.update(
             1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured)
         assert output.command is not None
-        assert output.reference is not None
-        assert output.terms is not None
         rows.append(
             (output.reference.position - q, output.command, output.terms.friction, measured, v))
         simulation.step(output.command, PERIOD)

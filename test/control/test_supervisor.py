@@ -56,7 +56,6 @@ def test_the_first_effort_is_the_gravity_torque() -> None:
     assert one.is_commanding
     step = (PUSH - HOLD) * RATE * PERIOD / np.abs(PUSH - HOLD).max()
     assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + step)
-    assert one.limiter.active is not None
     assert one.limiter.active.rate.tolist() == [True, True]
 
 
@@ -71,7 +70,6 @@ def test_an_effort_changes_as_far_as_the_time_between_the_stamps_allows() -> Non
 def test_a_state_that_comes_again_repeats_its_effort() -> None:
     one = running(PUSH)
     repeated = one.repeat()
-    assert repeated is not None
     assert repeated.tolist() == PUSH.tolist()
     one.fail(START, TROUBLE)
     assert one.repeat() is None
@@ -87,7 +85,6 @@ def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
     assert one.mode is Mode.RUNNING
     assert one.tick(np.nextafter(START + timeout, np.inf)) is not None
     assert one.mode is Mode.FAULT
-    assert one.fault is not None
     assert (one.fault.name, one.fault_count) == ('state_timeout', 1)
     assert '0.0625 s (state_timeout)' in one.fault.words
 
@@ -297,7 +294,6 @@ def test_a_stall_of_the_process_is_noticed_by_the_next_state() -> None:
     """The watchdog thread may have stalled, too."""
     one = running(PUSH)
     effort = answer(one, START + 2.0 * one.options.state_timeout, PUSH)
-    assert one.fault is not None
     assert one.fault.name == 'state_timeout'
     assert one.fault_count == 1
     assert one.mode is Mode.FAULT
@@ -401,7 +397,6 @@ def test_the_command_continues_during_the_stop() -> None:
         assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
         assert one.tick(START + (k + 0.5) * PERIOD) is None
     repeated = one.repeat()
-    assert repeated is not None
     assert repeated.tolist() == PUSH.tolist()
     one.deactivate(START + 0.2)  # the arm has stopped
     t, efforts = course(one, START + 0.2)

@@ -52,7 +52,6 @@ def test_the_hold_is_the_gravity_torque_of_the_newest_state() -> None:
     begin = state + one.options.state_timeout
     for moment in (state + 0.01, begin + 0.01, begin + 0.9 * HOLD_TIME):
         effort = one.tick(moment)
-        assert effort is not None
         assert effort.tolist() == OTHER_HOLD.tolist()
     fading = one.tick(begin + HOLD_TIME + 0.2 * RAMP_TIME)
     assert fading == pytest.approx(0.8 * OTHER_HOLD)
@@ -111,11 +110,9 @@ def test_the_damped_hold_remains_until_the_states_time_out() -> None:
         START + 0.01, np.zeros(2), np.ones(2), PUSH, HOLD.copy, 0.01, lambda *_: damped, TROUBLE)
     for after in (0.005, 0.02, 0.04):
         effort = one.tick(START + 0.01 + after)
-        assert effort is not None
         assert effort.tolist() == damped.tolist()
     for after in (0.06, 0.5):  # then the velocity is unknown
         effort = one.tick(START + 0.01 + after)
-    assert effort is not None
     assert effort.tolist() == HOLD.tolist()
 
 
@@ -159,6 +156,5 @@ def test_a_stall_of_the_clockwork_makes_no_jump() -> None:
     one = running(PUSH, fault_action='ramp_to_zero')
     one.fail(START, TROUBLE)
     effort = one.tick(START + 5.0)
-    assert effort is not None
     step = PUSH * 50.0 / np.abs(PUSH).max()  # toward zero
     assert effort == pytest.approx(PUSH - step)

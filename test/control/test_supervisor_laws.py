@@ -116,7 +116,6 @@ class Supervised(RuleBasedStateMachine):
         effort = self.one.repeat()
         if effort is not None:
             assert self.one.mode in (Mode.RUNNING, Mode.BRAKING)
-            assert self.standing is not None
             assert effort.tolist() == self.standing.tolist()
 
     @rule()

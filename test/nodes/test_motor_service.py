@@ -61,7 +61,6 @@ def test_inverse_dynamics_reports_the_load_of_the_motors(
     bare = ArmDynamics(load_arm(default_arm_urdf())).inverse_dynamics(q, v, a)
     assert effort - bare == pytest.approx(np.array([0.1, 0.05]) * a)  # the reflected inertia
     actuators = dynamics.arm.actuators
-    assert actuators is not None
     load = actuators.load(effort, v, a)
     assert list(answer.effort) == pytest.approx(effort[::-1])
     assert list(answer.motor_current) == pytest.approx(load.current[::-1])
@@ -112,7 +111,6 @@ def test_the_urdfs_transmissions_are_the_gear_ratios(
     effort = dynamics.inverse_dynamics(q, v, a)
     assert list(answer.effort) == pytest.approx(effort)
     actuators = dynamics.arm.actuators
-    assert actuators is not None
     assert list(answer.motor_current) == pytest.approx(actuators.load(effort, v, a).current)
 
 

@@ -178,7 +178,6 @@ def _with_published_joints(name: str) -> tuple[Element, list[Element]]:
     bodies = [body for body in root.iter('body') if body.find('joint') is not None]
     for k, body in enumerate(bodies):
         joint = body.find('joint')
-        assert joint is not None
         for field in ('armature', 'damping', 'frictionloss'):
             joint.set(field, str(getattr(published, field)[k]))
     return root, bodies
