@@ -22,13 +22,7 @@ SLACK = 0.01
 """Largest offset [s] between the clock of stamps and the clock of timeouts."""
 Timed = tuple[float, JointState]
 Seen = Callable[[str], Any]
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_actions', {**NO_STREAM, **DIRECT}) as one:
-        yield one
+BENCH = {'parameters': {**NO_STREAM, **DIRECT}}
 
 
 def wait_ended(bench: FaultBench) -> None:

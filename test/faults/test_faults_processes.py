@@ -3,7 +3,6 @@
 
 """Faults of the driver and of the node as processes: timeouts, stalls and SIGKILL."""
 
-from collections.abc import Iterator
 import os
 import signal
 import threading
@@ -11,7 +10,6 @@ import time
 from typing import Any
 
 from fault_bench import (
-    fault_bench,
     FaultBench,
     G,
     nanoseconds_of,
@@ -24,7 +22,7 @@ from joint_state_driver import DriverProcess
 import numpy as np
 import pytest
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from ros_harness import RosClient, wait_until
+from ros_harness import wait_until
 
 GROUP = 'Timeouts, stalls and kills of processes'
 SOON = 'the fault action starts after `state_timeout` and is reported'
@@ -32,13 +30,7 @@ BACK = 'commands resume with the next state'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
 STALL, SHORT_TIMEOUT = 0.2, 0.1
 """Duration of a stall, the stimulus of these tests, and the timeout that it exceeds [s]."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, and a driver in its own process."""
-    with fault_bench(client, '/faults_processes', driver_type=DriverProcess) as one:
-        yield one
+BENCH = {'driver_type': DriverProcess}
 
 
 def pause() -> None:

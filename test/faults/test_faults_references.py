@@ -3,14 +3,14 @@
 
 """Invalid references: each is rejected with one error, or followed within all limits."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_of
+from fault_bench import FaultBench, figure_of, G, NAMES, Q, stamp_of
 from fault_stimuli import NO_STREAM, SetPoints
 from fault_table import fault
 import numpy as np
@@ -33,16 +33,8 @@ LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
 """The default arm with position limits."""
 TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 """Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    # Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
-    with fault_bench(
-            client, '/faults_references',
-            {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}) as one:
-        yield one
+# Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
+BENCH = {'parameters': {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}}
 
 
 def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:

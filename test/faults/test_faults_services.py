@@ -9,7 +9,7 @@ import re
 import threading
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, NAMES, Q
+from fault_bench import FaultBench, G, NAMES, Q
 from fault_table import fault
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
@@ -36,13 +36,6 @@ RAW_TYPES = {
     'set_parameters_atomically': SetParametersAtomically, 'change_state': ChangeState}
 MOST_MEMORY = 1.5 * 2**30
 """Memory limit of a node, its memory at the start, and a margin [bytes]."""
-
-
-@pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlContinues]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_services') as bench:
-        yield ControlContinues(bench)
 
 
 @pytest.fixture(scope='module')
