@@ -69,6 +69,15 @@ def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> 
     assert np.abs(later.computed_torque - later.hold()).max() > 1.0  # it holds the position
 
 
+@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
+def test_a_stop_that_was_requested_holds_the_position_with_any_command(command: str) -> None:
+    one = make(command=command, stops_and_holds=True)
+    assert one.update(NOW, Q, ZERO).reference is None
+    one.stop_from_state()
+    for ms in (10, 1000):
+        assert one.update(NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
+
+
 def test_a_stop_of_a_motion_begins_on_its_path() -> None:
     one = moving()
     before = one.update(NOW + SECOND, Q, V).reference
@@ -242,7 +251,9 @@ def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output() -
 @pytest.mark.filterwarnings('error')
 def test_terms_that_are_not_finite_are_not_reported() -> None:
     one = make()
-    assert one.update(NOW, Q, np.full(2, 1e200)).terms is None  # the energy
+    output = one.update(NOW, Q, np.full(2, 1e200))
+    assert output.terms is None  # the energy
+    assert output.command == pytest.approx(output.hold())
     assert one.update(NOW + MS, Q, V).terms is not None
 
 

@@ -17,7 +17,7 @@ from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
@@ -173,28 +173,4 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     assert after.command.tolist() == before.hold().tolist()
 
 
-def test_an_energy_that_is_not_finite_is_not_reported_and_takes_no_effort_away() -> None:
-    one = controller()
-    with np.errstate(all='ignore'):
-        output = one.update(NOW, Q, np.full(2, 1e200))
-    assert output.terms is None
-    assert output.command == pytest.approx(ArmDynamics(ARM).rigid_body.gravity(Q))
-    assert one.update(NOW, Q, np.ones(2)).terms is not None
-
-
 # --- the following error -------------------------------------------------------------------------
-
-@pytest.mark.parametrize('joints', [2, 13])
-def test_a_following_error_beyond_its_limit_is_reported(joints: int) -> None:
-    ones = [1.0] * joints
-    arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * joints, [0.1] * joints))
-    limit = np.full(joints, 0.25)
-    one = Controller(arm, ControllerOptions(
-        make_gains(arm.joint_names), following_error=limit))
-    q, v = np.zeros(joints), np.zeros(joints)
-    assert not one.update(NOW, q, v).law.is_far  # no reference
-    one.follow(make_trajectory(
-        arm.joint_names, [0.0], [q.tolist()], (), (), arm.joint_names), 0)
-    for k, error in enumerate((0.24, 0.26, -0.26, 0.0)):
-        q[-1], is_far = error, abs(error) > 0.25
-        assert one.update(NOW + (k + 1) * SECOND, q, v).law.is_far is is_far

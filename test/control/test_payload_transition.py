@@ -42,13 +42,6 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
     assert way.done
 
 
-def test_a_stamp_long_after_the_end_is_the_end() -> None:
-    way = transition([OLD], [NEW], 2.0)
-    way.payloads(5 * SECOND)
-    assert way.payloads(8 * SECOND) == [NEW]
-    assert way.done
-
-
 def test_without_a_target_nothing_is_left() -> None:
     way = transition([OLD], [])
     way.payloads(0)

@@ -18,7 +18,6 @@ from supervised import (
     RAMP_TIME,
     RATE,
     running,
-    SILENT,
     START,
     TROUBLE,
 )
@@ -114,13 +113,6 @@ def test_the_damped_hold_remains_until_the_states_time_out() -> None:
     for after in (0.06, 0.5):  # then the velocity is unknown
         effort = one.tick(START + 0.01 + after)
     assert effort.tolist() == HOLD.tolist()
-
-
-def test_stop_publishing() -> None:
-    one = running(PUSH, fault_action='stop_publishing')
-    one.fail(START, TROUBLE)
-    assert [one.tick(START), one.tick(START + PERIOD)] == SILENT
-    assert not one.is_commanding
 
 
 @pytest.mark.parametrize('action', FAULT_ACTIONS)
