@@ -14,7 +14,6 @@ from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains,
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
@@ -260,10 +259,10 @@ def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) ->
 # --- the closed loop -----------------------------------------------------------------------------
 
 @pytest.mark.parametrize('zeta', [0.3, 1.0, 2.5])
-@pytest.mark.parametrize('name', ['planar', 'ur10'])
+@pytest.mark.parametrize('name', ['default', 'ur10'])
 def test_error_obeys_its_differential_equation(name: str, zeta: float) -> None:
     """With an exact model ë + K_d ė + K_p e = 0 at each joint (Siciliano et al. 2009, 8.5.2)."""
-    arm, omega = load_arm(default_arm_urdf() if name == 'planar' else robot_urdf(name)), 8.0
+    arm, omega = load_arm(robot_urdf(name)), 8.0
     dynamics, rng = ArmDynamics(arm), np.random.default_rng(0)
     feedback = ErrorFeedback(make_gains(arm.joint_names, [omega], [zeta]), arm.joint_kinds)
     for _ in range(50):

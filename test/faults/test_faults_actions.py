@@ -83,6 +83,7 @@ def check_return(bench: FaultBench) -> None:
     bench.driver.go_on()
     assert bench.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
     bench.check_alive()
+    bench.node.wait_for_log('The fault has ended: commanding again')
 
 
 @fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',

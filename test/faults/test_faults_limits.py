@@ -20,8 +20,6 @@ from sensor_msgs.msg import JointState
 GROUP = 'Limits'
 LOWER, UPPER = -1.0, 1.0
 """Position limits of both joints [rad]."""
-SPEED = 10.0
-"""Velocity limit of both joints [rad/s]."""
 EFFORT = 150.0, 60.0
 """Effort limits [N m]."""
 AWAY = 0.5

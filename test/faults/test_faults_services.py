@@ -69,15 +69,17 @@ def memory_of(bench: FaultBench) -> int:
         ('inverse_dynamics_trajectory', 'empty, two points at the same time'),
         ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
         ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
-        ('set_payload', 'an unknown link, a negative or infinite time'))])
+        ('set_payload', 'an unknown link, a negative or infinite time'),
+        ('estimate_payload', 'no estimation, an unknown link, contradictory fields'))])
 def test_malformed_requests(control: ControlContinues, service: str) -> None:
     cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
     assert cases
     with control.checked():
         for fields, words in cases:
             response = control.ask(service, SERVICES[service], **fields)
-            assert not response.success
             assert re.search(words, response.message), response.message
+            # no field is filled in
+            assert response == SERVICES[service].Response(success=False, message=response.message)
 
 
 @fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)

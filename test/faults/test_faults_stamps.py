@@ -81,6 +81,19 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     bench.set_parameters(command='computed_torque')
 
 
+@fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
+       'old stamps are answered while it is true, and dropped while it is false')
+def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_parameters(use_sim_time=True)
+    bench.driver.change = shifted(-100.0)
+    bench.efforts.wait_for(lambda m: m.header.stamp.sec < time.time() - 50.0)
+    before = bench.known('joint states', 'dropped: too old')
+    bench.set_parameters(use_sim_time=False)
+    bench.wait_dropped('too old', before)
+    bench.check_alive()
+
+
 # --- several publishers --------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('driver', 'change', 'reason'), [

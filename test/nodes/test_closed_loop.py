@@ -155,17 +155,6 @@ def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
     assert drift(seen, START) < 1e-3
 
 
-def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
-    # In the second, upright pose the arm would fall without efforts.
-    poses = [[2.2, -1.3], [0.0, 0.0]]
-    with NodeProcess(DYNAMICS, namespace='/poses'):
-        for pose in poses:
-            with client.collect(JointState, '/poses/joint_states') as states, \
-                    simulated_arm('/poses', rate=50.0, initial_position=pose):
-                seen = until(states, 10.0)
-            assert drift(seen, pose) < 1e-3
-
-
 def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> None:
     """Without a timeout the last effort holds the arm as long as no new effort arrives."""
     with client.collect(JointState, '/wall/joint_states') as states, \

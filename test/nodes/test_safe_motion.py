@@ -17,25 +17,20 @@ from children import TIMEOUT
 from closed_loop import closed_loop, NAMES, send
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from lock_step_loop import middle
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros
-from robots import robot_urdf
+from robots import JOINTS, robot_urdf
 from ros_harness import Collector, LONG, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-PANDA = [f'panda_joint{i + 1}' for i in range(7)]
 ARRIVED = 0.005
 """[rad] from the goal, and [rad/s]."""
-
-
-def urdf_of(name: str) -> str:
-    """Return the description of an arm; the test is skipped if it is not installed."""
-    return default_arm_urdf() if name == 'default' else robot_urdf(name)
 
 
 @contextmanager
@@ -88,12 +83,10 @@ def wait_held(
 def test_a_set_point_is_reached_within_the_limits(
     client: RosClient, name: str, rate: float, size: float,
 ) -> None:
-    urdf = urdf_of(name)
-    arm = load_arm(urdf, PANDA if name == 'panda' else [])
+    urdf = robot_urdf(name)
+    arm = load_arm(urdf, JOINTS.get(name, []))
     names, limits = list(arm.joint_names), arm.limits
-    is_bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
-    start = np.full(len(names), 0.3)
-    start[is_bounded] = 0.5 * (limits.lower[is_bounded] + limits.upper[is_bounded])
+    start = middle(arm, 0.3)
     way = np.where(np.arange(len(names)) % 2 == 0, -size, size)
     goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
     namespace = f'/safe_{name}_{round(rate)}_{round(10 * size)}'
@@ -112,26 +105,6 @@ def test_a_set_point_is_reached_within_the_limits(
     assert np.abs(q - start).max() > 0.9 * moved.max()  # a starved observer may miss the motion
     past = np.maximum(q - np.maximum(start, goal), np.minimum(start, goal) - q)
     assert (past <= np.maximum(0.05 * moved, 0.01)).all()
-
-
-@pytest.mark.parametrize('moves', [pytest.param(False, marks=pytest.mark.soak), True])
-def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
-    start, goal = np.array([0.3, 0.5]), np.array([2.3, -1.5])
-    namespace = f'/stopped_{moves}'
-    with both(client, namespace, start, real_time_factor=4.0) as states:
-        wait_active(states)
-        if moves:  # for at least 10 s of wall time, so that ~/stop arrives during the motion
-            send(client, namespace, (40.0, goal))
-            states.wait_for(lambda m: abs(m.position[0] - start[0]) > 0.05, LONG)
-        states.clear()
-        response = client.call(Trigger, f'{namespace}/dynamics/stop', Trigger.Request())
-        assert response.success
-        assert ('along the reference' if moves else 'measured state') in response.message
-        held, later = wait_held(states)
-    assert later.position == pytest.approx(held.position, abs=1e-4)
-    assert np.abs(np.array(held.position) - goal).max() > 0.1
-    if not moves:
-        assert held.position == pytest.approx(start, abs=1e-3)
 
 
 def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:

@@ -16,7 +16,6 @@ import sys
 import time
 from typing import Any
 
-from bounded_waits import wait_until
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -152,15 +151,6 @@ def test_the_calls_of_a_message(
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
     assert not CHECKS & calls.keys()  # numbers are checked once, when they are read
     assert calls.total() <= most, calls.most_common()
-
-
-def test_only_topics_with_subscribers_are_serialized(node: Node) -> None:
-    for n, topic in enumerate(('effort_command', 'dynamics/reference'), start=1):
-        node.node.create_subscription(JointState, f'/counted/{topic}', lambda _: None, 1)
-        wait_until(lambda topic=topic: node.node.count_subscribers(  # type: ignore[misc]
-            f'/counted/{topic}') == 1, 'the subscription')
-        wait_until(lambda n=n: calls_of(  # type: ignore[misc]
-            node.take_state)['filled'] == n, f'{n} messages')
 
 
 def test_messages_leave_nothing_behind(node: Node) -> None:

@@ -10,7 +10,7 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.trajectories.demo_motion import (
     LARGEST_ACCELERATION,
     LIMIT_FRACTION,
@@ -29,7 +29,7 @@ TOLERANCE = 1.02  # the planner checked the limits at fewer instants than this t
 
 
 def arm_called(name):
-    return load_arm(default_arm_urdf() if name == DEFAULT else robot_urdf(name))
+    return load_arm(robot_urdf(name))
 
 
 def check_limits(arm, motion, duration):
