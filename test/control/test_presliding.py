@@ -171,13 +171,6 @@ def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: An
     check_calm(case, seen)
 
 
-@pytest.mark.parametrize('case', [
-    Case('default', 100, 8, 5e-3, 1.4), Case('panda', 125, 8, 1e-3),
-    Case('ur10', 125, 8, 4e-3, has_rotors=True)], ids=lambda case: f'{case.arm} {case.rate} Hz')
-def test_the_simulated_arm_comes_to_rest_too(case: Case, seen: Any) -> None:
-    check_calm(case, seen, Simulated)
-
-
 @pytest.mark.parametrize(('name', 'distance'), [('default', 4e-3), ('panda', 2e-3)])
 def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, seen: Any) -> None:
     """

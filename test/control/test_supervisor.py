@@ -23,7 +23,6 @@ from supervised import (
     LATCHED,
     limits,
     make,
-    OTHER_HOLD,
     PERIOD,
     PUSH,
     RAMP_TIME,
@@ -65,14 +64,6 @@ def test_an_effort_changes_as_far_as_the_time_between_the_stamps_allows() -> Non
         one = running()
         change = np.subtract(answer(one, START + PERIOD, PUSH, dt=dt), HOLD)
         assert np.abs(change).max() == pytest.approx(RATE * passed)
-
-
-def test_a_state_that_comes_again_repeats_its_effort() -> None:
-    one = running(PUSH)
-    repeated = one.repeat()
-    assert repeated.tolist() == PUSH.tolist()
-    one.fail(START, TROUBLE)
-    assert one.repeat() is None
 
 
 # --- timeout of the states -----------------------------------------------------------------------
@@ -260,15 +251,6 @@ def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action: str) 
     assert effort == pytest.approx(HOLD)
 
 
-def test_a_stray_message_in_a_hundred_does_not_end_the_hold() -> None:
-    one = running(fault_action='ramp_to_zero')
-    for k in range(1, 3001):
-        if k % 100 == 0:
-            one.fail(START + k * PERIOD, Fault('several', 'words', recovery=100))
-        effort = answer(one, START + k * PERIOD)
-        assert effort == pytest.approx(HOLD)
-
-
 def test_the_hold_in_a_fault_is_damped() -> None:
     """The brake gets the state, and the holding effort."""
     one = running()
@@ -288,16 +270,6 @@ def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
     assert effort == pytest.approx(HOLD)
     assert one.mode is Mode.FAULT
     assert one.fault_count == 1
-
-
-def test_a_stall_of_the_process_is_noticed_by_the_next_state() -> None:
-    """The watchdog thread may have stalled, too."""
-    one = running(PUSH)
-    effort = answer(one, START + 2.0 * one.options.state_timeout, PUSH)
-    assert one.fault.name == 'state_timeout'
-    assert one.fault_count == 1
-    assert one.mode is Mode.FAULT
-    assert effort is not None
 
 
 # --- deactivation --------------------------------------------------------------------------------
@@ -361,13 +333,6 @@ def test_deactivation_takes_over_from_a_fault_action() -> None:
 
 
 # --- another model, other options ----------------------------------------------------------------
-
-def test_another_model_of_the_same_joints_continues_without_a_jump() -> None:
-    one = running(PUSH)
-    one.set_options(limits(), SafetyOptions())
-    effort = answer(one, START + PERIOD, OTHER_HOLD, OTHER_HOLD, dt=PERIOD)
-    assert np.abs(effort - PUSH).max() <= RATE * PERIOD + 1e-9
-
 
 def test_options_that_change_act_at_once() -> None:
     one = running()

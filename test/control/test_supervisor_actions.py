@@ -142,11 +142,3 @@ def test_for_any_times_the_action_keeps_to_the_rate_and_ends_in_zeros(
     assert efforts[-1].tolist() == [0.0, 0.0]
     assert t[-1] >= holds + ramp_time - 1e-9
     assert t[-1] <= max(holds + ramp_time, np.abs(PUSH).max() / rate) + 150.0 / rate + 2 * PERIOD
-
-
-def test_a_stall_of_the_clockwork_makes_no_jump() -> None:
-    one = running(PUSH, fault_action='ramp_to_zero')
-    one.fail(START, TROUBLE)
-    effort = one.tick(START + 5.0)
-    step = PUSH * 50.0 / np.abs(PUSH).max()  # toward zero
-    assert effort == pytest.approx(PUSH - step)

@@ -105,14 +105,6 @@ def test_what_was_declared_agrees_or_not(
     assert verdict_of(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
 
 
-@pytest.mark.parametrize(('ratio', 'agrees'), [
-    (0.49, True), (0.51, False), (-0.49, True), (-0.51, False)])
-def test_the_tolerance_is_half_of_gravity(ratio: float, agrees: bool) -> None:
-    verdict = verdict_of(make_check(), G + ratio * G, G)
-    assert verdict.tolerance == 0.5
-    assert verdict.agrees == agrees
-
-
 @pytest.mark.parametrize(('efficiency', 'tolerance'), [(1.0, 0.5), (0.9, 0.611), (0.6, 0.75)])
 def test_currents_are_converted_and_gears_widen_the_tolerance(
     efficiency: float, tolerance: float,

@@ -19,7 +19,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
 from robot_dynamics.tools.analyze_bag import main as analyze_bag
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, SIMULATED_ARM, write_parameters
+from ros_harness import LONG, RosClient, write_parameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -141,18 +141,3 @@ def test_the_rate_limit_is_that_of_the_driver(rate: float, driver: list[float]) 
     arm, values = arm_from_parameters(default_arm_urdf(), DRIVES), {'effort_rate_limit': rate}
     assert effort_rates(values, arm).tolist() == driver
     assert torque_rates(values, arm) == pytest.approx(np.array(driver) * SCALE)
-
-
-@pytest.mark.parametrize(('module', 'parameters', 'words'), [
-    (DYNAMICS, {'effort.offset': [0.0, -12.5]},
-     r"effort.offset of 'joint2' is -12.5, expected a number in \[-12, 12\], 20 % of the effort"),
-    (SIMULATED_ARM, {'effort.scale': [1.0, 0.1]},
-     r'effort.scale\[1\] is 0.1, expected a number in \[0.2, 5\]'),
-])
-def test_values_of_no_drive_are_refused(
-    module: str, parameters: dict[str, Any], words: str,
-) -> None:
-    node = NodeProcess(module, {'joints': NAMES, **parameters}).launch()
-    assert node.wait() == 1
-    assert re.search(words, node.log), node.log
-    assert 'Traceback' not in node.log

@@ -69,23 +69,6 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.effort) == effort
 
 
-def test_a_reflected_inertia_slows_the_joints(client: RosClient) -> None:
-    inertia = {'actuator.reflected_inertia': [0.4, 0.2]}
-    twin = ArmSimulation(ARM.with_reflected_inertia([0.4, 0.2]), START)
-    twin.release()
-    with lock_stepped(client, '/rotors', rate=RATE, joints=NAMES, **inertia) as rotors:
-        for _ in range(10):
-            effort = [30.0, 10.0]
-            state = rotors.step(effort)
-            twin.step(np.array(effort), 1.0 / RATE)
-            assert list(state.velocity) == twin.v.tolist()
-        assert not rotors.set_parameter('actuator.reflected_inertia', [0.1]).successful
-    M = ArmDynamics(ARM).rigid_body.mass_matrix(np.array(START)) + np.diag([0.4, 0.2])
-    tau = np.array([30.0, 10.0]) - ArmDynamics(ARM).rigid_body.gravity(np.array(START))
-    # over 20 ms from rest, the acceleration of the start
-    assert np.array(state.velocity) / 0.02 == pytest.approx(np.linalg.solve(M, tau), rel=0.05)
-
-
 def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
     with lock_stepped(client, '/paced', rate=100.0, real_time_factor=0.5) as paced:
         began = time.monotonic()
