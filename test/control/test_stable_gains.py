@@ -459,5 +459,3 @@ def test_warnings_about_gains_of_any_size_are_finite() -> None:
         gains = make_gains(ARM.joint_names, kp=[kp], kd=[kp])
         assert [words for words in warnings_of(gains=gains, effort_rate=np.full(2, 1e9))
                 if 'nan' in words] == []
-
-
