@@ -9,14 +9,12 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from closed_loop import NAMES, START
-from geometry_msgs.msg import WrenchStamped
 from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.conversions import payload_to_ros, stamp_from_ros
@@ -178,37 +176,6 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
         assert not refusal.success
         assert words in refusal.message
     assert set_payload(stepped).message == 'no payload'
-
-
-def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
-    push = stepped.client.publisher(WrenchStamped, '/stepped/simulated_arm/external_wrench')
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    message.wrench.force.x = 30.0
-    twin = ArmSimulation(ARM)
-    twin.release()
-
-    def publish_until_it_acts(force: float) -> None:
-        message.wrench.force.x = force
-        wrench = ExternalWrench('tool0', np.array([force, 0.0, 0.0]), np.zeros(3))
-        push.publish(message)
-        for _ in range(300):
-            twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
-            effort = ArmDynamics(ARM).rigid_body.gravity(twin.q)
-            state = stepped.step(effort.tolist())
-            twin.step(effort, 1.0 / RATE, [wrench])
-            if state.velocity == pytest.approx(twin.v, abs=1e-12):
-                return
-        raise AssertionError(f'{force} N never acted')
-
-    publish_until_it_acts(30.0)
-    stepped.step([0.0, 0.0])
-    publish_until_it_acts(-20.0)  # replaces the previous wrench
-    publish_until_it_acts(0.0)
-    message.header.frame_id = 'hand'
-    push.publish(message)
-    stepped.node.wait_for_log(r"Rejected an external wrench: .*'hand'")
-    stepped.client.node.destroy_publisher(push)
 
 
 def test_noise_is_on_what_is_measured_alone() -> None:
