@@ -17,6 +17,7 @@ import signal
 from typing import Any, TYPE_CHECKING
 
 from fault_table import COLLECTED, Row, row_of, seen_words, write_page
+from hypothesis import settings
 import pytest
 from robots import must_have_everything
 from shared_memory import remove_orphans
@@ -34,6 +35,10 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 SUPPORT = Path(__file__).parent / 'support'
 os.environ.setdefault('FASTRTPS_DEFAULT_PROFILES_FILE', str(SUPPORT / 'fast_discovery.xml'))
+
+# The verdict of a property must not depend on the load of the machine, nor on chance.
+settings.register_profile('suite', deadline=None, derandomize=True)
+settings.load_profile('suite')
 
 # `colcon test` passes its own options (the file for the results, paths) in this variable; a pytest
 # that a test starts would read them too.

@@ -76,7 +76,7 @@ def feedback_of(
     return K_p_e, K_d_e_dot, s
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(max_examples=60)
 @given(error=st.floats(-1.0, 1.0), speed=st.floats(-5.0, 5.0), rate=st.floats(1.0, 1e5))
 def test_the_change_or_the_size_of_the_feedback_is_within_the_rate_limit(
     error: float, speed: float, rate: float,

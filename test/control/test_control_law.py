@@ -5,7 +5,7 @@
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -24,7 +24,6 @@ NAMES = ('shoulder', 'elbow', 'wrist')
 
 SECOND = 1_000_000_000
 
-laws = settings(deadline=None, derandomize=True)
 positive = st.floats(1e-3, 1e3)
 
 
@@ -43,7 +42,6 @@ def at_rest(q: np.ndarray) -> Reference:
 
 # --- gains ---------------------------------------------------------------------------------------
 
-@laws
 @given(st.lists(positive, min_size=3, max_size=3), st.lists(positive, min_size=3, max_size=3))
 def test_gains_place_the_poles_of_each_joint(omega: list[float], zeta: list[float]) -> None:
     gains = make_gains(NAMES, omega, zeta)
@@ -122,7 +120,6 @@ def test_no_natural_frequency_is_refused() -> None:
 
 # --- the position error --------------------------------------------------------------------------
 
-@laws
 @given(st.floats(-1e4, 1e4))
 def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle: float) -> None:
     wrapped = float(wrap_to_pi(np.array([angle]))[0])
@@ -193,7 +190,6 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     return ActiveTrajectory(trajectory, SECOND, SECOND, Reference(*np.zeros((3, n))))
 
 
-@settings(deadline=None, derandomize=True, max_examples=100)
 @given(
     n=st.integers(1, 14), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),

@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -30,7 +30,6 @@ ARM = load_arm(default_arm_urdf())
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 COMPENSATES_GRAVITY = EffortConvention(robot_compensates=('gravity',))
 
-laws = settings(deadline=None, derandomize=True)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
 speeds = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 
@@ -45,7 +44,6 @@ def set_point(q: np.ndarray) -> JointTrajectory:
 
 # --- the hold ------------------------------------------------------------------------------------
 
-@laws
 @given(angles, speeds, angles)
 def test_the_hold_is_the_gravity_torque_for_any_reference(
     q: np.ndarray, v: np.ndarray, goal: np.ndarray,
@@ -58,7 +56,6 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(
     assert output.hold() == pytest.approx(gravity)
 
 
-@laws
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_the_hold(
@@ -69,7 +66,6 @@ def test_without_a_reference_the_command_is_the_hold(
     assert output.command.tolist() == output.hold().tolist()
 
 
-@laws
 @given(angles, angles, st.floats(0.0, 1.0), st.sampled_from([None, LOAD]), st.booleans())
 def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,

@@ -14,7 +14,7 @@ from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, L
 N = 2
 LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0
 
-laws = settings(deadline=None, derandomize=True, max_examples=300)
+laws = settings(max_examples=300)
 
 
 def guard(

@@ -6,7 +6,7 @@
 import cmath
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -55,7 +55,6 @@ DEFAULT = loop_of(GAINS)
 
 # --- the closed loop -----------------------------------------------------------------------------
 
-@settings(deadline=None, derandomize=True)
 @given(omega=st.floats(0.1, 100.0), zeta=st.floats(0.01, 3.0))
 def test_the_crossover_and_the_margin_are_those_of_the_open_loop(
     omega: float, zeta: float,

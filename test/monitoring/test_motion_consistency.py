@@ -34,7 +34,7 @@ RATES = (30, 100, 125, 250, 500, 1000)
 UR10 = ROSBAG2.parent / 'ur10'
 RECORDINGS = [UR10, ROSBAG2 / 'mcap', ROSBAG2 / 'sqlite3_lock_step']
 
-laws = settings(deadline=None, derandomize=True, max_examples=60)
+laws = settings(max_examples=60)
 
 
 class States(NamedTuple):

@@ -79,7 +79,7 @@ def test_velocity_is_the_derivative_of_position_and_smooth(name):
     assert np.abs(np.diff(a, axis=0)).max() < 0.1
 
 
-@settings(deadline=None, derandomize=True, max_examples=25)
+@settings(max_examples=25)
 @given(st.floats(0.5, 60.0), st.lists(st.floats(0.3, 3.0), min_size=1, max_size=4))
 def test_any_planar_arm_any_duration(duration, lengths):
     n = len(lengths)

@@ -32,7 +32,7 @@ ARM = replace(UNLIMITED, limits=replace(
     UNLIMITED.limits, lower=np.array([-1.0, -2.0]), upper=np.array([1.5, 2.0])))
 """Velocity limits of 10 rad/s."""
 
-laws = settings(deadline=None, derandomize=True, max_examples=50)
+laws = settings(max_examples=50)
 values = st.lists(st.floats(-60.0, 60.0), min_size=4, max_size=4)
 
 

@@ -35,7 +35,7 @@ ARM = load_arm(default_arm_urdf())
 TOLERANCE = 1.0001
 """Largest ratio to a limit at the points and between them."""
 
-laws = settings(deadline=None, derandomize=True, max_examples=40)
+laws = settings(max_examples=40)
 angles = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 
 

@@ -29,7 +29,7 @@ CURVE = quintic_via_points(
     NAMES, [0.0, 1.0, 2.0, 3.0, 4.0],
     [[0.0, 0.0], [0.5, 0.6], [1.2, 0.4], [1.5, -0.4], [0.8, -0.6]])
 
-laws = settings(deadline=None, derandomize=True, max_examples=25)
+laws = settings(max_examples=25)
 
 
 def ns(t: float) -> int:
