@@ -226,7 +226,6 @@ def test_the_installation_page_has_every_extra() -> None:
 def test_the_installation_page_has_every_option_of_the_setup() -> None:
     script = (ROOT / 'scripts' / 'setup').read_text(encoding='utf-8')
     usage = re.search(r'^#   scripts/setup (.*)$', script, re.MULTILINE)
-    assert usage is not None
     assert names_in_table('\n| option of `scripts/setup` | adds |\n') == set(
         re.findall(r'\[(.+?)\]', usage[1]))
 
@@ -235,7 +234,6 @@ def test_the_pages_state_the_versions_of_python_that_are_tested() -> None:
     readme = (ROOT / 'README.md').read_text(encoding='utf-8')
     workflow = (ROOT / '.github' / 'workflows' / 'tests.yml').read_text(encoding='utf-8')
     versions = re.search(r"^ +python: \['([\d.]+)', '([\d.]+)'\]$", workflow, re.MULTILINE)
-    assert versions is not None
     oldest, newest = versions.groups()
     assert f"python_requires='>={oldest}'" in SETUP.read_text(encoding='utf-8')
     for page in (readme, INSTALLATION):

@@ -5,7 +5,7 @@
 
 import array
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
@@ -23,7 +23,6 @@ from robot_dynamics.validation import (
 
 JOINTS = ('shoulder', 'elbow')
 
-laws = settings(deadline=None, derandomize=True, max_examples=100)
 reals = st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -38,7 +37,6 @@ def refusal(check, *arguments, **more):
 
 # --- vectors -------------------------------------------------------------------------------------
 
-@laws
 @given(values=st.lists(reals, max_size=6))
 def test_every_finite_vector_is_returned_as_it_is(values):
     for form in (values, tuple(values), np.array(values), array.array('d', values)):
@@ -47,7 +45,6 @@ def test_every_finite_vector_is_returned_as_it_is(values):
         assert checked.tolist() == values
 
 
-@laws
 @given(values=st.lists(st.floats(), min_size=1, max_size=6), wanted=st.integers(0, 8))
 def test_a_vector_is_refused_exactly_where_length_or_a_value_is_wrong(values, wanted):
     if len(values) == wanted and np.isfinite(values).all():
@@ -96,7 +93,6 @@ def test_an_integer_beyond_all_floats_is_no_number():
 
 # --- samples -------------------------------------------------------------------------------------
 
-@laws
 @given(rows=st.integers(0, 5), columns=st.integers(1, 4), seed=st.integers(0, 99))
 def test_flat_samples_are_read_row_by_row(rows, columns, seed):
     matrix = np.random.default_rng(seed).normal(size=(rows, columns))
@@ -153,7 +149,6 @@ def test_message_on_a_tensor(value, message):
 
 # --- scalars -------------------------------------------------------------------------------------
 
-@laws
 @given(value=st.floats(), low=st.floats(-5, 0), width=st.floats(0, 5), exclusive=st.booleans())
 def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclusive):
     high = low + width

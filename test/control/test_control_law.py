@@ -5,29 +5,25 @@
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_angle, wrap_to_pi
 from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains, Tracking
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.validation import LARGEST_VALUE
 from robots import robot_urdf
-from scipy.integrate import solve_ivp
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 
 SECOND = 1_000_000_000
 
-laws = settings(deadline=None, derandomize=True)
 positive = st.floats(1e-3, 1e3)
 
 
@@ -46,7 +42,6 @@ def at_rest(q: np.ndarray) -> Reference:
 
 # --- gains ---------------------------------------------------------------------------------------
 
-@laws
 @given(st.lists(positive, min_size=3, max_size=3), st.lists(positive, min_size=3, max_size=3))
 def test_gains_place_the_poles_of_each_joint(omega: list[float], zeta: list[float]) -> None:
     gains = make_gains(NAMES, omega, zeta)
@@ -125,19 +120,12 @@ def test_no_natural_frequency_is_refused() -> None:
 
 # --- the position error --------------------------------------------------------------------------
 
-@laws
 @given(st.floats(-1e4, 1e4))
 def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle: float) -> None:
     wrapped = float(wrap_to_pi(np.array([angle]))[0])
     turns = (angle - wrapped) / (2.0 * np.pi)
     assert abs(wrapped) <= np.pi
     assert abs(turns - round(turns)) < 1e-12
-
-
-@laws
-@given(st.floats(-np.pi, np.pi, exclude_min=True))
-def test_an_angle_within_half_a_turn_stays(angle: float) -> None:
-    assert wrap_to_pi(np.array([angle]))[0] == pytest.approx(angle, abs=1e-15)
 
 
 def test_half_a_turn_is_positive() -> None:
@@ -152,18 +140,6 @@ def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
     assert error == pytest.approx([6.0 - 2.0 * np.pi, 6.0, 60.0])
     assert reference.tolist() == [3.0, 3.0, 30.0]  # unchanged
     assert q.tolist() == [-3.0, -3.0, -30.0]
-
-
-def test_commanded_acceleration_adds_up() -> None:
-    feedback = ErrorFeedback(
-        Gains(np.array([2.0, 3.0]), np.array([5.0, 7.0])), ('revolute', 'revolute'))
-    reference = Reference(np.array([1.0, 2.0]), np.array([0.1, 0.2]), np.array([10.0, 20.0]))
-    found = tracked(feedback, reference, np.array([0.5, 2.5]), np.array([0.0, 0.3]))
-    assert found.acceleration == pytest.approx(
-        [10.0 + 5.0 * 0.1 + 2.0 * 0.5, 20.0 - 7.0 * 0.1 - 3.0 * 0.5])
-    assert found.velocity == pytest.approx([0.1, 0.2])
-    assert found.error == pytest.approx([0.5, -0.5])
-    assert not found.is_far
 
 
 def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
@@ -214,7 +190,6 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     return ActiveTrajectory(trajectory, SECOND, SECOND, Reference(*np.zeros((3, n))))
 
 
-@settings(deadline=None, derandomize=True, max_examples=100)
 @given(
     n=st.integers(1, 14), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
@@ -279,113 +254,16 @@ def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) ->
 
 # --- the closed loop -----------------------------------------------------------------------------
 
-OMEGA = 8.0
-DURATION = 1.0
-
-
-def error_solution(
-    e0: np.ndarray, de0: np.ndarray, omega: float, zeta: float, t: float,
-) -> np.ndarray:
-    """Solve ë + 2 ζ ω ė + ω² e = 0 in closed form."""
-    if zeta == 1.0:
-        return np.asarray((e0 + (de0 + omega * e0) * t) * np.exp(-omega * t))
-    root = omega * np.sqrt(abs(zeta**2 - 1.0))
-    slope = (de0 + zeta * omega * e0) / root
-    decay = np.exp(-zeta * omega * t)
-    if zeta < 1.0:
-        return np.asarray(decay * (e0 * np.cos(root * t) + slope * np.sin(root * t)))
-    return np.asarray(decay * (e0 * np.cosh(root * t) + slope * np.sinh(root * t)))
-
-
-class Loop:
-    """A sinusoidal reference, an arm with an initial error, and the control law."""
-
-    def __init__(self, arm: ArmModel, zeta: float) -> None:
-        n = arm.joint_count
-        self.arm, self.zeta, self.dynamics = arm, zeta, ArmDynamics(arm)
-        self.feedback = ErrorFeedback(
-            make_gains(arm.joint_names, [OMEGA], [zeta]), arm.joint_kinds)
-        self.phase = np.linspace(0.3, 1.7, n)
-        self.e0, self.de0 = np.linspace(0.4, -0.3, n), np.linspace(-1.0, 1.5, n)
-        q, v, _ = self.reference(0.0)
-        self.q0, self.v0 = q - self.e0, v - self.de0
-
-    def reference(self, t: float) -> Reference:
-        amplitude, rate = 0.6, 3.0
-        angle = rate * t + self.phase
-        return Reference(
-            amplitude * np.sin(angle), amplitude * rate * np.cos(angle),
-            -amplitude * rate**2 * np.sin(angle))
-
-    def effort(self, t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        a = tracked(self.feedback, self.reference(t), q, v).acceleration
-        return self.dynamics.inverse_dynamics(q, v, a)
-
-    def slope(self, t: float, x: np.ndarray) -> np.ndarray:
-        q, v = np.split(x, 2)
-        return np.concatenate(
-            (v, self.dynamics.forward_dynamics(q, v, self.effort(t, q, v))))
-
-    def error_at(self, t: float) -> np.ndarray:
-        return error_solution(self.e0, self.de0, OMEGA, self.zeta, t)
-
-
-def arm_by_name(name: str) -> ArmModel:
-    return load_arm(default_arm_urdf() if name == 'planar' else robot_urdf(name))
-
-
-def test_the_closed_form_is_a_solution() -> None:
-    """Check the expected values of the tests below against their differential equation."""
-    e0, de0, h = np.array([0.4]), np.array([-1.3]), 1e-4
-    for zeta in (0.3, 1.0, 2.5):
-        before, e, after = (
-            error_solution(e0, de0, OMEGA, zeta, t) for t in (0.2 - h, 0.2, 0.2 + h))
-        rate, acceleration = (after - before) / (2 * h), (after - 2 * e + before) / h**2
-        assert acceleration + 2 * zeta * OMEGA * rate + OMEGA**2 * e == (
-            pytest.approx(0.0, abs=1e-4))
-        assert error_solution(e0, de0, OMEGA, zeta, 0.0) == pytest.approx(e0)
-        start = (error_solution(e0, de0, OMEGA, zeta, h)
-                 - error_solution(e0, de0, OMEGA, zeta, -h)) / (2 * h)
-        assert start == pytest.approx(de0, abs=1e-4)
-
-
 @pytest.mark.parametrize('zeta', [0.3, 1.0, 2.5])
-@pytest.mark.parametrize('name', ['planar', 'ur10'])
+@pytest.mark.parametrize('name', ['default', 'ur10'])
 def test_error_obeys_its_differential_equation(name: str, zeta: float) -> None:
     """With an exact model ë + K_d ė + K_p e = 0 at each joint (Siciliano et al. 2009, 8.5.2)."""
-    loop = Loop(arm_by_name(name), zeta)
-    times = np.linspace(0.0, DURATION, 6)
-    solution = solve_ivp(
-        loop.slope, (0.0, DURATION), np.concatenate((loop.q0, loop.v0)), method='DOP853',
-        t_eval=times, rtol=1e-11, atol=1e-12)
-    n = loop.arm.joint_count
-    for t, q in zip(times, solution.y[:n].T):
-        error = loop.reference(float(t)).position - q
-        assert error == pytest.approx(loop.error_at(float(t)), abs=1e-8)
-
-
-def sampled_deviation(loop: Loop, dt: float) -> float:
-    """Return the largest deviation from the closed form if each effort is held for dt [s]."""
-    simulation = ArmSimulation(loop.arm, loop.q0, loop.v0)
-    simulation.release()
-    worst = 0.0
-    for tick in range(round(DURATION / dt)):
-        q, v = simulation.state
-        simulation.step(loop.effort(tick * dt, q, v), dt)
-        t = (tick + 1) * dt
-        error = loop.reference(t).position - simulation.q
-        worst = max(worst, float(np.abs(error - loop.error_at(t)).max()))
-    return worst
-
-
-@pytest.mark.parametrize('name', ['planar', 'ur10'])
-def test_sampling_costs_an_error_of_first_order(name: str) -> None:
-    """
-    At 1 kHz the sampled loop stays within 1 mrad of the continuous one; at 2 kHz, half of that.
-
-    An effort that is held for dt acts with a mean delay of dt / 2.
-    """
-    loop = Loop(arm_by_name(name), 1.0)
-    at_1_kHz, at_2_kHz = sampled_deviation(loop, 1e-3), sampled_deviation(loop, 5e-4)
-    assert at_1_kHz < 1e-3
-    assert at_1_kHz / at_2_kHz == pytest.approx(2.0, abs=0.1)
+    arm, omega = load_arm(robot_urdf(name)), 8.0
+    dynamics, rng = ArmDynamics(arm), np.random.default_rng(0)
+    feedback = ErrorFeedback(make_gains(arm.joint_names, [omega], [zeta]), arm.joint_kinds)
+    for _ in range(50):
+        q, v, *reference = rng.uniform(-1.0, 1.0, (5, arm.joint_count))
+        effort = dynamics.inverse_dynamics(
+            q, v, tracked(feedback, Reference(*reference), q, v).acceleration)
+        e, e_dot, e_ddot = reference - np.array((q, v, dynamics.forward_dynamics(q, v, effort)))
+        assert e_ddot + 2.0 * zeta * omega * e_dot + omega**2 * e == pytest.approx(0.0, abs=1e-5)

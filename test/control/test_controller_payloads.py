@@ -51,14 +51,6 @@ def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     assert done == [()]  # the first load was never completely active
 
 
-def test_a_load_at_once_ends_a_transition() -> None:
-    controller = make_controller()
-    controller.set_payloads([LOAD], 2.0, lambda _: None)
-    controller.update(NOW, Q, ZERO)
-    controller.set_payloads([], 0.0, lambda _: None)
-    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(gravity_with([]))
-
-
 def test_a_load_on_no_link_changes_nothing() -> None:
     controller = make_controller()
     with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):

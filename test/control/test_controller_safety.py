@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
@@ -30,7 +30,6 @@ ARM = load_arm(default_arm_urdf())
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 COMPENSATES_GRAVITY = EffortConvention(robot_compensates=('gravity',))
 
-laws = settings(deadline=None, derandomize=True)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
 speeds = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 
@@ -45,7 +44,6 @@ def set_point(q: np.ndarray) -> JointTrajectory:
 
 # --- the hold ------------------------------------------------------------------------------------
 
-@laws
 @given(angles, speeds, angles)
 def test_the_hold_is_the_gravity_torque_for_any_reference(
     q: np.ndarray, v: np.ndarray, goal: np.ndarray,
@@ -58,7 +56,6 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(
     assert output.hold() == pytest.approx(gravity)
 
 
-@laws
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_the_hold(
@@ -66,11 +63,9 @@ def test_without_a_reference_the_command_is_the_hold(
 ) -> None:
     one = controller(command=mode, effort_scale=scale, semantics=semantics)
     output = one.update(NOW, q, ZERO)
-    assert output.command is not None
     assert output.command.tolist() == output.hold().tolist()
 
 
-@laws
 @given(angles, angles, st.floats(0.0, 1.0), st.sampled_from([None, LOAD]), st.booleans())
 def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,
@@ -82,10 +77,8 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     one.update(NOW, q, ZERO)
     one.follow(set_point(goal), 0)
     output = one.update(NOW, q, ZERO)
-    assert output.command is not None
     assert (np.abs(output.command) <= np.maximum(scale * LIMIT, np.abs(output.hold()))).all()
     for effort in (output.command, output.hold()):
-        assert effort is not None
         assert (np.abs(effort) <= LIMIT).all()
         if robot_holds:
             assert (np.abs(effort + output.robot_gravity) <= np.maximum(
@@ -109,7 +102,6 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
     assert (output.scale < 0.5) == is_scaled
     effort = (1.0 - 0.75 * output.scale**2) * gravity
     assert output.computed_torque == pytest.approx(effort)
-    assert output.command is not None
     assert (output.clamped is not None) == is_scaled
     assert output.command == pytest.approx(-LIMIT if is_scaled else 0.25 * gravity)
 
@@ -122,7 +114,6 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
         output = one.update(NOW, Q, v)
         assert output.robot_gravity.tolist() == bare.tolist()
         assert output.scale == 1.0
-        assert output.velocity is not None
         assert output.velocity.tolist() == v.tolist()
         one.follow(set_point(Q), 0)  # and with one
     assert output.reference is not None
@@ -149,7 +140,6 @@ def test_a_discarded_reference_is_no_longer_followed() -> None:
     output = one.update(NOW + SECOND, Q, ZERO)
     assert output.reference is None
     assert output.computed_torque is None
-    assert output.command is not None
     assert output.command.tolist() == output.hold().tolist()
 
 
@@ -161,7 +151,6 @@ def test_the_next_one_begins_where_the_arm_is() -> None:
     one.forget_reference()
     one.follow(make_trajectory(NAMES, [1.0], [[0.0, 0.0]], (), (), NAMES), 0)
     reference = one.update(NOW + SECOND, away, ZERO).reference
-    assert reference is not None
     assert reference.position == pytest.approx(away)
 
 
@@ -177,32 +166,7 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     assert 'position [0.8, 0.5] are not finite' in str(caught.value)
     one.forget_reference()
     after = one.update(NOW, Q, ZERO)
-    assert after.command is not None
     assert after.command.tolist() == before.hold().tolist()
 
 
-def test_an_energy_that_is_not_finite_is_not_reported_and_takes_no_effort_away() -> None:
-    one = controller()
-    with np.errstate(all='ignore'):
-        output = one.update(NOW, Q, np.full(2, 1e200))
-    assert output.terms is None
-    assert output.command == pytest.approx(ArmDynamics(ARM).rigid_body.gravity(Q))
-    assert one.update(NOW, Q, np.ones(2)).terms is not None
-
-
 # --- the following error -------------------------------------------------------------------------
-
-@pytest.mark.parametrize('joints', [2, 13])
-def test_a_following_error_beyond_its_limit_is_reported(joints: int) -> None:
-    ones = [1.0] * joints
-    arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * joints, [0.1] * joints))
-    limit = np.full(joints, 0.25)
-    one = Controller(arm, ControllerOptions(
-        make_gains(arm.joint_names), following_error=limit))
-    q, v = np.zeros(joints), np.zeros(joints)
-    assert not one.update(NOW, q, v).law.is_far  # no reference
-    one.follow(make_trajectory(
-        arm.joint_names, [0.0], [q.tolist()], (), (), arm.joint_names), 0)
-    for k, error in enumerate((0.24, 0.26, -0.26, 0.0)):
-        q[-1], is_far = error, abs(error) > 0.25
-        assert one.update(NOW + (k + 1) * SECOND, q, v).law.is_far is is_far

@@ -27,7 +27,7 @@ FRICTION = ARM.with_friction(make_friction(NAMES, [2.0], [3.0]))
 Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
 NOW = 1_000_000_000
 
-laws = settings(deadline=None, derandomize=True, max_examples=60)
+laws = settings(max_examples=60)
 scales = st.tuples(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
 offsets = st.tuples(st.floats(-30.0, 30.0), st.floats(-12.0, 12.0))
 angles = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
@@ -59,7 +59,6 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
     one = controller(arm, robot, effort_scale=share)
     follow(one, goal)
     output = one.update(NOW + 1, Q, ZERO)
-    assert output.command is not None
     for effort in (output.command, output.hold(), one.braked(Q, V, output.hold())):
         assert (np.abs(effort) <= LIMIT).all()
     free = np.maximum(np.abs(output.hold()), np.abs(drive.offset))
@@ -87,7 +86,6 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
         friction = controller(FRICTION, ())  # the same reference without a drive
         follow(friction, Q, V)
         terms = friction.update(NOW + 1, Q, V).terms
-        assert terms is not None
         added += terms.friction
     assert drive.torque(output.command + added) == pytest.approx(output.computed_torque)
     # the terms are those of the torque that the command causes

@@ -35,8 +35,6 @@ def compensated(mode: str, q: list[float], v: list[float]) -> tuple[np.ndarray, 
     friction = make_friction(NAMES, viscous=[VISCOUS], coulomb=[COULOMB], load=[LOAD])
     effort = answer(ARM.with_friction(friction), mode, q, v).computed_torque
     rigid = answer(ARM.with_friction(make_friction(NAMES)), mode, q, v).computed_torque
-    assert effort is not None
-    assert rigid is not None
     return effort - rigid, rigid
 
 

@@ -75,11 +75,9 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
         q = q + rng.normal(scale=1e-3, size=n)
         output = one.update(START + 5 * k * MS, q, rng.normal(scale=0.2, size=n))
         terms, command = output.terms, output.command
-        assert terms is not None
         parts = (terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
         scale = 1e-9 * (1.0 + np.abs(parts).max())
         assert parts == pytest.approx(terms.effort, abs=scale)
-        assert command is not None
         free = np.ones(n, dtype=bool) if output.clamped is None else ~output.clamped
         assert terms.effort[free] == pytest.approx(command[free], abs=scale)
         unlimited += int(free.all())
@@ -145,7 +143,6 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(
     one.update(START + MS, q, np.full(arm.joint_count, 0.1))
     one.stop()
     output = one.update(START + 2 * MS, q, np.full(arm.joint_count, 0.1))
-    assert output.computed_torque is not None
     assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
 
 

@@ -5,7 +5,7 @@
 
 import math
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -22,7 +22,6 @@ SECOND = 1_000_000_000
 OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
 NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
 
-laws = settings(deadline=None, derandomize=True)
 
 
 def transition(
@@ -42,13 +41,6 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
     assert way.done
 
 
-def test_a_stamp_long_after_the_end_is_the_end() -> None:
-    way = transition([OLD], [NEW], 2.0)
-    way.payloads(5 * SECOND)
-    assert way.payloads(8 * SECOND) == [NEW]
-    assert way.done
-
-
 def test_without_a_target_nothing_is_left() -> None:
     way = transition([OLD], [])
     way.payloads(0)
@@ -56,7 +48,6 @@ def test_without_a_target_nothing_is_left() -> None:
     assert way.done
 
 
-@laws
 @given(st.floats(0.0, 1.0))
 def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
     way = transition([OLD], [NEW])
@@ -71,7 +62,6 @@ def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
         assert load.inertia == pytest.approx(whole.inertia * (load.mass / whole.mass))
 
 
-@laws
 @given(
     st.floats(0.0, 1.0),
     st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
@@ -132,7 +122,6 @@ def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
     assert all(load.mass > 0.0 for load in loads)
 
 
-@laws
 @given(
     st.integers(0, 10**6),
     st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))

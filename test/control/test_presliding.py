@@ -10,31 +10,26 @@ P. Lischinsky, IEEE Trans. Automatic Control 40(3), 1995). Its rotors are unknow
 `ArmSimulation` with the same presliding distance is compared with it.
 """
 
-from collections import deque
 from typing import Any, NamedTuple
 
-from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
+from lock_step_loop import LockStep, smooth_arm, STEP
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
-STEP, SUBSTEPS = 1e-3, 20
+SUBSTEPS = 20
 MICRO_DAMPING = 0.2
 WAY = 0.35
 """[rad] of the motion."""
 COULOMB = {
     'panda': [0.6, 0.6, 0.5, 0.9, 0.9, 0.9, 0.6], 'ur10': [8.0, 8.0, 5.0, 2.0, 2.0, 1.5],
     'ur5': [6.0, 6.0, 4.0, 1.2, 1.2, 1.2], 'default': [4.0, 1.5],
-    'xarm7': [1.0] * 7, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
+    'xarm7': [1.0] * 7, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
 """F_c [N m]; that of xarm7 and z1 is of their descriptions."""
-VISCOUS = {'xarm7': 10.0, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0]}
+VISCOUS = {'xarm7': 10.0, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
 ROTORS = {
     'ur10': [1.0, 1.0, 0.6, 0.1, 0.1, 0.1], 'ur5': [0.6, 0.6, 0.4, 0.05, 0.05, 0.05],
     'panda': [0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2]}
@@ -53,19 +48,21 @@ class Case(NamedTuple):
     has_rotors: bool = False
 
 
-class Plant:
-    """An arm with bristles."""
+class Plant(LockStep):
+    """An arm with bristles, and a loop that knows its friction."""
 
     def __init__(self, arm: ArmModel, case: Case) -> None:
         n = arm.joint_count
-        self._body = UncheckedArmDynamics(arm).rigid_body
-        self.q, self.v, self._z = middle(arm), np.zeros(n), np.zeros(n)
         self.coulomb = np.array(COULOMB[case.arm])
         self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
+        friction = make_friction(
+            arm.joint_names, coulomb=(case.given * self.coulomb).tolist(),
+            viscous=self.viscous.tolist())
+        super().__init__(arm.with_friction(friction), rate=case.rate, delay=case.delay)
+        self._z, self._d = np.zeros(n), case.distance
         self._rotors = np.diag(ROTORS[case.arm]) if case.has_rotors else np.zeros((n, n))
-        self._d = case.distance
 
-    def step(self, effort: FloatArray) -> None:
+    def _move(self, effort: FloatArray) -> None:
         M = self._body.mass_matrix(self.q) + self._rotors
         h = self._body.nonlinear(self.q, self.v)
         K, dt = self.coulomb / self._d, STEP / SUBSTEPS
@@ -77,34 +74,6 @@ class Plant:
             yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
             self._z = np.clip(self._z + dt * self.v * yields, -self._d, self._d)
             self.q = self.q + dt * self.v
-
-
-class Simulated:
-    """The same arm in `ArmSimulation`."""
-
-    def __init__(self, arm: ArmModel, case: Case) -> None:
-        n = arm.joint_count
-        self.coulomb = np.array(COULOMB[case.arm])
-        self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
-        arm = arm.with_friction(make_friction(
-            arm.joint_names, self.viscous.tolist(), self.coulomb.tolist(),
-            presliding_distance=[case.distance]))
-        if case.has_rotors:
-            arm = arm.with_actuators(make_actuators(
-                arm.joint_names, [1.0], [1.0], rotor_inertia=ROTORS[case.arm]))
-        self._simulation = ArmSimulation(arm, middle(arm))
-        self._simulation.release()
-
-    @property
-    def q(self) -> FloatArray:
-        return self._simulation.q
-
-    @property
-    def v(self) -> FloatArray:
-        return self._simulation.v
-
-    def step(self, effort: FloatArray) -> None:
-        self._simulation.step(effort, STEP)
 
 
 class End(NamedTuple):
@@ -120,43 +89,27 @@ class End(NamedTuple):
     farthest: float
 
 
-def end_of_motion(
-    case: Case, seconds: float = 5.5, kind: type[Plant | Simulated] = Plant, **options: Any,
-) -> End:
-    bare = smooth_arm(case.arm)
-    plant = kind(bare, case)
-    arm = bare.with_friction(make_friction(
-        bare.joint_names, coulomb=(case.given * plant.coulomb).tolist(),
-        viscous=plant.viscous.tolist()))
-    loop, limit = ControlLoop.of_arm(arm, **options), arm.limits.effort
-    goal = plant.q + WAY * np.where(np.arange(len(plant.q)) % 2, 1.0, -1.0)
-    pending: deque[tuple[int, FloatArray]] = deque()
-    effort, speeds, efforts, farthest = None, [], [], 0.0
-    for k in range(round(seconds / STEP)):
-        if k == 200:
-            loop.follow(make_trajectory(
-                arm.joint_names, [0.0], [goal.tolist()], (), (), arm.joint_names))
-        if k % (1000 // case.rate) == 0:
-            answer = loop.answer(FIRST_STAMP + k * MS, plant.q, plant.v).effort
-            if answer is not None:
-                pending.append((k + case.delay, np.clip(answer, -limit, limit)))
-        while pending and pending[0][0] <= k:
-            effort = pending.popleft()[1]
-        if effort is not None:
-            plant.step(effort)
-            speeds.append(np.abs(plant.v).max())
-            efforts.append(effort)
-        if loop.reference is not None:
-            farthest = max(farthest, float(np.abs(plant.q - loop.reference.position).max()))
-    assert loop.supervisor.fault_count == 0
-    return End(
-        float(max(speeds[-1000:])), float(
-            (np.ptp(efforts[-1000:], axis=0) / plant.coulomb).max()),
-        float(np.abs(plant.q - goal).max()), farthest)
+def end_of_motion(case: Case, seconds: float = 5.5) -> End:
+    one, distances = Plant(smooth_arm(case.arm), case), [0.0]
+
+    def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if one.loop.reference is not None:
+            distances.append(float(np.abs(q - one.loop.reference.position).max()))
+        return q, v
+
+    one.sensor = sensor
+    one.run(0.2)
+    goal = one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0)
+    one.follow(goal)
+    last = one.run(seconds - 0.2).last(1.0)
+    assert one.loop.supervisor.fault_count == 0
+    change = np.nanmax(last.effort, axis=0) - np.nanmin(last.effort, axis=0)
+    return End(float(last.speed.max()), float((change / one.coulomb).max()),
+               float(np.abs(one.q - goal).max()), max(distances))
 
 
-def check_calm(case: Case, seen: Any, kind: type[Plant | Simulated] = Plant) -> None:
-    end = end_of_motion(case, kind=kind)
+def check_calm(case: Case, seen: Any) -> None:
+    end = end_of_motion(case)
     seen(f'{end.speed:.2g} rad/s, {end.change:.2g} F_c, error {end.error:.4f} rad')
     assert end.speed < 1e-3
     assert end.change < 0.05
@@ -172,13 +125,6 @@ def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: An
     check_calm(case, seen)
 
 
-@pytest.mark.parametrize('case', [
-    Case('default', 100, 8, 5e-3, 1.4), Case('panda', 125, 8, 1e-3),
-    Case('ur10', 125, 8, 4e-3, has_rotors=True)], ids=lambda case: f'{case.arm} {case.rate} Hz')
-def test_the_simulated_arm_comes_to_rest_too(case: Case, seen: Any) -> None:
-    check_calm(case, seen, Simulated)
-
-
 @pytest.mark.parametrize(('name', 'distance'), [('default', 4e-3), ('panda', 2e-3)])
 def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, seen: Any) -> None:
     """
@@ -186,17 +132,20 @@ def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, se
 
     Ended slides, over many d, agree.
     """
-    case = Case(name, 1000, 0, distance)
-    bare = smooth_arm(name).with_gravity(np.zeros(3))
-    both = [kind(bare, case) for kind in (Plant, Simulated)]
-    q, moved, last = both[0].q.copy(), [], 0.0
-    first = both[0].coulomb * (np.arange(len(q)) < 1)
+    plant = Plant(smooth_arm(name).with_gravity(np.zeros(3)), Case(name, 1000, 0, distance))
+    arm = plant.arm
+    simulated = ArmSimulation(arm.with_friction(make_friction(
+        arm.joint_names, plant.viscous.tolist(), plant.coulomb.tolist(),
+        presliding_distance=[distance])), plant.q)
+    simulated.release()
+    q, moved, last = plant.q.copy(), [], 0.0
+    first = plant.coulomb * (np.arange(len(q)) < 1)
     for share, steps in ((0.1, 1500), (0.6, 1500), (1.5, 300), (1.5, 900), (0.0, 3000)):
         for part in np.linspace(last, share, steps):
-            for plant in both:
-                plant.step(part * first)
+            plant._move(part * first)
+            simulated.step(part * first, STEP)
         last = share
-        moved.append([float(plant.q[0] - q[0]) / distance for plant in both])
+        moved.append([float(one.q[0] - q[0]) / distance for one in (plant, simulated)])
     lugre, ours = np.array(moved).T
     seen(f'{lugre} d, {ours} d')
     assert ours[:2] == pytest.approx([0.1, 0.6], rel=0.05)

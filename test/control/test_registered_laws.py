@@ -104,18 +104,6 @@ def test_an_impedance_does_not_oscillate(
 
 @arms
 @rates
-def test_an_impedance_with_the_damping_of_its_joints_comes_to_rest(
-    arm_name: str, rate: float,
-) -> None:
-    """Joints whose gains are scaled to a small fraction creep to their reference."""
-    M = ArmDynamics(arm_named(arm_name)).rigid_body.mass_matrix(middle(arm_named(arm_name)))
-    law = PAGE['Impedance'](np.full(len(M), 100.0), 2.0 * np.sqrt(100.0 * np.diagonal(M)))
-    trace = run(arm_name, rate, 0.5 * DISTURBANCE, 6.0, law)
-    assert trace.last(0.5).speed.max() < AT_REST
-
-
-@arms
-@rates
 @pytest.mark.parametrize('damping_ratio', [0.05, 0.1, 0.15])
 def test_low_damping_ratios_are_stable_with_a_delay(
     arm_name: str, rate: float, damping_ratio: float,

@@ -29,7 +29,6 @@ def held(period_ms: int = 2, rotors: float = 0.0, friction: bool = True, **optio
 def effort_at(loop: ControlLoop, error: np.ndarray, k: int, period_ms: int = 2) -> np.ndarray:
     """Return the effort of the law at a constant position error, at rest."""
     reference = loop.controller.reference
-    assert reference is not None
     output = loop.controller.update(
         FIRST_STAMP + k * period_ms * MS, reference.position - error, np.zeros(2))
     return output.law.effort
@@ -40,7 +39,6 @@ def test_the_law_has_this_stiffness_and_friction_holds_this_error(compensation: 
     """The effort beyond gravity, at the stated error of one joint, is the static friction."""
     loop = held(friction_compensation=compensation)
     found = rest_stiffness(loop.controller)
-    assert found is not None
     body = ArmDynamics(loop.controller.arm).rigid_body
     for j in range(2):
         e = np.zeros(2)
@@ -54,9 +52,6 @@ def test_the_law_has_this_stiffness_and_friction_holds_this_error(compensation: 
 def test_rotors_and_scaled_gains_are_part_of_the_stiffness() -> None:
     bare, geared, slow = (
         rest_stiffness(loop.controller) for loop in (held(), held(rotors=0.5), held(33)))
-    assert bare is not None
-    assert geared is not None
-    assert slow is not None
     M = ArmDynamics(smooth_arm('default')).rigid_body.mass_matrix(Q)
     assert bare.stiffness == pytest.approx(400.0 * np.diagonal(M))
     assert geared.stiffness == pytest.approx(400.0 * (np.diagonal(M) + 0.5))
@@ -65,7 +60,6 @@ def test_rotors_and_scaled_gains_are_part_of_the_stiffness() -> None:
 
 def test_without_friction_no_error_is_known_and_without_computed_torque_nothing_is_known() -> None:
     free = rest_stiffness(held(friction=False).controller)
-    assert free is not None
     assert np.isnan(free.friction_error).all()
     assert rest_stiffness(held(command='gravity_compensation').controller) is None
     assert rest_stiffness(ControlLoop.of_arm(smooth_arm('default')).controller) is None

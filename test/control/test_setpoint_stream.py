@@ -3,7 +3,7 @@
 
 """Detection of a stream of set-points, and of its end."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 from robot_dynamics.control.setpoint_stream import SetPointStream, STREAM_LENGTH
@@ -12,7 +12,6 @@ TIMEOUT = 0.125
 """Exact in binary, as are whole seconds, so that the very timeout can be tried."""
 LONG_AFTER = 1e6
 
-laws = settings(deadline=None, derandomize=True)
 
 
 def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
@@ -85,7 +84,6 @@ def test_a_new_timeout_applies_from_the_next_set_point_on() -> None:
     assert t + 1.1 > stream.deadline
 
 
-@laws
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.0, 0.5, 1.0, 1.5])), max_size=30))
 def test_only_the_set_points_at_the_end_count(events: list[tuple[bool, float]]) -> None:
     """Timeout: the last five or more are set-points, each within the timeout of the previous."""

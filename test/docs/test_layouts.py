@@ -110,7 +110,6 @@ def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
             f'{topic}/{joint}/position' for topic in ('/dynamics/reference', '/joint_states'))]
         assert drawn.issuperset(sources[1:])
     stamps = PLOTJUGGLER.find(".//plugin[@ID='ROS2 Topic Subscriber']/use_header_stamp")
-    assert stamps is not None
     assert stamps.attrib['value'] == 'true'
 
 

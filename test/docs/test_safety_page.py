@@ -190,7 +190,6 @@ def test_sampled_gravity_compensation_is_unstable_as_the_page_states(
 ) -> None:
     stated = {2: 'of ([0-9.]+) s \\(default arm', 6: 'of ([0-9.]+) s \\(UR10'}[len(q)]
     found = re.search(stated, PROSE)
-    assert found is not None
     measured = growth_of_velocity(load_arm(urdf()), np.array(q), 30.0, 10.0)
     assert measured == pytest.approx(float(found[1]), rel=0.15)
 

@@ -22,13 +22,7 @@ SLACK = 0.01
 """Largest offset [s] between the clock of stamps and the clock of timeouts."""
 Timed = tuple[float, JointState]
 Seen = Callable[[str], Any]
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_actions', {**NO_STREAM, **DIRECT}) as one:
-        yield one
+BENCH = {'parameters': {**NO_STREAM, **DIRECT}}
 
 
 def wait_ended(bench: FaultBench) -> None:
@@ -89,6 +83,7 @@ def check_return(bench: FaultBench) -> None:
     bench.driver.go_on()
     assert bench.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
     bench.check_alive()
+    bench.node.wait_for_log('The fault has ended: commanding again')
 
 
 @fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',

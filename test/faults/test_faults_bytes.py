@@ -11,7 +11,7 @@ from typing import Any
 
 from damaged_bytes import cut_short, noise, with_lies, with_noise
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, G, NAMES, NANOSECONDS, Q, V
+from fault_bench import FaultBench, G, NAMES, NANOSECONDS, Q, V
 from fault_stimuli import check_rate
 from fault_table import fault
 from geometry_msgs.msg import WrenchStamped
@@ -52,15 +52,13 @@ def raw() -> Iterator[RawPublisher]:
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_bytes') as one:
-        descriptions = client.publisher(String, '/faults_bytes/robot_description', LATCHED)
-        # Without a description the node rejects joint states with other joints.
-        descriptions.publish(String(data=default_arm_urdf()))
-        wait_until(lambda: one.node.log.count("Model 'planar_arm'") == 2, 'the model')
-        client.node.destroy_publisher(descriptions)
-        yield one
+def bench(client: RosClient, bench: FaultBench) -> FaultBench:
+    """Return a node with a description: without one it rejects states of other joints."""
+    descriptions = client.publisher(String, f'{bench.namespace}/robot_description', LATCHED)
+    descriptions.publish(String(data=default_arm_urdf()))
+    wait_until(lambda: bench.node.log.count("Model 'planar_arm'") == 2, 'the model')
+    client.node.destroy_publisher(descriptions)
+    return bench
 
 
 @pytest.fixture(scope='module')

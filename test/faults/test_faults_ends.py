@@ -231,18 +231,3 @@ def test_a_sigterm_as_soon_as_it_exists() -> None:
         status, output = one.end(signal.SIGTERM)
         assert status in (0, -signal.SIGTERM), output
         assert 'Traceback' not in output, output
-
-
-def test_the_graph_lists_a_killed_node_longer_than_an_ended_one(client: RosClient) -> None:
-    """An ended node announces its end; that of a killed one is noticed after 20 s."""
-    def is_listed(namespace: str) -> bool:
-        return namespace in [space for _, space in client.node.get_node_names_and_namespaces()]
-
-    killed = NodeProcess(SIMULATED_ARM, namespace='/faults_killed').start()
-    try:
-        with NodeProcess(DYNAMICS, namespace='/faults_ended'):
-            wait_until(lambda: is_listed('/faults_ended') and is_listed('/faults_killed'), 'both')
-    finally:
-        killed.kill()
-    wait_until(lambda: not is_listed('/faults_ended'), 'the announcement')
-    assert is_listed('/faults_killed')

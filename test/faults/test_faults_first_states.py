@@ -3,7 +3,7 @@
 
 """Faults of the first joint states after the start, and joint states at an excessive rate."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import os
 from pathlib import Path
 import subprocess
@@ -12,24 +12,19 @@ import time
 from typing import Any
 
 import children
-from fault_bench import Change, fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
+from fault_bench import Change, FaultBench, G, NAMES, nanoseconds_of, Q
 from fault_stimuli import altered, NO_STREAM, shifted, wait_states
 from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
-from ros_harness import RosClient, TIMEOUT
+from ros_harness import TIMEOUT
 from sensor_msgs.msg import JointState
 
 GROUP = 'First joint states'
 FLOOD = Path(__file__).parents[1] / 'support' / 'state_flood.py'
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that receives no valid joint state until the last tests of this module."""
-    with fault_bench(client, '/faults_first', NO_STREAM, stream=False) as one:
-        yield one
+BENCH = {'parameters': NO_STREAM, 'stream': False}
+"""The node receives no valid joint state until the last tests of this module."""
 
 
 @pytest.mark.parametrize(('change', 'reported'), [

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import math
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of, G, nanoseconds_of, Q
+from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
 from fault_stimuli import check_rate, DIRECT, move, NO_STREAM, Swing, wait_agreement, wait_states
 from fault_table import fault
 import numpy as np
@@ -15,14 +15,11 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 GROUP = 'Limits'
 LOWER, UPPER = -1.0, 1.0
 """Position limits of both joints [rad]."""
-SPEED = 10.0
-"""Velocity limit of both joints [rad/s]."""
 EFFORT = 150.0, 60.0
 """Effort limits [N m]."""
 AWAY = 0.5
@@ -37,25 +34,20 @@ MARGIN = 0.0087
 """The default of `position_fault_margin` [rad]."""
 
 
-@pytest.fixture(scope='module')
-def limited_arm(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands an arm with limits; tests restore its state."""
-    parameters = {**NO_STREAM, **DIRECT, 'robot_description': URDF}
-    with fault_bench(client, '/faults_limits', parameters) as one:
-        yield one
+BENCH = {'parameters': {**NO_STREAM, **DIRECT, 'robot_description': URDF}}
 
 
 @pytest.fixture
-def bench(limited_arm: FaultBench) -> Iterator[FaultBench]:
+def bench(bench: FaultBench) -> Iterator[FaultBench]:
     """Return the node with the arm at rest at `Q`; check afterwards that it holds `Q` again."""
-    limited_arm.check_alive()
-    yield limited_arm
-    limited_arm.set_parameters(effort_scale=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
-    limited_arm.hold = G
-    limited_arm.driver.go_on()
-    limited_arm.driver.q, limited_arm.driver.v = list(Q), [0.0, 0.0]
-    limited_arm.set_point(Q)
-    limited_arm.check_alive()
+    bench.check_alive()
+    yield bench
+    bench.set_parameters(effort_scale=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
+    bench.hold = G
+    bench.driver.go_on()
+    bench.driver.q, bench.driver.v = list(Q), [0.0, 0.0]
+    bench.set_point(Q)
+    bench.check_alive()
 
 
 def gravity(q: Any) -> Any:

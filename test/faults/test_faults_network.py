@@ -3,20 +3,19 @@
 
 """Network faults: incompatible quality of service, and a link failure."""
 
-from collections.abc import Iterator
 import json
 import subprocess
 import sys
 from typing import Any
 
 import children
-from fault_bench import Driver, fault_bench, FaultBench
+from fault_bench import Driver, FaultBench
 from fault_table import fault
 import partition_scenario
 import pytest
 from rclpy.duration import Duration, Infinite
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-from ros_harness import LATCHED, RosClient, wait_until
+from ros_harness import LATCHED, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -28,13 +27,6 @@ PROMISING = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.BEST_EFFORT, durability=DurabilityPolicy.VOLATILE,
     deadline=SECOND, liveliness=LivelinessPolicy.AUTOMATIC,
     liveliness_lease_duration=SECOND)
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation."""
-    with fault_bench(client, '/faults_network') as one:
-        yield one
 
 
 # --- subscribers that request more than is offered ----------------------------------------------

@@ -3,10 +3,9 @@
 
 """Other nodes: publishers of the same topics, nodes of the same name, other arms."""
 
-from collections.abc import Iterator
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fault_bench import fault_bench, FaultBench
+from fault_bench import FaultBench
 from fault_table import fault
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
@@ -15,13 +14,6 @@ from std_msgs.msg import Float64MultiArray
 
 GROUP = 'Other nodes'
 WARNED = 'a warning in the log, and in the status `other nodes` until it has ended'
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation."""
-    with fault_bench(client, '/faults_others') as one:
-        yield one
 
 
 def is_alone(status: DiagnosticStatus) -> bool:

@@ -3,25 +3,17 @@
 
 """Commands that are not finite: never published; a fault until the reset."""
 
-from collections.abc import Iterator
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, figure_of, G
+from fault_bench import FaultBench, figure_of, G
 from fault_stimuli import NO_STREAM, overflow, wait_states
 from fault_table import fault
 import pytest
-from ros_harness import RosClient
 from std_srvs.srv import Trigger
 
 GROUP = 'Non-finite commands'
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands the default arm with the measured velocity."""
-    with fault_bench(
-            client, '/faults_overflow', {**NO_STREAM, 'soften_gains': False}) as one:
-        yield one
+BENCH = {'parameters': {**NO_STREAM, 'soften_gains': False}}
+"""The node uses the measured velocity."""
 
 
 def reset(bench: FaultBench) -> Any:

@@ -3,11 +3,10 @@
 
 """Invalid parameter values while the node commands: rejected, without any change."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import math
 from typing import Any
 
-from fault_bench import fault_bench
 from fault_table import fault
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMsg
@@ -24,7 +23,6 @@ from rclpy.parameter import Parameter
 from request_bench import ControlContinues
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
-from ros_harness import RosClient
 
 GROUP = 'Parameters at run time'
 REFUSED = 'rejected with name, value and expectation; the old value stays; control continues'
@@ -35,13 +33,6 @@ ARRAYS = [
     spec for spec in NUMBERS if spec.kind is Type.DOUBLE_ARRAY and spec.name != 'gravity']
 """Parameters with one value per joint."""
 CHOICES = [spec for spec in CHANGEABLE if spec.choices]
-
-
-@pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlContinues]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_parameters') as bench:
-        yield ControlContinues(bench)
 
 
 def number(spec: ParameterSpec, value: float) -> Parameter:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, G, Q
+from fault_bench import FaultBench, figure_of, G, Q
 from fault_stimuli import check_rate, NO_STREAM, wait_states
 from fault_table import fault
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
@@ -35,13 +35,7 @@ SHOULDER = 1.0 * np.sin(Q[0]), 0.8 * np.sin(Q[0] + Q[1])
 """Horizontal distance of the elbow from the shoulder, and of the tip from the elbow [m]."""
 LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
 """g(q) with this mass at the tip [N m]; q = 0 is upright."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation without a payload."""
-    with fault_bench(client, '/faults_payload', NO_STREAM) as one:
-        yield one
+BENCH = {'parameters': NO_STREAM}
 
 
 def set_payload(

@@ -3,7 +3,6 @@
 
 """Faults of the driver and of the node as processes: timeouts, stalls and SIGKILL."""
 
-from collections.abc import Iterator
 import os
 import signal
 import threading
@@ -11,12 +10,8 @@ import time
 from typing import Any
 
 from fault_bench import (
-    fault_bench,
     FaultBench,
     G,
-    nanoseconds_of,
-    QUICK,
-    STATE_TIMEOUT,
     STEADY,
 )
 from fault_table import fault
@@ -24,21 +19,14 @@ from joint_state_driver import DriverProcess
 import numpy as np
 import pytest
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
-from ros_harness import RosClient, wait_until
+from ros_harness import wait_until
 
 GROUP = 'Timeouts, stalls and kills of processes'
 SOON = 'the fault action starts after `state_timeout` and is reported'
 BACK = 'commands resume with the next state'
-HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
 STALL, SHORT_TIMEOUT = 0.2, 0.1
 """Duration of a stall, the stimulus of these tests, and the timeout that it exceeds [s]."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation, and a driver in its own process."""
-    with fault_bench(client, '/faults_processes', driver_type=DriverProcess) as one:
-        yield one
+BENCH = {'driver_type': DriverProcess}
 
 
 def pause() -> None:
@@ -47,54 +35,6 @@ def pause() -> None:
 
 
 # --- timeout -------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize('action', [
-    pytest.param(action, marks=fault(
-        GROUP, f'the driver stops publishing, `fault_action: {action}`',
-        f'{SOON}: {words}; {BACK}'))
-    for action, words in (
-        ('hold_gravity_then_ramp', 'g(q) for `hold_time`, then a ramp to zero over `ramp_time`'),
-        ('ramp_to_zero', 'a ramp to zero over `ramp_time`'),
-        ('stop_publishing', 'no further command'))])
-def test_the_driver_stops_publishing(bench: FaultBench, seen: Any, action: str) -> None:
-    bench.set_parameters(fault_action=action)
-    try:
-        bench.check_alive()
-        bench.driver.be_quiet()
-        status = bench.wait_state_timeout()
-        assert 'no valid joint state for 0.3 s (state_timeout)' in status.message
-        if action != 'stop_publishing':
-            bench.wait_silent()
-        words = check_course(action, bench.efforts.published())
-        if words:
-            seen(words)
-        bench.check_alive()
-        bench.node.wait_for_log('The fault has ended: commanding again')
-    finally:
-        bench.set_parameters(fault_action='hold_gravity_then_ramp')
-
-
-def check_course(action: str, efforts: list[tuple[float, Any]]) -> str:
-    """Check the commands of a completed fault action; return its delay as text."""
-    stamp = efforts[-1][1].header.stamp  # of the last state
-    _, *efforts = [(t, m) for t, m in efforts if m.header.stamp == stamp]  # without the answer
-    if action == 'stop_publishing':
-        assert not efforts
-        return ''
-    times = np.array([t for t, _ in efforts]) - 1e-9 * nanoseconds_of(stamp)
-    fractions = np.array([m.effort for _, m in efforts]) / G  # 1: g(q)
-    assert np.ptp(fractions, axis=1) == pytest.approx(0.0, abs=1e-6)
-    assert (np.diff(fractions[:, 0]) <= 0.0).all()
-    assert not any(efforts[-1][1].effort)
-    held = fractions[:, 0] > 1.0 - 1e-6
-    hold = HOLD if action == 'hold_gravity_then_ramp' else 0.0
-    assert held.any() if hold else held.sum() <= 1
-    assert times[0] >= STATE_TIMEOUT
-    assert times[~held][0] >= STATE_TIMEOUT + hold
-    assert times[-1] >= STATE_TIMEOUT + hold + RAMP
-    return (f'first command {1e3 * (times[0] - STATE_TIMEOUT):.1f} ms after `state_timeout`, '
-            'measured from the stamp of the last state')
-
 
 # --- the driver ----------------------------------------------------------------------------------
 

@@ -3,14 +3,14 @@
 
 """Invalid references: each is rejected with one error, or followed within all limits."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, Q, stamp_of
+from fault_bench import FaultBench, figure_of, G, NAMES, Q, stamp_of
 from fault_stimuli import NO_STREAM, SetPoints
 from fault_table import fault
 import numpy as np
@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
 REFUSED = 'rejected with one error that names the reason; the active reference continues'
-NAN, INF = float('nan'), float('inf')
+NAN = float('nan')
 GOAL = [Q[0] + 0.01, Q[1] - 0.02]
 M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
 """M(q) of the default arm at `Q` [kg m^2]."""
@@ -33,16 +33,8 @@ LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
 """The default arm with position limits."""
 TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 """Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    # Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
-    with fault_bench(
-            client, '/faults_references',
-            {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}) as one:
-        yield one
+# Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
+BENCH = {'parameters': {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}}
 
 
 def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:
@@ -73,27 +65,10 @@ def is_torque(message: Any) -> bool:
         ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
          "joint_names has 'wheel'"),
         ('a missing joint', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
-        ('a duplicate joint', trajectory(point([*Q, 0.0]), names=[*NAMES, 'joint1']),
-         "joint_names has 'joint1' twice"),
-        ('no points', trajectory(), 'points is empty'),
         ('NaN in a position', trajectory(point([NAN, 0.0])),
          'points[0].positions[0] (joint1) is nan'),
-        ('infinity in a velocity', trajectory(point(velocities=[0.0, INF])),
-         'points[0].velocities[1] (joint2) is inf'),
-        ('NaN in an acceleration', trajectory(point(accelerations=[NAN, 0.0])),
-         'points[0].accelerations[0] (joint1) is nan'),
-        ('a position of 1e10 rad', trajectory(point([1e10, 0.0])),
-         'points[0].positions[0] (joint1) is 1e+10'),
         ('fewer positions than joints', trajectory(point(Q[:1])),
          'points[0].positions has 1 values, expected 2'),
-        ('more velocities than joints', trajectory(point(velocities=[0.0] * 3)),
-         'points[0].velocities has 3 values, expected 2'),
-        ('more accelerations than joints', trajectory(point(accelerations=[0.0] * 3)),
-         'points[0].accelerations has 3 values, expected 2'),
-        ('no positions', trajectory(point([], velocities=[0.0, 0.0])),
-         'points[0].positions is empty'),
-        ('one point without positions',
-         trajectory(point(), point([], 1.0), point(Q, 2.0)), 'points[1].positions is empty'),
         ('accelerations without velocities', trajectory(
             point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
          'points[0].velocities is empty although accelerations are given'),
@@ -104,24 +79,10 @@ def is_torque(message: Any) -> bool:
          'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
         ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
          'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
-        ('a velocity beyond its limit at one of several points', trajectory(
-            point(seconds=1.0, velocities=[0.0, 0.0]), point(seconds=2.0, velocities=[-11.0, 0.0]),
-            point(seconds=3.0, velocities=[0.0, 0.0])),
-         'points[1].velocities (joint1) is -11, expected a value within its limits [-10, 10]'),
         ('equal times', trajectory(point(Q, 1.0), point(Q, 1.0)),
          'points[1].time_from_start is 1.0 s, expected more than'),
-        ('decreasing times', trajectory(point(Q, 1.0), point(Q, 0.5)),
-         'points[1].time_from_start is 0.5 s, expected more than'),
-        ('a negative time', trajectory(point(Q, -1.0)),
-         'points[0].time_from_start is -1, expected'),
-        ('a non-zero velocity at the last point', trajectory(
-            point(Q, 1.0), point(Q, 2.0, velocities=[1.0, 0.0])),
-         'points[1].velocities[0] (joint1) is 1, expected 0 at the last point'),
         ('a start time 100 s ago, and an end in the past', trajectory(
             point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
-         'expected an end in the future'),
-        ('a set-point with a stamp 100 s ago', trajectory(
-            point(), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
          'expected an end in the future'),
         ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
          'expected an end in the future'),

@@ -9,7 +9,7 @@ import re
 import threading
 from typing import Any
 
-from fault_bench import fault_bench, FaultBench, G, NAMES, Q
+from fault_bench import FaultBench, G, NAMES, Q
 from fault_table import fault
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
@@ -36,13 +36,6 @@ RAW_TYPES = {
     'set_parameters_atomically': SetParametersAtomically, 'change_state': ChangeState}
 MOST_MEMORY = 1.5 * 2**30
 """Memory limit of a node, its memory at the start, and a margin [bytes]."""
-
-
-@pytest.fixture(scope='module')
-def control(client: RosClient) -> Iterator[ControlContinues]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(client, '/faults_services') as bench:
-        yield ControlContinues(bench)
 
 
 @pytest.fixture(scope='module')
@@ -76,15 +69,17 @@ def memory_of(bench: FaultBench) -> int:
         ('inverse_dynamics_trajectory', 'empty, two points at the same time'),
         ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
         ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
-        ('set_payload', 'an unknown link, a negative or infinite time'))])
+        ('set_payload', 'an unknown link, a negative or infinite time'),
+        ('estimate_payload', 'no estimation, an unknown link, contradictory fields'))])
 def test_malformed_requests(control: ControlContinues, service: str) -> None:
     cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
     assert cases
     with control.checked():
         for fields, words in cases:
             response = control.ask(service, SERVICES[service], **fields)
-            assert not response.success
             assert re.search(words, response.message), response.message
+            # no field is filled in
+            assert response == SERVICES[service].Response(success=False, message=response.message)
 
 
 @fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)

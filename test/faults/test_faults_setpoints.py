@@ -29,13 +29,7 @@ NEVER = {'reference_timeout': 60.0}
 GOAL = [Q[0] + 0.01, Q[1]]
 LIMITS = 150.0, 60.0
 """Effort limits of the default arm [N m]."""
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that holds the arm at `Q`; tests restore its state."""
-    with fault_bench(client, '/faults_set_points', NEVER) as one:
-        yield one
+BENCH = {'parameters': NEVER}
 
 
 @pytest.fixture(scope='module')

@@ -3,12 +3,12 @@
 
 """Faults of the stamps and publishers of joint states: age, jumps, two publishers."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, fault_bench, FaultBench, figure_of, G, Q, stamp_of
+from fault_bench import Change, FaultBench, figure_of, G, Q, stamp_of
 from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_states
 from fault_table import fault
 import numpy as np
@@ -16,7 +16,7 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient, wait_until
+from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 
 GROUP = 'Stamps of joint states'
@@ -24,13 +24,6 @@ PUBLISHERS = 'Inconsistent joint states'
 ELSEWHERE = [Q[0] + 3.0, Q[1]]
 GOAL = [Q[0] + 0.05, Q[1]]
 DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that holds the arm; tests restore its state."""
-    with fault_bench(client, '/faults_stamps') as one:
-        yield one
 
 
 @pytest.mark.parametrize(('seconds', 'reason', 'words'), [
@@ -86,6 +79,19 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
         assert 0.0 <= fraction[0] <= 1.0 + 1e-9
     bench.check_alive()
     bench.set_parameters(command='computed_torque')
+
+
+@fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
+       'old stamps are answered while it is true, and dropped while it is false')
+def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
+    bench.check_alive()
+    bench.set_parameters(use_sim_time=True)
+    bench.driver.change = shifted(-100.0)
+    bench.efforts.wait_for(lambda m: m.header.stamp.sec < time.time() - 50.0)
+    before = bench.known('joint states', 'dropped: too old')
+    bench.set_parameters(use_sim_time=False)
+    bench.wait_dropped('too old', before)
+    bench.check_alive()
 
 
 # --- several publishers --------------------------------------------------------------------------

@@ -3,30 +3,22 @@
 
 """Joint states with invalid values, joints or lengths, and anomalous but valid states."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, fault_bench, FaultBench, figure_of, G, NAMES, Q
+from fault_bench import Change, FaultBench, figure_of, G, NAMES, Q
 from fault_stimuli import altered
 from fault_table import fault
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 NAN, INF = float('nan'), float('inf')
 GROUP = 'Joint states'
 DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
 ANSWERED = 'answered as usual'
-
-
-@pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that commands gravity compensation; tests restore its state."""
-    with fault_bench(
-            client, '/faults_states', {'robot_description': default_arm_urdf()}) as one:
-        yield one
+BENCH = {'parameters': {'robot_description': default_arm_urdf()}}
 
 
 def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str = '') -> None:

@@ -12,11 +12,10 @@ from collections.abc import Callable, Iterator
 import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, Q
+from fault_bench import FaultBench, figure_of, Q
 from fault_stimuli import altered, Swing, wait_states
 from fault_table import fault
 import pytest
-from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
 GROUP = 'Measured velocities'
@@ -45,24 +44,20 @@ def same(v: float) -> float:
     return v
 
 
-@pytest.fixture(scope='module')
-def node(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node with the checks of the following error off: the arm does not obey."""
-    with fault_bench(
-            client, '/faults_velocities', {'following_error_limit': [0.0]}) as one:
-        yield one
+BENCH = {'parameters': {'following_error_limit': [0.0]}}
+"""The arm does not follow its commands."""
 
 
 @pytest.fixture
-def bench(node: FaultBench) -> Iterator[FaultBench]:
+def bench(bench: FaultBench) -> Iterator[FaultBench]:
     """Return the node while the arm moves with true velocities."""
-    node.driver.stream_changed(moving)
-    wait_consistent(node)
-    yield node
-    node.driver.stream_changed(moving)
-    wait_consistent(node)
-    node.check_efforts()
-    assert 'Traceback' not in node.node.log, node.node.log
+    bench.driver.stream_changed(moving)
+    wait_consistent(bench)
+    yield bench
+    bench.driver.stream_changed(moving)
+    wait_consistent(bench)
+    bench.check_efforts()
+    assert 'Traceback' not in bench.node.log, bench.node.log
 
 
 def wait_consistent(bench: FaultBench) -> None:
@@ -129,9 +124,9 @@ def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
 
 
 @fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
-def test_an_arm_at_rest_may_repeat_its_sample(node: FaultBench) -> None:
-    faults = node.known('command', 'faults: frozen_joint')
-    node.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
-    wait_states(node, 300)
-    assert node.figure('command', 'faults: frozen_joint') == faults
-    node.wait_status('joint states', lambda status: status.message == 'arriving')
+def test_an_arm_at_rest_may_repeat_its_sample(bench: FaultBench) -> None:
+    faults = bench.known('command', 'faults: frozen_joint')
+    bench.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
+    wait_states(bench, 300)
+    assert bench.figure('command', 'faults: frozen_joint') == faults
+    bench.wait_status('joint states', lambda status: status.message == 'arriving')

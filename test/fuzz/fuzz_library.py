@@ -92,7 +92,6 @@ def take_payload(arm: ArmModel, message: Any) -> None:
     if payload is None:
         return
     back = payload_from_ros(arm, over_the_wire(payload_to_ros(payload)))
-    assert back is not None
     assert back.inertia.tolist() == payload.inertia.tolist()
     loaded = arm.with_payloads([payload])
     assert loaded.payloads == (payload,)

@@ -203,7 +203,7 @@ def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counte
 
     @seed(number)
     @settings(
-        max_examples=count, deadline=None, database=None, print_blob=True,
+        max_examples=count, derandomize=False, database=None, print_blob=True,
         suppress_health_check=SLOW_MACHINE, phases=(Phase.generate, Phase.shrink))
     @given(target.inputs)
     def law(inputs: tuple[Any, ...]) -> None:

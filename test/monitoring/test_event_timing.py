@@ -3,7 +3,7 @@
 
 """Rate, jitter and late events, compared with numpy on random times."""
 
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from robot_dynamics.monitoring.event_timing import EventTiming, LATE, Timing
 WINDOW = 1.0
 START = 1000.0
 
-laws = settings(deadline=None, derandomize=True)
 intervals = st.lists(st.floats(1e-4, 0.5), min_size=1, max_size=60)
 
 
@@ -23,7 +22,6 @@ def timing_of(times: np.ndarray) -> EventTiming:
     return timing
 
 
-@laws
 @given(intervals)
 def test_a_window_is_what_numpy_says_of_its_intervals(lengths: list[float]) -> None:
     times = START + np.cumsum(lengths)
@@ -38,7 +36,6 @@ def test_a_window_is_what_numpy_says_of_its_intervals(lengths: list[float]) -> N
     assert timing.longest == pytest.approx(between.max())
 
 
-@laws
 @given(intervals, intervals)
 def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
     """An interval belongs to the window in which it ended."""
@@ -55,7 +52,6 @@ def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
         last = [float(ends[-1])]
 
 
-@laws
 @given(st.lists(st.floats(1e-3, 0.1), min_size=2, max_size=30),
        st.lists(st.floats(1e-3, 0.3), min_size=1, max_size=30))
 def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(

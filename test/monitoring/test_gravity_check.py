@@ -105,14 +105,6 @@ def test_what_was_declared_agrees_or_not(
     assert verdict_of(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
 
 
-@pytest.mark.parametrize(('ratio', 'agrees'), [
-    (0.49, True), (0.51, False), (-0.49, True), (-0.51, False)])
-def test_the_tolerance_is_half_of_gravity(ratio: float, agrees: bool) -> None:
-    verdict = verdict_of(make_check(), G + ratio * G, G)
-    assert verdict.tolerance == 0.5
-    assert verdict.agrees == agrees
-
-
 @pytest.mark.parametrize(('efficiency', 'tolerance'), [(1.0, 0.5), (0.9, 0.611), (0.6, 0.75)])
 def test_currents_are_converted_and_gears_widen_the_tolerance(
     efficiency: float, tolerance: float,
@@ -327,7 +319,6 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
     declared: EffortConvention, arm: ArmModel, load: float,
 ) -> None:
     verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
-    assert verdict is not None
     assert verdict.agrees, verdict
 
 
@@ -340,12 +331,10 @@ DRIVE = make_drive_effort(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
 def test_drives_with_a_scale_and_an_offset_are_as_declared(declared: EffortConvention) -> None:
     verdict = closed_loop(
         ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
-    assert verdict is not None
     assert verdict.ratio == pytest.approx(declared.expected_ratio, abs=0.01)
 
 
 def test_another_controller_of_such_drives_is_found() -> None:
-    assert DRIVE is not None
     check = GravityCheck(EffortConvention(), make_friction(NAMES), None, CONTINUOUS, DRIVE)
     verdict = verdict_of(check, DRIVE.effort(G), None)
     assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
@@ -357,7 +346,6 @@ def test_another_controller_of_such_drives_is_found() -> None:
 def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
     """Feedback opposes the excess effort, which is visible in the command."""
     verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
-    assert verdict is not None
     assert verdict.ratio == pytest.approx(1.0, abs=0.05)
     assert not verdict.agrees
 
@@ -368,5 +356,4 @@ def test_there_is_no_verdict_while_the_arm_moves() -> None:
     for robot, agrees in (((), True), (GRAVITY, False)):
         assert closed_loop(ARM, robot, EffortConvention(), motion, seconds=1.8) is None
         verdict = closed_loop(ARM, robot, EffortConvention(), motion, seconds=4.0)
-        assert verdict is not None
         assert verdict.agrees == agrees

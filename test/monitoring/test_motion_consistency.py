@@ -34,7 +34,7 @@ RATES = (30, 100, 125, 250, 500, 1000)
 UR10 = ROSBAG2.parent / 'ur10'
 RECORDINGS = [UR10, ROSBAG2 / 'mcap', ROSBAG2 / 'sqlite3_lock_step']
 
-laws = settings(deadline=None, derandomize=True, max_examples=60)
+laws = settings(max_examples=60)
 
 
 class States(NamedTuple):
@@ -346,7 +346,6 @@ def freeze(
 @pytest.mark.parametrize('joints', [[0], [1, 2], [0, 1, 2]])
 def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -> None:
     found, one = freeze(joints, 1.0, rate)
-    assert found is not None
     assert found < 0.03
     assert np.flatnonzero(one.frozen).tolist() == joints
     assert 'have not changed for ' in one.reason

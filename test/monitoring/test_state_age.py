@@ -16,7 +16,7 @@ from robot_dynamics.monitoring.state_plausibility import (
     SIMULATED_BEFORE,
     StateVerdict,
 )
-from watched_states import laws, MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
+from watched_states import MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
 
 # --- the age of a state --------------------------------------------------------------------------
 
@@ -79,7 +79,6 @@ def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool)
     return fates
 
 
-@laws
 @given(
     STORY, st.floats(100.0 - NOW / SECOND, SIMULATED_BEFORE - NOW / SECOND - 1000.0),
     st.booleans())

@@ -21,7 +21,6 @@ from robot_dynamics.monitoring.state_plausibility import (
     StateVerdict,
 )
 from watched_states import (
-    laws,
     LIMIT,
     MAX_AGE,
     NAMES,
@@ -35,7 +34,6 @@ from watched_states import (
 
 # --- accepted states -----------------------------------------------------------------------------
 
-@laws
 @given(st.lists(st.floats(0.0005, 0.02), min_size=1, max_size=30), st.floats(0.0, 0.99))
 def test_states_that_move_as_fast_as_they_may_follow_each_other(
     steps: list[float], fraction: float,
@@ -237,7 +235,6 @@ def test_refused_states_do_not_keep_the_memory_alive() -> None:
     assert one.judge(-69.5, 30.5) == StateVerdict(True, None, 'first state')
 
 
-@laws
 @given(st.floats(-1e5, 1e5))
 def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump: float) -> None:
     """The jump of the clock never causes a rejection, nor a step back in time."""

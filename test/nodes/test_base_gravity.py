@@ -4,6 +4,7 @@
 
 import math
 
+from closed_loop import closed_loop, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Quaternion, Vector3
 import numpy as np
@@ -13,21 +14,10 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.base_gravity import gravity_from_imu
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, wait_until
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-NAMES = ['joint1', 'joint2']
-START = [0.8, 0.5]
 TILTED = [4.0, 0.0, -8.0]
 NOT_GIVEN = [-1.0] + 8 * [0.0]
 
@@ -83,15 +73,9 @@ def test_the_parameter_changes_while_the_arm_holds(client: RosClient) -> None:
     namespace = '/tilted'
     with client.collect(JointState, f'{namespace}/joint_states') as states, \
             client.collect(JointState, f'{namespace}/dynamics/gravity_compensation') as torques, \
-            running(
-                NodeProcess(DYNAMICS, namespace=namespace),
-                NodeProcess(SIMULATED_ARM, {
-                    'rate': 250.0, 'lock_step': True, 'initial_position': START,
-                    'real_time_factor': 4.0}, namespace=namespace)):
+            closed_loop(namespace, real_time_factor=4.0):
         states.wait_for(lambda m: any(m.effort), LONG)
-        hold = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
-        hold.publish(JointTrajectory(joint_names=NAMES, points=[
-            JointTrajectoryPoint(positions=START, velocities=[0.0, 0.0])]))
+        send(client, namespace, (0.0, START))
         client.wait_for(JointState, f'{namespace}/dynamics/computed_torque', timeout=LONG)
         for values in ({'paused': True, 'gravity': TILTED}, {'paused': False}):
             if 'gravity' in values:

@@ -8,36 +8,24 @@ from contextlib import contextmanager
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from closed_loop import closed_loop, NAMES, START
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import (
-    payload_to_ros,
-    stamp_from_ros,
-    trajectory_to_ros,
-)
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import (
     Collector,
     DYNAMICS,
     LONG,
     NodeProcess,
     RosClient,
-    running,
     SIMULATED_ARM,
     wait_until,
 )
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
-START = [0.8, 0.5]
 RATE = 100.0
 
 
@@ -159,17 +147,6 @@ def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
     assert drift(seen, START) < 1e-3
 
 
-def test_it_holds_the_arm_in_other_poses(client: RosClient) -> None:
-    # In the second, upright pose the arm would fall without efforts.
-    poses = [[2.2, -1.3], [0.0, 0.0]]
-    with NodeProcess(DYNAMICS, namespace='/poses'):
-        for pose in poses:
-            with client.collect(JointState, '/poses/joint_states') as states, \
-                    simulated_arm('/poses', rate=50.0, initial_position=pose):
-                seen = until(states, 10.0)
-            assert drift(seen, pose) < 1e-3
-
-
 def test_in_wall_time_the_arm_is_held_from_its_brakes_on(client: RosClient) -> None:
     """Without a timeout the last effort holds the arm as long as no new effort arrives."""
     with client.collect(JointState, '/wall/joint_states') as states, \
@@ -235,30 +212,6 @@ def test_positions_without_velocities_suffice_for_tracking(
     assert np.ptp(end, axis=0).max() < 2e-3 + 10.0 * noise  # the arm does not oscillate
 
 
-def test_a_replacement_in_flight_keeps_the_command_continuous(client: RosClient) -> None:
-    hold = ArmDynamics(ARM).rigid_body.gravity(np.array(START))
-    there = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
-    # no point at its start: the trajectory continues from the reference
-    back = JointTrajectory(
-        NAMES, (quintic_point_to_point(NAMES, START, START, 2.0).points[-1],))
-    with client.collect(JointState, '/replace/effort_command') as efforts, \
-            NodeProcess(DYNAMICS, namespace='/replace'), simulated_arm('/replace'):
-        efforts.wait_for()  # nothing is followed before the first state
-        send(client, '/replace', there, 0.0)
-        moving = stamp_from_ros(efforts.wait_for(
-            lambda m: np.abs(m.effort - hold).max() > 5.0, LONG).header.stamp)
-        send(client, '/replace', back, 0.0)
-        efforts.wait_for(lambda m: stamp_from_ros(m.header.stamp) > moving + 2.5e9 and (
-            m.effort == pytest.approx(hold, abs=0.05)), LONG)
-        commands = sorted(efforts.messages, key=lambda m: stamp_from_ros(m.header.stamp))
-    jumps = [
-        np.abs(np.array(b.effort) - a.effort).max() for a, b in zip(commands, commands[1:])
-        if stamp_from_ros(b.header.stamp) - stamp_from_ros(a.header.stamp) == round(1e9 / RATE)]
-    assert jumps
-    # a step of only the reference by 0.1 rad would cause one of about M K_p 0.1 = 280 N·m
-    assert max(jumps) < 5.0
-
-
 # --- repeatability -------------------------------------------------------------------------------
 
 def content(state: Any) -> bytes:
@@ -285,20 +238,10 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
     assert not set(first) & set(other)
 
 
-# --- loads ---------------------------------------------------------------------------------------
-
-def load_of(client: RosClient, namespace: str, node: str) -> None:
-    response = client.call(
-        SetPayload, f'{namespace}/{node}/set_payload',
-        SetPayload.Request(payload=payload_to_ros(make_payload('tool0', 2.0))))
-    assert response.success, response.message
-
-
 def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client: RosClient) -> None:
     """In lock-step the arm repeats its state, with the same stamp, until a command arrives."""
     with client.collect(JointState, '/late/joint_states') as states, \
-            running(simulated_arm('/late'),
-                    NodeProcess(DYNAMICS, {'command': 'none'}, namespace='/late')):
+            closed_loop('/late', {'command': 'none'}):
         def repeats() -> bool:
             stamps = [message.header.stamp for message in states.messages[-5:]]
             return len(stamps) == 5 and all(stamp == stamps[0] for stamp in stamps)
@@ -306,20 +249,3 @@ def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client: RosClie
         wait_until(repeats, 'the arm to wait')
         client.set_parameters('/late/dynamics', {'command': 'computed_torque'})
         states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= 500_000_000)
-
-
-def test_a_load_is_held_where_the_controller_knows_of_it(client: RosClient) -> None:
-    namespaces = ['/known', '/unknown']
-    with client.collect(JointState, '/known/joint_states') as held, \
-            client.collect(JointState, '/unknown/joint_states') as pulled, \
-            running(*(simulated_arm(namespace) for namespace in namespaces)):
-        for namespace in namespaces:  # the arm waits with its brakes engaged
-            load_of(client, namespace, 'simulated_arm')
-        with running(*(NodeProcess(DYNAMICS, {'command': 'none'}, namespace=namespace)
-                       for namespace in namespaces)):
-            load_of(client, '/known', 'dynamics')
-            for namespace in namespaces:
-                client.set_parameters(f'{namespace}/dynamics', {'command': 'gravity_compensation'})
-            known, unknown = until(held, 2.0), until(pulled, 1.0)
-    assert drift(known, START) < 1e-3
-    assert max(state.position[0] for state in unknown) > START[0] + 0.1

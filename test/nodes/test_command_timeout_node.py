@@ -12,11 +12,7 @@ from typing import Any
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import (
     Collector,
@@ -127,11 +123,6 @@ def wait_standing(states: Collector, count: int = 50) -> JointState:
     return states.messages[-1]
 
 
-def model() -> ArmModel:
-    arm = load_arm(default_arm_urdf(), NAMES, ARM['gravity'])
-    return arm.with_friction(make_friction(NAMES, viscous=[VISCOUS]))
-
-
 # --- efforts that end ----------------------------------------------------------------------------
 
 def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> None:
@@ -147,47 +138,6 @@ def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> Non
     assert 0.2 <= silence < 0.2 + 2.0 / RATE
     stood = 1e-9 * stamp_from_ros(standing.header.stamp) - (since + silence)
     assert 0.0 <= stood < LONG
-
-
-def test_the_next_effort_moves_it_on_from_where_it_stands(
-    arm: Driven, client: RosClient,
-) -> None:
-    """The motion resumes from rest, in the same time as that of an arm that starts there."""
-    arm.move()
-    arm.command(None)
-    standing = wait_standing(arm.states)
-    usual = client.get_parameter('/silence/simulated_arm', 'command_timeout')
-    client.set_parameters('/silence/simulated_arm', {'command_timeout': 60.0})
-    arm.states.clear()
-    arm.command(EFFORT)
-    first = arm.states.wait_for(lambda m: any(m.velocity), LONG)
-    client.set_parameters('/silence/simulated_arm', {'command_timeout': usual})
-    passed = stamp_from_ros(first.header.stamp) - stamp_from_ros(standing.header.stamp)
-    assert passed % PERIOD_NS == 0
-    twin = ArmSimulation(model(), standing.position)
-    twin.release()
-    for _ in range(passed // PERIOD_NS):  # the motion began at one of the states in between
-        twin.step(np.array(EFFORT), 1.0 / RATE)
-        if twin.v == pytest.approx(first.velocity, abs=1e-12):
-            break
-    assert twin.v == pytest.approx(first.velocity, abs=1e-12)
-    assert twin.q == pytest.approx(first.position, abs=1e-12)
-    arm.node.wait_for_log('Efforts arrive again: the motion continues from the current state')
-
-
-@pytest.mark.parametrize(('effort', 'names'), [
-    ([float('nan'), 1.0], NAMES), ([float('inf'), 1.0], NAMES), ([1.0], NAMES), ([], NAMES),
-    ([1.0, 1.0], ['wheel1', 'wheel2']),
-])
-def test_efforts_that_are_refused_do_not_count(
-    arm: Driven, effort: list[float], names: list[str],
-) -> None:
-    arm.move()
-    arm.command(effort, names)
-    wait_standing(arm.states)
-    arm.wait_for_answers(10)
-    arm.node.wait_for_log('Rejected an effort')
-    wait_standing(arm.states)
 
 
 def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) -> None:

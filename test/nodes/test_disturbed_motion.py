@@ -4,27 +4,48 @@
 """
 A motion stays safe when it is disturbed: a real node at default parameters, in lock-step.
 
+The arm is an `ArmSimulation` in the process of the test. A test can therefore withhold joint
+states, change what they measure, and compare the true motion with its limits. Each state waits for
+the effort with its stamp, so that a run does not depend on the load of the machine.
+`test/control/test_loop.py` has more disturbances, without ROS.
 `scripts/bench safe_motion` runs thousands of disturbed motions without ROS.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
+from itertools import count
 import os
 import signal
+import threading
 import time
 from typing import Any
 
-from disturbed_arm import Array, disturbed_arm, DisturbedArm, middle, urdf_of
-from interruption_bench import URDF as DEFAULT_WITH_LIMITS
+from children import TIMEOUT
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from fault_bench import NANOSECONDS, nanoseconds_of, stamp_of
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from lock_step_loop import middle
 import numpy as np
+import numpy.typing as npt
 import pytest
-from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from ros_harness import RosClient
+from robots import JOINTS, robot_urdf
+from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RESEND_PERIOD, RosClient
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+Array = npt.NDArray[np.float64]
+Measure = Callable[[Array, Array], tuple[Array, Array]]
+NUMBERS = count()
+PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0}
+"""Without the checks of timing, which a slow machine could fail."""
+FIRST_STAMP = NANOSECONDS
+PERIOD = 2_000_000
+"""[ns] between two joint states."""
 soak = pytest.mark.soak
 GAP = 0.042
 """[s] without joint states, which is less than `state_timeout`."""
@@ -36,7 +57,190 @@ AT_REST = 0.01
 """[rad/s]"""
 SLOW, FROZEN_SLOW = 0.05, 0.3
 """[rad/s] 0.6 s after the disturbance: of all joints, and of a joint without a sensor."""
-TICK = 1.0 / 500.0
+TICK = PERIOD / NANOSECONDS
+
+
+class DisturbedArm:
+    """
+    The arm in lock-step with the node; `run` advances both.
+
+    Positions and velocities are (n,). `q` and `v` are the true motion, one row per state; what
+    was seen is judged from the last `begin` on.
+    """
+
+    def __init__(
+        self, client: RosClient, namespace: str, node: NodeProcess, arm: ArmModel, paced: bool,
+    ) -> None:
+        """`paced` is true for a motion in real time."""
+        self.client, self.node, self.arm, self.namespace = client, node, arm, namespace
+        self.names = list(arm.joint_names)
+        start = middle(arm, 0.3)
+        self.plant = ArmSimulation(arm, start)
+        self.plant.release()
+        self.measure: Measure = lambda q, v: (q, v)
+        """Returns what the joint states contain."""
+        self.time = 0
+        """Simulated time [ns]."""
+        self.begun = 0
+        """Row of the last `begin`."""
+        self.effort = ArmDynamics(arm).rigid_body.gravity(start)
+        self.motion = [(start, 0.0 * start)]
+        self.ends = False
+        """Whether the command ends: efforts with any stamp count, and a state needs no answer."""
+        self._waiting = 0
+        self._answer: Array | None = None
+        self._news = threading.Condition()
+        self._paced_from = time.monotonic() if paced else None
+        self._references = client.collect(
+            JointState, f'{namespace}/dynamics/reference')
+        self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
+        self._efforts = client.node.create_subscription(
+            JointState, f'{namespace}/effort_command', self._keep, KEEP_MANY)
+        self._states = client.publisher(JointState, f'{namespace}/joint_states', 1)
+        self._trajectories = client.publisher(
+            JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+
+    def _keep(self, message: JointState) -> None:
+        with self._news:
+            if nanoseconds_of(message.header.stamp) == self._waiting or self.ends:
+                self._answer = np.array(message.effort)
+                self._news.notify()
+
+    def end(self) -> None:
+        """Interrupt the node, and answer it until its command has ended."""
+        self.ends = True
+        self.node.interrupt()
+        self.run(10.0, lambda: not self.effort.any())
+
+    def close(self) -> None:
+        """Destroy the publishers and subscriptions."""
+        self._references.close()
+        self._diagnostics.close()
+        self.client.node.destroy_subscription(self._efforts)
+        for publisher in (self._states, self._trajectories):
+            self.client.node.destroy_publisher(publisher)
+
+    # ------------------------------------------------------------------ the motion
+
+    @property
+    def q(self) -> Array:
+        """Positions (m, n)."""
+        return np.array([q for q, _ in self.motion])
+
+    @property
+    def v(self) -> Array:
+        """Velocities (m, n)."""
+        return np.array([v for _, v in self.motion])
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False) -> None:
+        """Advance by a time [s]; each state waits for its effort."""
+        end = self.time + round(seconds * NANOSECONDS)
+        while self.time < end and not until():
+            self._exchange()
+            self._step(PERIOD)
+
+    def gap(self, seconds: float) -> None:
+        """Advance by a time [s] without joint states; the last effort continues."""
+        self._step(round(seconds * NANOSECONDS))
+
+    def _step(self, duration: int) -> None:
+        limit = self.arm.limits.effort
+        state = self.plant.step(np.clip(self.effort, -limit, limit), duration / NANOSECONDS)
+        self.motion.append((state.position, state.velocity))
+        self.time += duration
+        if self._paced_from is not None:
+            ahead = self._paced_from + self.time / NANOSECONDS - time.monotonic()
+            if ahead > 0.0:
+                time.sleep(ahead)
+            else:
+                self._paced_from -= ahead
+
+    def _exchange(self) -> None:
+        """Publish the state, and take the effort that answers it; repeat it if it was lost."""
+        q, v = self.measure(self.plant.q.copy(), self.plant.v.copy())
+        message = JointState(name=self.names, position=q.tolist(), velocity=v.tolist())
+        message.header.stamp = stamp_of(FIRST_STAMP + self.time)
+        with self._news:
+            self._waiting = FIRST_STAMP + self.time
+            if not self.ends:
+                self._answer = None
+            deadline = time.monotonic() + TIMEOUT
+            self._states.publish(message)
+            while not self._news.wait_for(
+                    lambda: self._answer is not None, RESEND_PERIOD):
+                assert time.monotonic() < deadline, f'no effort at {self.time} ns'
+                self._states.publish(message)
+            assert self._answer is not None
+            self.effort = self._answer
+            if self.ends and self.effort.any():  # the next one may be the last
+                self._answer = None
+
+    # ------------------------------------------------------------------ requests
+
+    def send(self, q: Array) -> None:
+        """Send a set-point."""
+        self._trajectories.publish(JointTrajectory(
+            joint_names=self.names, points=[JointTrajectoryPoint(positions=q.tolist())]))
+        if self._paced_from is None:  # until they have arrived
+            self._trajectories.wait_for_all_acked()
+
+    def begin(self) -> None:
+        """Judge the motion from now on."""
+        self.begun = len(self.motion) - 1
+        self._references.clear()
+
+    # ------------------------------------------------------------------ results
+
+    def peak_speed(self) -> float:
+        """Return the largest speed, as a share of the velocity limit."""
+        return float((np.abs(self.v[self.begun:]) / self.arm.limits.velocity).max())
+
+    def excess(self, *corners: Array) -> float:
+        """Return how far the arm has left the hull of positions (n,)."""
+        q = self.q[self.begun:]
+        return float(np.maximum(
+            q - np.max(corners, axis=0), np.min(corners, axis=0) - q).max())
+
+    def reference_excess(self, *corners: Array) -> float:
+        """Return how far the published reference has left the hull."""
+        q = np.array([message.position for message in self._references.messages])
+        return float(np.maximum(
+            q - np.max(corners, axis=0), np.min(corners, axis=0) - q).max())
+
+    def beyond_limits(self) -> float:
+        """Return how far the arm was beyond a position limit, negative if it was not."""
+        return self.excess(self.arm.limits.lower, self.arm.limits.upper)
+
+    def rests_at(self, goal: Array) -> bool:
+        """Return whether the arm rests at a goal."""
+        return bool(np.abs(self.plant.q - goal).max() < 0.005 and np.abs(
+            self.plant.v).max() < 0.005)
+
+    def status(self, check: str, holds: Callable[[DiagnosticStatus], bool]) -> DiagnosticStatus:
+        """Wait for a status of the node, from now or before, that fulfils this."""
+        name = f'{self.namespace}/dynamics: {check}'
+
+        def find(message: Any) -> DiagnosticStatus | None:
+            return next((s for s in message.status if s.name == name and holds(s)), None)
+
+        found = find(self._diagnostics.wait_for(lambda message: find(message) is not None))
+        assert found is not None
+        return found
+
+
+@contextmanager
+def disturbed_arm(client: RosClient, name: str, paced: bool = False) -> Iterator[DisturbedArm]:
+    """Run a node at default parameters for an arm at rest."""
+    urdf, joints, namespace = robot_urdf(name), JOINTS.get(name, []), f'/{name}_{next(NUMBERS)}'
+    with NodeProcess(
+            DYNAMICS, {'robot_description': urdf, 'joints': joints, **PATIENCE},
+            namespace=namespace, patient=False) as node:
+        bench = DisturbedArm(client, namespace, node, load_arm(urdf, joints), paced)
+        try:
+            yield bench
+            bench.end()
+        finally:
+            bench.close()
 
 
 def alternating(bench: DisturbedArm, size: float) -> Array:
@@ -79,10 +283,10 @@ def test_a_gap_and_a_second_goal(
             start, goal = bench.plant.q.copy(), alternating(bench, 1.0)
             other = np.clip(
                 start + second * (goal - start), limits.lower + 0.02, limits.upper - 0.02)
-            bench.send((0.0, goal))
+            bench.send(goal)
             run_to(bench, goal, share)
             bench.gap(GAP)
-            bench.send((0.0, other))
+            bench.send(other)
             bench.run(5.0, partial(bench.rests_at, other))
             hull = (start, goal, other)
             worst = np.maximum(worst, (bench.excess(*hull), bench.reference_excess(*hull)))
@@ -92,27 +296,6 @@ def test_a_gap_and_a_second_goal(
             assert bench.beyond_limits() <= 0.0
             assert bench.peak_speed() < 1.05
             assert bench.rests_at(other)
-
-
-@pytest.mark.parametrize('name', ['z1', *(
-    pytest.param(name, marks=soak) for name in ('default', 'panda', 'ur10'))])
-def test_slower_states_and_a_second_goal(client: RosClient, name: str, seen: Any) -> None:
-    """The rate of the joint states drops from 500 to 100 and 30 Hz during a motion."""
-    with disturbed_arm(client, name) as bench:
-        bench.run(0.1)
-        start, goal = bench.q[0], alternating(bench, 1.0)
-        bench.send((0.0, goal))
-        run_to(bench, goal, 0.3)
-        for k, rate in enumerate((100.0, 30.0, 100.0)):
-            bench.period = round(1e9 / rate)
-            bench.run(0.2)
-            bench.send((0.0, (start, goal, start)[k]))
-        bench.run(5.0, lambda: bench.rests_at(start))
-        seen(f'hull {bench.excess(start, goal):.4f} rad, speed {bench.peak_speed():.2f}')
-        assert bench.reference_excess(start, goal) < 1e-6
-        assert bench.excess(start, goal) < TRACKING
-        assert bench.peak_speed() < 1.05
-        assert bench.rests_at(start)
 
 
 # ------------------------------------------------------------------ wrong measurements
@@ -160,7 +343,7 @@ def test_a_wrong_measurement_during_a_motion(
     with disturbed_arm(client, name) as bench:
         bench.run(0.1)
         goal = alternating(bench, 1.5)
-        bench.send((0.0, goal))
+        bench.send(goal)
         run_to(bench, goal, share)
         bench.begin()
         j = int(kind[-1]) if kind[-1].isdigit() else 0
@@ -188,57 +371,6 @@ def test_a_wrong_measurement_during_a_motion(
 
 
 # ------------------------------------------------------------------ ends of streams
-
-
-def stream(bench: DisturbedArm, speed: Array, ends: Array, period: float = 0.02) -> None:
-    """Send set-points that accelerate to `speed` (n,) [rad/s] until `ends`, and then nothing."""
-    start = bench.q[-1]
-    duration = 2.0 * float((np.abs(ends - start) / speed).max())
-    count = max(round(duration / period), 1)
-    for i in range(1, count + 1):
-        way = ends - start
-        bench.send((0.0, start + (i / count)**2 * way), velocity=2.0 * i / count**2 / period * way)
-        bench.run(period)
-    bench.begin()
-    bench.run(2.0)
-
-
-@pytest.mark.parametrize('share', [pytest.param(0.4, marks=soak), 0.9])
-@pytest.mark.parametrize('name', ['ur5', 'panda', 'xarm7', *(
-    pytest.param(name, marks=soak) for name in ('ur10', 'z1'))])
-def test_a_stream_that_ends_at_a_position_limit(
-    client: RosClient, name: str, share: float, seen: Any,
-) -> None:
-    """Moving set-points inside the limits, and then silence: the arm stays inside."""
-    arm = load_arm(urdf_of(name), *([f'panda_joint{i + 1}' for i in range(7)],) * (
-        name == 'panda'))
-    limits, start = arm.limits, middle(arm)
-    moves = np.arange(len(start)) % 3 != 1  # joints 1 and 4 bear most of gravity
-    start = np.where(moves, limits.upper - np.minimum(1.0, limits.upper - start), start)
-    ends = np.where(moves, limits.upper - 1e-3, start)
-    with disturbed_arm(client, name, start, paced=True) as bench:
-        bench.run(0.1)
-        stream(bench, share * limits.velocity, ends)
-        seen(f'{bench.beyond_limits():.4f} rad beyond, speed {bench.peak_speed():.2f}')
-        assert bench.beyond_limits() <= 0.0
-        assert bench.reference_excess(limits.lower, limits.upper) <= 0.0
-        assert bench.last_speed() < SLOW
-
-
-@pytest.mark.parametrize('slow', [pytest.param(0.05, marks=soak), 0.2])
-def test_a_stream_of_a_fast_and_a_slow_joint_ends(
-    client: RosClient, slow: float, seen: Any,
-) -> None:
-    """The slow joint is near its limit, and does not wait for the stop of the fast one."""
-    limit = load_arm(DEFAULT_WITH_LIMITS).limits
-    start = np.array([-1.0, limit.upper[1] - 0.02 - slow])
-    with disturbed_arm(client, 'default', start, urdf=DEFAULT_WITH_LIMITS, paced=True) as bench:
-        bench.run(0.1)
-        stream(bench, np.array([0.9 * limit.velocity[0], slow]),
-               np.array([0.8, limit.upper[1] - 2e-3]))
-        seen(f'{bench.beyond_limits():.4f} rad beyond, speed {bench.peak_speed():.2f}')
-        assert bench.beyond_limits() <= 0.0
-        assert bench.last_speed() < SLOW
 
 
 # ------------------------------------------------------------------ the end of the command
@@ -276,7 +408,7 @@ def test_the_command_ends_in_a_motion(
     with disturbed_arm(client, name, paced=True) as bench:
         bench.run(0.1)
         goal = alternating(bench, 1.5)
-        bench.send((0.0, goal))
+        bench.send(goal)
         run_to(bench, goal, 0.55)  # slower from here on, however late the request arrives
         bench.begin()
         start, speed = bench.plant.q.copy(), float(np.abs(bench.plant.v).max())
@@ -310,55 +442,3 @@ def ramp_speed(bench: DisturbedArm, rest: Array, ramp_time: float = 0.5) -> floa
 
 
 # ------------------------------------------------------------------ the start, and loads
-
-
-@pytest.mark.parametrize(('name', 'speed'), [
-    ('ur10', 0.3), *(pytest.param(*one, marks=soak) for one in (
-        ('ur10', -0.8), ('default', 0.3), ('panda', 0.3), ('xarm7', 0.5), ('z1', -0.3)))])
-def test_the_node_starts_while_the_arm_moves(
-    client: RosClient, name: str, speed: float, seen: Any,
-) -> None:
-    """The arm stops from the measured state, and is held."""
-    with disturbed_arm(client, name, velocity=speed) as bench:
-        bench.run(2.0)
-        moved = np.abs(bench.plant.q - bench.q[0]).max()
-        seen(f'after 2 s {bench.last_speed():.4f} rad/s, {moved:.3f} rad from the start, '
-             f'at most {np.abs(bench.v).max():.2f} rad/s')
-        assert np.abs(bench.v).max() < 1.2 * abs(speed)
-        assert bench.last_speed() < 1e-3
-        assert moved < 0.5 * abs(speed)
-
-
-@pytest.mark.parametrize(('name', 'load', 'sag'), [
-    ('default', 0.5, 0.05), *(pytest.param(*one, marks=soak) for one in (
-        ('ur5', 0.5, 0.05), ('ur10', 0.5, 0.05), ('panda', 0.5, 0.05), ('z1', 0.5, 0.1)))])
-def test_the_arm_is_held_from_the_start_with_a_load_that_the_node_does_not_know(
-    client: RosClient, name: str, load: float, sag: float, seen: Any,
-) -> None:
-    with disturbed_arm(client, name, load=load) as bench:
-        bench.run(3.0, lambda: np.abs(bench.plant.v).max() > 10.0)
-        moved = np.abs(bench.q - bench.q[0]).max()
-        seen(f'{moved:.3f} rad, at most {np.abs(bench.v).max():.2f} rad/s, at the end '
-             f'{bench.last_speed():.4f} rad/s')
-        assert moved < sag
-        assert bench.last_speed() < AT_REST
-
-
-@pytest.mark.parametrize(('load', 'sag', 'most'), [(3.0, 0.2, 0.25), (4.0, 0.25, 0.7)])
-@pytest.mark.parametrize('start', [[0.8, 0.5], pytest.param([0.0, 0.0], marks=soak),
-                                   pytest.param([-0.6, 1.2], marks=soak)], ids=str)
-def test_a_load_that_the_node_does_not_know_at_a_low_rate(
-    client: RosClient, start: list[float], load: float, sag: float, most: float, seen: Any,
-) -> None:
-    """At 125 Hz the gains are scaled for the rate; the falling load is caught, and sags."""
-    with disturbed_arm(client, 'default', start, rate=125.0) as bench:
-        bench.run(0.1)
-        bench.send((0.0, start))
-        bench.run(0.2)
-        bench.add_load(load)
-        bench.run(4.0, lambda: np.abs(bench.plant.v).max() > 10.0)
-        moved, peak = np.abs(bench.plant.q - start).max(), np.abs(bench.q - start).max()
-        seen(f'{moved:.3f} rad, at most {peak:.3f} rad, {bench.last_speed():.4f} rad/s')
-        assert moved < sag
-        assert peak < most
-        assert bench.last_speed() < AT_REST

@@ -7,6 +7,8 @@ from pathlib import Path
 import re
 from typing import Any
 
+from bounded_waits import Collector, has_stamp
+from closed_loop import closed_loop, NAMES, START
 import numpy as np
 import pytest
 from recordings import joint_state_messages, write_recording
@@ -17,27 +19,17 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.tools.analyze_bag import main as analyze_bag
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    has_stamp,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    write_parameters,
-)
+from ros_harness import LONG, RosClient, write_parameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-NAMES = ['joint1', 'joint2']
-START, GOAL = [0.8, 0.5], [0.2, 1.0]
+GOAL = [0.2, 1.0]
 ARM = load_arm(default_arm_urdf())
 G, LIMIT = ArmDynamics(ARM).gravity(START), ARM.limits.effort
 SCALE, OFFSET = [0.7, 1.3], [8.0, -4.0]
 DRIVES = {'joints': NAMES, 'effort.scale': SCALE, 'effort.offset': OFFSET}
+SOFT = {'gains.natural_frequency': [8.0]}
 SECOND = 1_000_000_000
 NOISE = 0.02
 """Standard deviation of the measured effort [N·m]."""
@@ -75,17 +67,13 @@ def moves(state: Any) -> bool:
     return bool(np.abs(state.velocity).max() > 0.1)
 
 
-def arm_of_drives(namespace: str) -> NodeProcess:
-    return NodeProcess(SIMULATED_ARM, {
-        **DRIVES, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 3.0,
-        'initial_position': START, 'effort_noise': NOISE}, namespace=namespace)
+ARM_OF_DRIVES = {**DRIVES, 'rate': 200.0, 'real_time_factor': 3.0, 'effort_noise': NOISE}
 
 
 def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosClient) -> None:
     with client.collect(JointState, '/sags/joint_states') as states, \
-            client.collect(JointState, '/sags/dynamics/computed_torque') as answers, running(
-            NodeProcess(DYNAMICS, {'joints': NAMES, 'gains.natural_frequency': [8.0]},
-                        namespace='/sags'), arm_of_drives('/sags')):
+            client.collect(JointState, '/sags/dynamics/computed_torque') as answers, \
+            closed_loop('/sags', {'joints': NAMES, **SOFT}, **ARM_OF_DRIVES):
         move(client, '/sags', states, answers, to(START), is_any, 0.5)
     moved = np.abs(np.array([m.position for m in states.messages]) - START)
     assert moved.max() > 0.02
@@ -94,15 +82,13 @@ def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosCli
 def test_known_drives_hold_the_arm_and_a_recording_agrees_with_the_model(
     client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    node = NodeProcess(
-        DYNAMICS, {**DRIVES, 'gains.natural_frequency': [8.0]}, namespace='/holds')
     with client.collect(JointState, '/holds/joint_states') as states, \
             client.collect(JointState, '/holds/dynamics/computed_torque') as answers, \
             client.collect(JointState, '/holds/effort_command') as commands, \
             client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, \
             client.collect(JointState, '/holds/dynamics/gravity_compensation') as gravity, \
             client.collect(JointState, '/holds/dynamics/residual') as residuals:
-        with running(node, arm_of_drives('/holds')):
+        with closed_loop('/holds', {**DRIVES, **SOFT}, **ARM_OF_DRIVES) as node:
             move(client, '/holds', states, answers, to(START), is_any, 0.3)
             node.wait_for_log('Effort check passed: ', LONG)
             still = states.messages
@@ -155,18 +141,3 @@ def test_the_rate_limit_is_that_of_the_driver(rate: float, driver: list[float]) 
     arm, values = arm_from_parameters(default_arm_urdf(), DRIVES), {'effort_rate_limit': rate}
     assert effort_rates(values, arm).tolist() == driver
     assert torque_rates(values, arm) == pytest.approx(np.array(driver) * SCALE)
-
-
-@pytest.mark.parametrize(('module', 'parameters', 'words'), [
-    (DYNAMICS, {'effort.offset': [0.0, -12.5]},
-     r"effort.offset of 'joint2' is -12.5, expected a number in \[-12, 12\], 20 % of the effort"),
-    (SIMULATED_ARM, {'effort.scale': [1.0, 0.1]},
-     r'effort.scale\[1\] is 0.1, expected a number in \[0.2, 5\]'),
-])
-def test_values_of_no_drive_are_refused(
-    module: str, parameters: dict[str, Any], words: str,
-) -> None:
-    node = NodeProcess(module, {'joints': NAMES, **parameters}).launch()
-    assert node.wait() == 1
-    assert re.search(words, node.log), node.log
-    assert 'Traceback' not in node.log

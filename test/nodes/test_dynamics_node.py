@@ -5,10 +5,8 @@
 
 from collections.abc import Iterator
 import threading
-from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -16,12 +14,11 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
 from robot_dynamics.ros.dynamics.state_log import StateReport
-from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_urdf
 from ros_harness import BEST_EFFORT, DYNAMICS, LATCHED, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
-from topic_bench import Bench, G, make_bench, NAMES, NAN, Q, V
+from std_msgs.msg import String
+from topic_bench import Bench, G, make_bench, NAMES
 
 
 @pytest.fixture(scope='module')
@@ -55,73 +52,12 @@ def test_every_nanosecond_of_a_stamp_is_preserved(bench: Bench, stamp: Time) -> 
     assert bench.command(state).header.stamp == stamp
 
 
-@pytest.mark.parametrize('state', [
-    {'names': ['joint2', 'joint1'], 'q': Q[::-1], 'v': V[::-1]},
-    {'names': ['wheel', 'joint2', 'lid', 'joint1'], 'q': [9.0, Q[1], -9.0, Q[0]], 'v': [1.0] * 4},
-    {'v': []},
-    {'names': ['joint1', 'wheel', 'joint2'], 'q': [Q[0], NAN, Q[1]], 'v': [0.0, NAN, 0.0]},
-])
-def test_joint_states_are_matched_by_name(bench: Bench, state: dict[str, Any]) -> None:
-    message = bench.command(bench.state(**state))
-    assert list(message.name) == NAMES
-    assert message.effort == pytest.approx(G, abs=5e-9)
-
-
-@pytest.mark.parametrize(('state', 'words'), [
-    ({'q': [NAN, 0.0]}, "position of 'joint1' is nan"),
-    ({'v': [0.0, float('inf')]}, "velocity of 'joint2' is inf"),
-    ({'q': [1.0]}, 'position has 1 values, expected 2 as name has'),
-    ({'v': [1.0] * 3}, 'velocity has 3 values, expected 2 as name has'),
-    ({'names': ['joint1', 'joint1', 'joint2'], 'q': [0.0] * 3, 'v': []}, "'joint1' twice"),
-])
-def test_a_bad_state_is_dropped_alone_and_reported(
-    bench: Bench, state: dict[str, Any], words: str,
-) -> None:
-    bad = bench.state(**state)
-    with bench.client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
-        diagnostics.wait_matched()
-        report = bench.client.ask(
-            bench.states, bad, diagnostics,
-            lambda message: any(
-                words in status.message and status.level == DiagnosticStatus.ERROR
-                for status in message.status))
-    assert report.status[0].name == '/gravity/dynamics: joint states'
-    assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
-    assert not any(
-        message.header.stamp == bad.header.stamp for message in bench.efforts.messages)
-
-
-def test_states_of_other_joints_are_ignored(bench: Bench) -> None:
-    other = bench.state(names=['left', 'right'])
-    bench.states.publish(other)
-    assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
-    assert not any(m.header.stamp == other.header.stamp for m in bench.efforts.messages)
-
-
-def test_commands_are_the_same_numbers_in_the_same_order(bench: Bench) -> None:
-    with bench.client.collect(Float64MultiArray, bench.topic('dynamics/commands')) as commands:
-        commands.wait_matched()
-        numbers = bench.client.ask(
-            bench.states, bench.state(), commands, lambda message: len(message.data) == 2)
-        assert numbers.data == pytest.approx(G, abs=5e-9)
-
-
 def test_best_effort_subscribers_are_served_too(bench: Bench) -> None:
     with bench.client.collect(
             JointState, bench.topic('effort_command'), BEST_EFFORT) as efforts:
         efforts.wait_matched()
         answer = bench.client.answer_to(bench.states, bench.state(), efforts)
         assert answer.effort == pytest.approx(G, abs=5e-9)
-
-
-def test_the_terms_of_gravity_compensation(bench: Bench) -> None:
-    with bench.client.collect(DynamicsTerms, bench.topic('dynamics/terms')) as terms:
-        terms.wait_matched()
-        message = bench.client.answer_to(bench.states, bench.state(), terms)
-    assert message.effort == pytest.approx(G, abs=5e-9)
-    assert message.gravity == pytest.approx(G, abs=5e-9)
-    assert list(message.inertial) == list(message.coriolis) == [0.0, 0.0]
-    assert message.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
 
 
 # --- the robot description -----------------------------------------------------------------------
@@ -166,12 +102,6 @@ def test_a_parameter_takes_precedence_over_the_topic(client: RosClient) -> None:
             np.linspace(-1.0, 1.0, arm.joint_count), arm.limits.lower, arm.limits.upper)
         effort = bench.command(bench.state(q.tolist(), [], list(arm.joint_names)))
         assert effort.effort == pytest.approx(ArmDynamics(arm).rigid_body.gravity(q))
-
-
-def test_it_works_in_the_executor_of_the_node_too(client: RosClient) -> None:
-    with NodeProcess(DYNAMICS, {'state_thread': False}, namespace='/in_executor') as node:
-        bench = make_bench(client, node, '/in_executor')
-        assert bench.command(bench.state()).effort == pytest.approx(G, abs=5e-9)
 
 
 def test_drops_may_be_counted_while_they_are_reported() -> None:

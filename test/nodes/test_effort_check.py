@@ -3,13 +3,12 @@
 
 """Real nodes: gravity compensation, declared correctly or not, and the logs of `dynamics`."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 import re
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
@@ -18,42 +17,17 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_path
-from ros_harness import (
-    DYNAMICS,
-    LATCHED,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LATCHED, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-NAMES = ['joint1', 'joint2']
-START = [0.8, 0.5]
 G = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(START))
+SLOW = {'real_time_factor': 3.0}
 PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
 MOTORS = {
     'joints': NAMES, 'actuator.torque_constant': [0.1, 0.05], 'actuator.gear_ratio': [100.0, 50.0],
     'actuator.efficiency': [0.9, 0.8]}
-# more than gravity, so that the arm sticks under any effort, as many gears do
-STICKY = {'joints': NAMES, 'friction.coulomb': [80.0, 20.0]}
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-
-
-@contextmanager
-def both(
-    namespace: str, dynamics: Mapping[str, Any], arm: Mapping[str, Any],
-) -> Iterator[NodeProcess]:
-    """Run both nodes, the arm in lock-step by default; yield the process of `dynamics`."""
-    node = NodeProcess(DYNAMICS, dynamics, namespace=namespace)
-    with running(node, NodeProcess(SIMULATED_ARM, {
-            'rate': 200.0, 'lock_step': True, 'real_time_factor': 3.0, 'initial_position': START,
-            **arm},
-            namespace=namespace)):
-        yield node
 
 
 def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
@@ -63,13 +37,6 @@ def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
     return float(k[1]), {
         name: [float(number) for number in rest] for name, *rest in re.findall(
             r'(joint\d): measured (\S+), command (\S+), g\(q\) (-?\d+\.\d+)', line)}
-
-
-def check_numbers(line: str, k: float, measured: Any, command: Any) -> None:
-    ratio, joints = numbers(line)
-    assert ratio == pytest.approx(k, abs=0.02)
-    for j, name in enumerate(NAMES):
-        assert joints[name] == pytest.approx([measured[j], command[j], G[j]], abs=0.05), name
 
 
 # --- correct declarations ------------------------------------------------------------------------
@@ -90,7 +57,7 @@ def check_numbers(line: str, k: float, measured: Any, command: Any) -> None:
 def test_what_is_as_declared_passes(
     dynamics: dict[str, Any], arm: dict[str, Any], k: float,
 ) -> None:
-    with both('/declared', dynamics, arm) as node:
+    with closed_loop('/declared', dynamics, **SLOW, **arm) as node:
         line = node.wait_for_log(PASSED, LONG)
     # the losses of the gears, by which the measured effort may be too large or too small
     margin = 0.13 if 'actuator.efficiency' in arm else 0.01
@@ -127,7 +94,7 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
     with client.collect(JointState, '/both/joint_states') as states, \
             client.collect(JointState, '/both/effort_command') as commands, \
             client.collect(DynamicsTerms, '/both/dynamics/terms') as all_terms, \
-            both('/both', gravity, gravity) as node:
+            closed_loop('/both', gravity, **SLOW, **gravity) as node:
         node.wait_for_log(PASSED, LONG)
         efforts, terms = commands.wait_count(200), all_terms.wait_for()
     assert np.abs([message.effort for message in efforts]).max() < 1e-9
@@ -139,7 +106,7 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
 def test_a_new_model_is_checked_again(client: RosClient) -> None:
     descriptions = client.publisher(String, '/second/robot_description', LATCHED, 0)
     other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
-    with both('/second', {}, {}) as node:
+    with closed_loop('/second', **SLOW) as node:
         node.wait_for_log(PASSED, LONG)
         assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict per model
         descriptions.publish(String(data=other))
@@ -155,7 +122,7 @@ def test_a_self_compensating_robot_is_found_before_the_first_command(
 ) -> None:
     """As in a start with a real robot: command none, while the robot's own controller holds it."""
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
-            both('/alone', {'command': 'none'}, {
+            closed_loop('/alone', {'command': 'none'}, **{
                 'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False}) as node:
         line = node.wait_for_log(WARNED, LONG)
 
@@ -165,47 +132,16 @@ def test_a_self_compensating_robot_is_found_before_the_first_command(
                 and status.level == DiagnosticStatus.WARN for status in message.status)
 
         report = diagnostics.wait_for(is_warning)
-    check_numbers(line, 1.0, G, [0.0, 0.0])
+    k, joints = numbers(line)
+    assert k == pytest.approx(1.0, abs=0.02)
+    for j, name in enumerate(NAMES):
+        assert joints[name] == pytest.approx([G[j], 0.0, G[j]], abs=0.05), name
     assert 'set robot_compensates: [gravity]' in line
     status, = (s for s in report.status if s.name == '/alone/dynamics: effort check')
     values = {value.key: value.value for value in status.values}
     assert float(values['k']) == pytest.approx(1.0, abs=0.01)
     assert values['expected k'] == '0'
     assert len(re.findall(WARNED, node.log)) == 1
-
-
-def test_gravity_twice_in_a_joint_that_sticks_is_found() -> None:
-    with both('/twice', {}, {**STICKY, 'robot_compensates': ['gravity']}) as node:
-        line = node.wait_for_log(WARNED, LONG)
-    check_numbers(line, 1.0, 2.0 * G, G)
-
-
-def test_a_robot_that_does_not_compensate_is_found() -> None:
-    with both('/neither', {'robot_compensates': ['gravity']}, STICKY) as node:
-        line = node.wait_for_log(WARNED, LONG)
-    check_numbers(line, 0.0, [0.0, 0.0], [0.0, 0.0])
-    assert 'remove it from robot_compensates' in line
-
-
-@pytest.mark.parametrize(('dynamics', 'arm', 'k', 'measured', 'words'), [
-    ('joint_torque', 'joint_torque_without_gravity', -1.0, [0.0, 0.0],
-     'measured_effort: joint_torque_without_gravity'),
-    ('joint_torque_without_gravity', 'joint_torque', 0.0, G, 'measured_effort: joint_torque'),
-])
-def test_an_effort_that_is_another_one_is_found(
-    dynamics: str, arm: str, k: float, measured: Any, words: str,
-) -> None:
-    with both('/other', {'measured_effort': dynamics}, {'measured_effort': arm}) as node:
-        line = node.wait_for_log(WARNED, LONG)
-    check_numbers(line, k, measured, G)
-    assert words in line
-
-
-def test_a_current_interpreted_as_a_torque_is_found() -> None:
-    motors = {**MOTORS, 'actuator.efficiency': [1.0]}
-    with both('/current', motors, {**motors, 'measured_effort': 'motor_current'}) as node:
-        line = node.wait_for_log(WARNED, LONG)
-    check_numbers(line, -0.88, G / [10.0, 2.5], G)
 
 
 # --- no effort, no check -------------------------------------------------------------------------
@@ -243,7 +179,7 @@ def test_the_check_can_be_declared_away(
            'measured_effort': 'none' if 'measured_effort' in parameters else 'joint_torque'}
     with client.collect(JointState, '/away/joint_states') as states, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
-            both('/away', {'command': 'none', **parameters}, arm) as node:
+            closed_loop('/away', {'command': 'none', **parameters}, **arm) as node:
         states.wait_count(200)
         report = diagnostics.wait_for(lambda message: any(
             status.name == '/away/dynamics: effort check' for status in message.status))
@@ -251,19 +187,3 @@ def test_the_check_can_be_declared_away(
     assert status.message == words
     assert len(states.messages[-1].effort) == (0 if 'measured_effort' in parameters else 2)
     assert 'Effort check' not in node.log
-
-
-@pytest.mark.parametrize('module', [DYNAMICS, SIMULATED_ARM])
-@pytest.mark.parametrize(('parameters', 'words'), [
-    ({'measured_effort': 'torque'}, "measured_effort is 'torque', expected one of"),
-    ({'measured_effort': 'motor_current'}, "measured_effort is 'motor_current', but there are no"),
-    ({'robot_compensates': ['gravity', 'load']},
-     r"robot_compensates\[1\] is 'load', expected one of \['gravity', 'friction'\]"),
-])
-def test_bad_declarations_are_refused(
-    module: str, parameters: dict[str, Any], words: str,
-) -> None:
-    node = NodeProcess(module, parameters).launch()
-    assert node.wait() == 1
-    assert re.search(words, node.log), node.log
-    assert 'Traceback' not in node.log

@@ -8,9 +8,8 @@ After each interruption the effort stays near the gravity torque of the measured
 independent of the reference before the interruption and of messages sent during it.
 """
 
-from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import altered, overflow, RATE, Swing, wait_states
+from fault_stimuli import RATE, Swing
 from fault_table import fault
 from interruption_bench import (
     check_held,
@@ -31,8 +30,6 @@ import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.effort_limiter import LONGEST_STEP
 from ros_harness import wait_until
-from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 SWING = 43.0
 """Angular frequency of an arm that is too fast [rad/s]."""
@@ -74,24 +71,6 @@ def test_a_position_limit(arm: FaultBench) -> None:
     arm.set_parameters(command='computed_torque')
     arm.efforts.clear()
     check_held(arm, inside)
-
-
-@fault(GROUP, 'a trajectory and a set-point before `~/reset_fault` of a latched fault',
-       f'rejected with the fault as the reason; before the reset and after it {HELD}')
-def test_a_latched_fault(arm: FaultBench) -> None:
-    arm.set_parameters(soften_gains=False)  # so that the measured velocity is used unchanged
-    overflow(arm)
-    arm.driver.go_on()
-    wait_states(arm, 5)
-    wait_rejected(arm, 'no reference can be followed now: fault non_finite')
-    arm.efforts.clear()
-    arm.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
-    arm.efforts.clear()
-    check_held(arm, Q)
-    response = arm.client.call(Trigger, arm.name('reset_fault'))
-    assert response.success, response.message
-    check_held(arm, Q, len(arm.efforts.messages) + 200)
-    arm.wait_status('command', lambda status: status.level != DiagnosticStatus.ERROR)
 
 
 # --- an arm that is moved by hand ----------------------------------------------------------------
@@ -140,66 +119,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     follow(arm, ELSEWHERE)
 
 
-@fault(GROUP, '`require_measured_velocities`: velocities are missing; the arm is moved by hand; '
-       'velocities return',
-       f'a trajectory sent in between is rejected; afterwards {HELD}')
-def test_velocities_that_are_absent(arm: FaultBench) -> None:
-    arm.set_parameters(require_measured_velocities=True)
-    arm.driver.change = altered(velocity=[])
-    arm.wait_status('reference', lambda status: (
-        status.message == 'ended early: the joint states have no velocity'))
-    move_by_hand(arm, ELSEWHERE, has_velocity=False)
-    wait_rejected(arm, 'no joint state with velocities has been received')
-    arm.efforts.clear()
-    arm.efforts.wait_for(
-        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
-    arm.efforts.clear()
-    arm.driver.go_on()
-    with arm.client.collect(JointState, arm.name('reference')) as references:
-        reference = references.wait_for()  # velocities are present again: the position is held
-    assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)
-    check_held(arm, ELSEWHERE)
-    arm.set_parameters(require_measured_velocities=False)
-
-
 # --- faults --------------------------------------------------------------------------------------
-
-@fault(GROUP, '`~/reset_fault` while the cause of a fault persists',
-       '`success` false; the message names the fault and its cause')
-def test_a_reset_while_the_cause_persists(arm: FaultBench) -> None:
-    def refusal() -> str:
-        response = arm.client.call(Trigger, arm.name('reset_fault'))
-        assert not response.success
-        return str(response.message)
-
-    assert refusal() == 'there is no fault'
-    arm.driver.be_quiet()
-    arm.wait_state_timeout()
-    message = refusal()
-    assert message.startswith('state_timeout persists: no valid joint state for 0.3 s')
-    assert message.endswith('it ends automatically after 1 valid joint states')
-    arm.driver.go_on()
-    arm.wait_running()
-
-    arm.set_parameters(command='gravity_compensation')
-    move_by_hand(arm, [Q[0], -LIMIT - 0.05])
-    arm.wait_fault('position_limit')
-    message = refusal()
-    assert message.startswith("position_limit persists: position of 'joint2' is -2.5")
-    assert message.endswith('it ends automatically after 5 valid joint states')
-    move_by_hand(arm, Q)
-    arm.wait_running()
-
-    arm.set_parameters(command='computed_torque', soften_gains=False)
-    follow(arm, Q)
-    overflow(arm)
-    assert refusal().startswith('non_finite persists: the efforts at position [0.785')
-    arm.driver.go_on()
-    wait_states(arm, 20)
-    response = arm.client.call(Trigger, arm.name('reset_fault'))
-    assert response.success
-    assert response.message.startswith('reset non_finite: ')
-
 
 @pytest.mark.parametrize('v', [
     pytest.param(v, marks=fault(
@@ -253,18 +173,3 @@ def test_a_following_error(arm: FaultBench) -> None:
     assert arm.figure('command', 'faults: following_error') == before + 1
     unset = Parameter('following_error_limit', Parameter.Type.DOUBLE_ARRAY, [])
     arm.set_parameters(following_error_limit=unset)
-
-
-@fault(GROUP, 'velocities of ±1.7·10³⁰⁸ rad/s without a reference',
-       'reported; commands are finite and within the limits')
-def test_velocities_beyond_numbers(arm: FaultBench) -> None:
-    arm.set_parameters(command='gravity_compensation')
-    arm.efforts.clear()
-    arm.driver.v = [1.7e308, -1.7e308]
-    arm.wait_status('joint states', lambda status: (
-        'not finite' in status.message or 'velocity of' in status.message))
-    arm.efforts.wait_count(len(arm.efforts.messages) + 20)
-    arm.check_efforts()
-    assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
-    arm.driver.v = [0.0, 0.0]
-    arm.check_alive()

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import math
 from typing import Any
 
+from bounded_waits import Collector, has_stamp
+from closed_loop import closed_loop, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
@@ -18,22 +20,9 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    has_stamp,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-NAMES = ['joint1', 'joint2']
-START = [0.8, 0.5]
 BANDWIDTH = 5.0
 K = 2.0 * math.pi * BANDWIDTH
 RATE = 500.0
@@ -74,18 +63,12 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
             client.collect(JointState, '/pushed/dynamics/external_effort') as estimates, \
             client.collect(JointState, '/pushed/dynamics/residual') as residuals, \
             client.collect(JointState, '/pushed/dynamics/residual_deviation') as deviations, \
-            running(
-                NodeProcess(DYNAMICS, {
-                    **ROBOT, 'external_effort_bandwidth': BANDWIDTH,
-                    'gains.natural_frequency': [40.0]}, namespace='/pushed'),
-                NodeProcess(SIMULATED_ARM, {
-                    **ROBOT, 'rate': RATE, 'lock_step': True, 'initial_position': START},
-                    namespace='/pushed')):
+            closed_loop(
+                '/pushed', {**ROBOT, 'external_effort_bandwidth': BANDWIDTH,
+                            'gains.natural_frequency': [40.0]}, **ROBOT, rate=RATE):
         wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
         states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before an effort
-        holding = client.publisher(JointTrajectory, '/pushed/dynamics/joint_trajectory')
-        holding.publish(JointTrajectory(joint_names=NAMES, points=[
-            JointTrajectoryPoint(positions=START, velocities=[0.0, 0.0])]))
+        send(client, '/pushed', (0.0, START))
         client.wait_for(JointState, '/pushed/dynamics/computed_torque', timeout=LONG)
         first = estimates.wait_count(20, LONG)[-1]
         wrenches.publish(push(True))

@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from closed_loop import closed_loop, NAMES
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
@@ -16,19 +17,10 @@ from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-NAMES = ['joint1', 'joint2']
 START = np.array([0.8, 0.5])
 ROBOT = {
     'joints': NAMES, 'friction.viscous': [1.5, 0.5], 'friction.coulomb': [1.0, 0.5],
@@ -65,14 +57,10 @@ def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
     with client.collect(JointState, '/carried/dynamics/gravity_compensation') as gravity, \
             client.collect(InertiaStamped, '/carried/dynamics/payload') as payloads, \
             client.collect(JointState, '/carried/dynamics/reference') as references, \
-            running(
-                NodeProcess(DYNAMICS, {
-                    **ROBOT, 'gains.natural_frequency': [12.0], 'effort_check': False},
-                    namespace='/carried'),
-                NodeProcess(SIMULATED_ARM, {
-                    **ROBOT, 'rate': 250.0, 'lock_step': True, 'effort_noise': 0.2, 'seed': 1,
-                    'initial_position': START.tolist()}, namespace='/carried')):
-        gravity.wait_for(lambda _: True, LONG)
+            closed_loop(
+                '/carried', {**ROBOT, 'gains.natural_frequency': [12.0], 'effort_check': False},
+                **ROBOT, effort_noise=0.2, seed=1):
+        gravity.wait_for(timeout=LONG)
         assert client.call(SetPayload, '/carried/simulated_arm/set_payload', SetPayload.Request(
             payload=payload_to_ros(LOAD))).success
         assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"

@@ -38,7 +38,6 @@ def test_a_payload_counts_in_every_service_and_is_latched(
         InertiaStamped, '/planar/dynamics/payload', lambda message: message.inertia.m > 0.0,
         qos=LATCHED)
     back = payload_from_ros(arm, in_force)
-    assert back is not None
     assert (back.link, back.mass, back.com.tolist()) == ('tool0', 2.5, [0.1, 0.0, 0.2])
     assert back.inertia.tolist() == LOAD.inertia.tolist()
     assert in_force.header.stamp.sec > 0

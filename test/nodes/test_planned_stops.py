@@ -7,17 +7,15 @@ Planned stops on a real node: `~/stop`, and the timeout of a stream of set-point
 The reference comes to rest along its path without a jump, and the node then holds the position.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import FaultBench, figure_of, NAMES, nanoseconds_of, Q
-from fault_stimuli import SetPoints
+from fault_bench import FaultBench, NAMES, nanoseconds_of, Q
 from fault_table import fault
-from interruption_bench import check_held, ELSEWHERE, follow, gravity, GROUP, LIMIT, move_by_hand
+from interruption_bench import check_held, ELSEWHERE, follow, gravity, GROUP, move_by_hand
 from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
 import numpy as np
 import pytest
@@ -26,9 +24,6 @@ from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-PAUSE = 0.3
-"""[s] of `reference_timeout` once a stream has ended."""
 
 
 class IdealArm:
@@ -185,41 +180,3 @@ def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
         assert one.change(DEACTIVATE)
         assert stop(one).message == words
         one.check_silent()
-
-
-@contextmanager
-def stream_timeout(bench: FaultBench, seconds: float) -> Iterator[None]:
-    """Set the timeout [s] of the set-point stream."""
-    bench.set_parameters(reference_timeout=seconds)
-    try:
-        yield
-    finally:
-        bench.set_parameters(reference_timeout=0.1)
-
-
-@fault(GROUP, 'a stream of moving set-points that times out',
-       'a planned stop, then the position is held; reported and counted')
-def test_a_stream_that_pauses(arm: FaultBench) -> None:
-    before = arm.known('reference', 'streams that paused')
-    begin, sent = time.monotonic(), [Q]
-
-    def next_pose() -> list[float]:
-        way = min(0.3 * (time.monotonic() - begin), 0.8)
-        sent.append([Q[0] + way, Q[1] + way])
-        return sent[-1]
-
-    with IdealArm(arm) as ideal, stream_timeout(arm, 60.0):
-        with SetPoints(arm, next_pose) as stream:
-            ideal.wait_moving()
-            wait_until(lambda: stream.sent >= 10, 'ten set-points')
-        arm.set_parameters(reference_timeout=PAUSE)
-        status = arm.wait_status(
-            'reference', lambda status: figure_of(status, 'streams that paused') > before)
-        assert status.level == DiagnosticStatus.WARN
-        assert status.message == (
-            'ended early: the stream of set-points paused for more than reference_timeout')
-        where = ideal.check_stopped()
-        # The overshoot of a starved node depends on the load; test_reference_streams limits it.
-        assert all(begin < q <= LIMIT for begin, q in zip(Q, where)), (where, sent, stream.sent)
-        arm.efforts.clear()
-        check_held(arm, where)

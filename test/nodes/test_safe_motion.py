@@ -13,69 +13,39 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from children import TIMEOUT
+from closed_loop import closed_loop, NAMES, send
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
+from lock_step_loop import middle
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from robots import robot_urdf
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from robots import JOINTS, robot_urdf
+from ros_harness import Collector, LONG, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-PANDA = [f'panda_joint{i + 1}' for i in range(7)]
 ARRIVED = 0.005
 """[rad] from the goal, and [rad/s]."""
 
 
-def urdf_of(name: str) -> str:
-    """Return the description of an arm; the test is skipped if it is not installed."""
-    return default_arm_urdf() if name == 'default' else robot_urdf(name)
-
-
 @contextmanager
-def closed_loop(
-    client: RosClient, namespace: str, urdf: str, joints: list[str], start: np.ndarray,
-    rate: float = 250.0, real_time_factor: float = 0.0, **parameters: Any,
+def both(
+    client: RosClient, namespace: str, start: np.ndarray, urdf: str = default_arm_urdf(),
+    joints: list[str] = NAMES, rate: float = 250.0, real_time_factor: float = 0.0,
+    **parameters: Any,
 ) -> Iterator[Collector]:
     """Run both nodes at default parameters in lock-step; return the joint states."""
     arm = {'robot_description': urdf, 'joints': joints}
     patience = {'state_timeout': 60.0, 'state_max_age': 0.0}
-    with client.collect(JointState, f'{namespace}/joint_states') as states, running(
-            NodeProcess(DYNAMICS, {**arm, **patience, **parameters}, namespace=namespace,
-                        patient=False),
-            NodeProcess(SIMULATED_ARM, {
-                **arm, 'rate': rate, 'lock_step': True, 'initial_position': start.tolist(),
-                'real_time_factor': real_time_factor},
-                namespace=namespace)):
+    with client.collect(JointState, f'{namespace}/joint_states') as states, closed_loop(
+            namespace, {**arm, **patience, **parameters}, patient=False, **arm, rate=rate,
+            initial_position=start.tolist(), real_time_factor=real_time_factor):
         yield states
-
-
-def send(client: RosClient, namespace: str, names: list[str], *points: Any) -> None:
-    """Publish a trajectory of positions at times [s]; wait until it has been received."""
-    message = JointTrajectory(joint_names=names, points=[
-        JointTrajectoryPoint(
-            positions=list(map(float, q)),
-            time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))
-        for t, q in points])
-    publisher = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
 
 
 def wait_arrived(states: Collector, goal: np.ndarray) -> None:
@@ -113,21 +83,19 @@ def wait_held(
 def test_a_set_point_is_reached_within_the_limits(
     client: RosClient, name: str, rate: float, size: float,
 ) -> None:
-    urdf = urdf_of(name)
-    arm = load_arm(urdf, PANDA if name == 'panda' else [])
+    urdf = robot_urdf(name)
+    arm = load_arm(urdf, JOINTS.get(name, []))
     names, limits = list(arm.joint_names), arm.limits
-    is_bounded = np.isfinite(limits.lower) & np.isfinite(limits.upper)
-    start = np.full(len(names), 0.3)
-    start[is_bounded] = 0.5 * (limits.lower[is_bounded] + limits.upper[is_bounded])
+    start = middle(arm, 0.3)
     way = np.where(np.arange(len(names)) % 2 == 0, -size, size)
     goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
     namespace = f'/safe_{name}_{round(rate)}_{round(10 * size)}'
-    with closed_loop(client, namespace, urdf, names, start, rate, 4.0) as states:
+    with both(client, namespace, start, urdf, names, rate, 4.0) as states:
         wait_active(states)
         # Without a reference the arm drifts: sampled gravity compensation is unstable, and time
         # constants of a second turn rounding errors into motion within 20 s of simulated time.
         client.set_parameters(f'{namespace}/simulated_arm', {'paused': True})
-        send(client, namespace, names, (0.0, goal))
+        send(client, namespace, (0.0, goal), names=names)
         client.set_parameters(f'{namespace}/simulated_arm', {'paused': False})
         wait_arrived(states, goal)
         messages = states.messages
@@ -139,31 +107,10 @@ def test_a_set_point_is_reached_within_the_limits(
     assert (past <= np.maximum(0.05 * moved, 0.01)).all()
 
 
-@pytest.mark.parametrize('moves', [pytest.param(False, marks=pytest.mark.soak), True])
-def test_stop_decelerates_and_holds(client: RosClient, moves: bool) -> None:
-    start, goal = np.array([0.3, 0.5]), np.array([2.3, -1.5])
-    namespace, names = f'/stopped_{moves}', ['joint1', 'joint2']
-    with closed_loop(client, namespace, default_arm_urdf(), names, start, 250.0, 4.0) as states:
-        wait_active(states)
-        if moves:  # for at least 10 s of wall time, so that ~/stop arrives during the motion
-            send(client, namespace, names, (40.0, goal))
-            states.wait_for(lambda m: abs(m.position[0] - start[0]) > 0.05, LONG)
-        states.clear()
-        response = client.call(Trigger, f'{namespace}/dynamics/stop', Trigger.Request())
-        assert response.success
-        assert ('along the reference' if moves else 'measured state') in response.message
-        held, later = wait_held(states)
-    assert later.position == pytest.approx(held.position, abs=1e-4)
-    assert np.abs(np.array(held.position) - goal).max() > 0.1
-    if not moves:
-        assert held.position == pytest.approx(start, abs=1e-3)
-
-
 def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
     """docs/safety.md, section "The first command, and every change", step by step."""
     start, goal = np.array([0.8, 0.5]), np.array([0.85, 0.5])
-    namespace, names = '/first_trial', ['joint1', 'joint2']
-    node = f'{namespace}/dynamics'
+    namespace, node = '/first_trial', '/first_trial/dynamics'
     gravity = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(start)
 
     def set_parameter(name: str, value: Any) -> None:
@@ -174,8 +121,8 @@ def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
         end = begin.sec + 1e-9 * begin.nanosec + seconds
         states.wait_for(lambda m: m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec > end, LONG)
 
-    with closed_loop(client, namespace, default_arm_urdf(), names, start, command='none') as (
-            states), client.collect(JointState, f'{namespace}/effort_command') as efforts:
+    with both(client, namespace, start, command='none') as states, \
+            client.collect(JointState, f'{namespace}/effort_command') as efforts:
         computed = client.wait_for(JointState, f'{node}/gravity_compensation', timeout=LONG)
         assert computed.effort == pytest.approx(gravity)
         assert not efforts.messages
@@ -187,11 +134,11 @@ def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
             assert states.messages[-1].position == pytest.approx(start, abs=1e-6)
         set_parameter('effort_scale', 0.5)
         set_parameter('command', 'computed_torque')
-        send(client, namespace, names, (0.0, goal))
+        send(client, namespace, (0.0, goal))
         wait_arrived(states, goal)
         hold_for(states, 2.0)
         assert states.messages[-1].position == pytest.approx(goal, abs=1e-3)
-        send(client, namespace, names, (0.0, goal + 2.0))
+        send(client, namespace, (0.0, goal + 2.0))
         states.wait_for(lambda m: m.position[0] > goal[0] + 0.2, LONG)
         assert client.call(Trigger, f'{node}/stop', Trigger.Request()).success
         wait_until(lambda: np.abs(states.messages[-1].velocity).max() < 1e-4, 'the stop', TIMEOUT)
@@ -203,13 +150,11 @@ def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(
     client: RosClient,
 ) -> None:
     start, limit = np.array([0.3, 0.5]), 15.0
-    namespace, names = '/pushed_beyond', ['joint1', 'joint2']
-    with closed_loop(
-            client, namespace, default_arm_urdf(), names, start,
-            external_effort_limit=[limit]) as states, \
+    namespace = '/pushed_beyond'
+    with both(client, namespace, start, external_effort_limit=[limit]) as states, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         wait_active(states)
-        send(client, namespace, names, (0.0, start + 0.2))
+        send(client, namespace, (0.0, start + 0.2))
         wait_arrived(states, start + 0.2)
         states.clear()
         wrenches = client.publisher(WrenchStamped, f'{namespace}/simulated_arm/external_wrench')

@@ -24,7 +24,6 @@ def allowed(node: str, kind: str) -> set[str]:
     """Return the full names that the policy allows a node to publish, subscribe or reply to."""
     profile = ElementTree.parse(POLICY).find(
         f".//enclave[@path='/robot_dynamics/{node}']/profiles/profile")
-    assert profile is not None
     assert profile.attrib == {'ns': '/', 'node': node}
     names = [entry.text or '' for group in profile for entry in group
              if group.attrib == {kind: 'ALLOW'}]

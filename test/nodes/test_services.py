@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.planar.two_link import inverse_dynamics, PlanarTwoLink
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
-from ros_harness import RosClient
+from ros_harness import DYNAMICS, NodeProcess, RosClient
 from service_bench import A, Q, Served, served, TAU, V
 from service_requests import SERVICES, wrench
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -78,17 +77,6 @@ def test_forward_dynamics_of_the_planar_arm(planar: Served) -> None:
     assert response.acceleration == pytest.approx(A, abs=5e-8)
 
 
-def test_the_closed_form_agrees_along_a_swing(planar: Served) -> None:
-    arm, random = PlanarTwoLink(), np.random.default_rng(3)
-    rows = random.uniform(-3.0, 3.0, (3, 50, 2))
-    response = planar.answer(
-        'inverse_dynamics_batch', **{
-            field: floats_to_ros(row)
-            for field, row in zip(('position', 'velocity', 'acceleration'), rows)})
-    expected = [inverse_dynamics(arm, q, v, a) for q, v, a in zip(*rows)]
-    assert np.reshape(response.effort, (-1, 2)) == pytest.approx(np.array(expected), abs=1e-9)
-
-
 def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
     still = planar.answer('inverse_dynamics', position=Q)
     assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
@@ -97,6 +85,14 @@ def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
     released = planar.answer('forward_dynamics', position=Q, effort=[0.0, 0.0])
     M = planar.dynamics.rigid_body.mass_matrix(np.array(Q))
     assert M @ released.acceleration == pytest.approx([49.52282521, 11.37087883], abs=5e-9)
+
+
+def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
+        for service, kind in SERVICES.items():
+            response = client.call(kind, f'/empty/dynamics/{service}')
+            assert not response.success
+            assert 'no model yet' in response.message
 
 
 # --- real robots ---------------------------------------------------------------------------------

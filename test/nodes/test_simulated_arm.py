@@ -8,63 +8,37 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
+from closed_loop import NAMES, START
+from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController, Plant
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
-from rosgraph_msgs.msg import Clock
+from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 ARM = load_arm(default_arm_urdf())
-NAMES = ['joint1', 'joint2']
-START = [0.8, 0.5]
 RATE = 500.0
 PERIOD_NS = 2_000_000
 
 
-class LockStepped:
-    """A simulated arm that waits for each effort; the test is its controller."""
-
-    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
-        self.client, self.node, self.namespace = client, node, namespace
-        self.states = client.collect(JointState, f'{namespace}/joint_states', KEEP_MANY)
-        self.clock = client.collect(Clock, '/clock', KEEP_MANY)
-        self.efforts = client.publisher(JointState, f'{namespace}/effort_command', 1)
-        self.state = self.states.wait_for()
-
-    def step(self, effort: Any, names: Any = None) -> JointState:
-        """Answer the newest state; return the state that follows."""
-        answer = JointState(name=names or NAMES, effort=effort)
-        answer.header.stamp = self.state.header.stamp
-        before = stamp_from_ros(self.state.header.stamp)
-        self.state = self.client.ask(
-            self.efforts, answer, self.states,
-            lambda message: stamp_from_ros(message.header.stamp) > before)
-        self.states.clear()
-        return self.state
-
-    def set_payload(self, *arguments: Any, **fields: Any) -> Any:
-        return self.client.call(
-            SetPayload, f'{self.namespace}/simulated_arm/set_payload',
-            SetPayload.Request(*arguments, **fields))
-
-
 @pytest.fixture(scope='module')
 def stepped(client: RosClient) -> Iterator[LockStepped]:
-    parameters = {'lock_step': True, 'rate': RATE, 'initial_position': START}
-    with NodeProcess(SIMULATED_ARM, parameters, namespace='/stepped') as node:
-        yield LockStepped(client, node, '/stepped')
+    with lock_stepped(client, '/stepped', rate=RATE) as one:
+        yield one
+
+
+def set_payload(one: LockStepped, **fields: Any) -> Any:
+    return one.client.call(
+        SetPayload, f'{one.namespace}/simulated_arm/set_payload', SetPayload.Request(**fields))
 
 
 def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped) -> None:
@@ -93,33 +67,8 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.effort) == effort
 
 
-def test_a_reflected_inertia_slows_the_joints(client: RosClient) -> None:
-    parameters = {'lock_step': True, 'rate': RATE, 'initial_position': START, 'joints': NAMES,
-                  'actuator.reflected_inertia': [0.4, 0.2]}
-    twin = ArmSimulation(ARM.with_reflected_inertia([0.4, 0.2]), START)
-    twin.release()
-    with NodeProcess(SIMULATED_ARM, parameters, namespace='/rotors') as node:
-        rotors = LockStepped(client, node, '/rotors')
-        for _ in range(10):
-            effort = [30.0, 10.0]
-            state = rotors.step(effort)
-            twin.step(np.array(effort), 1.0 / RATE)
-            assert list(state.velocity) == twin.v.tolist()
-        result, = client.set_parameters(
-            '/rotors/simulated_arm', {'actuator.reflected_inertia': [0.1]})
-        assert not result.successful
-    M = ArmDynamics(ARM).rigid_body.mass_matrix(np.array(START)) + np.diag([0.4, 0.2])
-    tau = np.array([30.0, 10.0]) - ArmDynamics(ARM).rigid_body.gravity(np.array(START))
-    # over 20 ms from rest, the acceleration of the start
-    assert np.array(state.velocity) / 0.02 == pytest.approx(np.linalg.solve(M, tau), rel=0.05)
-
-
 def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
-    parameters = {'lock_step': True, 'rate': 100.0, 'real_time_factor': 0.5}
-    with NodeProcess(
-            SIMULATED_ARM, parameters, namespace='/paced',
-            remaps={'/clock': '/paced/clock'}) as node:
-        paced = LockStepped(client, node, '/paced')
+    with lock_stepped(client, '/paced', rate=100.0, real_time_factor=0.5) as paced:
         began = time.monotonic()
         for _ in range(11):  # the arm publishes the first state after `began`, and ten more follow
             paced.step([0.0, 0.0])
@@ -128,25 +77,19 @@ def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
 
 @pytest.mark.parametrize('mode', ['lock_step', 'publish_clock'])
 def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) -> None:
-    parameters = {
-        mode: True, 'paused': True, 'rate': RATE, 'initial_position': START, 'brakes': False,
-        'command_timeout': 0.0}
-    with NodeProcess(
-            SIMULATED_ARM, parameters, namespace='/paused',
-            remaps={'/clock': '/paused/clock'}) as node:
-        paused = LockStepped(client, node, '/paused')
+    parameters = {'lock_step': False, mode: True, 'paused': True, 'rate': RATE, 'brakes': False,
+                  'command_timeout': 0.0}
+    with lock_stepped(client, '/paused', **parameters) as paused:
         for _ in range(3):  # the arm accepts an effort, and no simulated time passes
             paused.efforts.publish(JointState(
                 header=paused.state.header, name=NAMES, effort=[1.0, 1.0]))
             again = paused.states.wait_count(len(paused.states.messages) + 1)[-1]
             assert stamp_from_ros(again.header.stamp) == PERIOD_NS
             assert list(again.position) == START
-        result, = client.set_parameters('/paused/simulated_arm', {'paused': False})
-        assert result.successful, result.reason
+        assert paused.set_parameter('paused', False).successful
         paused.step([1.0, 1.0])
         assert list(paused.state.position) != START
-        result, = client.set_parameters('/paused/simulated_arm', {'paused': True})
-        assert result.successful, result.reason
+        assert paused.set_parameter('paused', True).successful
 
 
 def test_the_time_of_the_computer_cannot_be_paused(client: RosClient) -> None:
@@ -214,10 +157,10 @@ def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
 
 def test_a_payload_weighs(stepped: LockStepped) -> None:
     payload = make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
-    response = stepped.set_payload(payload=payload_to_ros(payload))
+    response = set_payload(stepped, payload=payload_to_ros(payload))
     assert response.success
     assert response.message == "3 kg on 'tool0'"
-    response = stepped.set_payload(payload=payload_to_ros(payload))
+    response = set_payload(stepped, payload=payload_to_ros(payload))
     assert response.message == "3 kg on 'tool0' (replaces 3 kg on 'tool0')"
     stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
     stepped.step([0.0, 0.0])
@@ -229,55 +172,24 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
     for fields, words in (
             ({'payload': payload_to_ros(make_payload('hand', 1.0))}, "frame_id is 'hand'"),
             ({'transition_time': 1.0}, 'transition_time is 1, expected 0')):
-        refusal = stepped.set_payload(**fields)
+        refusal = set_payload(stepped, **fields)
         assert not refusal.success
         assert words in refusal.message
-    assert stepped.set_payload().message == 'no payload'
+    assert set_payload(stepped).message == 'no payload'
 
 
 def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped: LockStepped) -> None:
     heavy = payload_to_ros(make_payload('tool0', 500.0))
-    assert 'payload.inertia.m is 500 kg' in stepped.set_payload(payload=heavy).message
+    assert 'payload.inertia.m is 500 kg' in set_payload(stepped, payload=heavy).message
     node, name = '/stepped/simulated_arm', 'allow_implausible_payload'
     stepped.client.set_parameters(node, {name: True})
-    response = stepped.set_payload(payload=heavy)
+    response = set_payload(stepped, payload=heavy)
     stepped.client.set_parameters(node, {name: False})
     assert response.success
     assert [line.split(', expected')[0] for line in response.warnings] == [
         "payload.inertia.m is 500 kg on 'tool0'"]
-    response = stepped.set_payload()
+    response = set_payload(stepped)
     assert (response.message, list(response.warnings)) == ('no payload', [])
-
-
-def test_a_wrench_pushes_until_it_is_lifted(stepped: LockStepped) -> None:
-    push = stepped.client.publisher(WrenchStamped, '/stepped/simulated_arm/external_wrench')
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    message.wrench.force.x = 30.0
-    twin = ArmSimulation(ARM)
-    twin.release()
-
-    def publish_until_it_acts(force: float) -> None:
-        message.wrench.force.x = force
-        wrench = ExternalWrench('tool0', np.array([force, 0.0, 0.0]), np.zeros(3))
-        push.publish(message)
-        for _ in range(300):
-            twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
-            effort = ArmDynamics(ARM).rigid_body.gravity(twin.q)
-            state = stepped.step(effort.tolist())
-            twin.step(effort, 1.0 / RATE, [wrench])
-            if state.velocity == pytest.approx(twin.v, abs=1e-12):
-                return
-        raise AssertionError(f'{force} N never acted')
-
-    publish_until_it_acts(30.0)
-    stepped.step([0.0, 0.0])
-    publish_until_it_acts(-20.0)  # replaces the previous wrench
-    publish_until_it_acts(0.0)
-    message.header.frame_id = 'hand'
-    push.publish(message)
-    stepped.node.wait_for_log(r"Rejected an external wrench: .*'hand'")
-    stepped.client.node.destroy_publisher(push)
 
 
 def test_noise_is_on_what_is_measured_alone() -> None:

@@ -61,15 +61,9 @@ CASES = {
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),
     'out of range': Case({'effort_scale': 2.0}, r'effort_scale.* 2'),
     'not a number': Case({'effort_scale': NAN}, r'effort_scale.* nan'),
-    'infinite': Case({'ramp_time': INF}, r'ramp_time.* inf'),
     'zero time': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
-    'negative time': Case({'hold_time': -1.0}, r'hold_time.* -1'),
     'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
-    'several following errors without an order of the joints': Case(
-        {'following_error_limit': [1.0, 2.0]},
-        r'following_error_limit has 2 values, .*but the parameter joints'),
     'unknown fault action': Case({'fault_action': 'pray'}, "fault_action is 'pray', expected"),
-    'not a number in an array': Case({'gains.kd': [NAN]}, r'gains\.kd\[0\] is nan'),
     'too large in an array': Case({'gains.kd': [1e9]}, r'gains\.kd\[0\] is 1e\+09'),
     'infinite gravity': Case({'gravity': [0.0, 0.0, -INF]}, r'gravity\[2\] is -inf'),
     'number for a boolean': Case(
@@ -79,12 +73,9 @@ CASES = {
     'text for a number': Case(
         {'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
     'integer': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
-    'unknown choice': Case({'command': 'fly'}, r"command is 'fly', expected one of"),
     'negative gain': Case({'gains.kp': [-1.0]}, r'gains\.kp\[0\] is -1'),
     'several gains without an order of the joints': Case(
         {'gains.kp': [1.0, 2.0]}, r'gains\.kp has 2 values, .*but the parameter joints'),
-    'wrong number of gains': Case(
-        {'joints': ['joint1', 'joint2'], 'gains.kd': [1.0] * 3}, r'gains\.kd has 3 values'),
     'mixed types': Case({'gains.kp': [1, 2.0]}, r'Sequence should be of same type.*line_num'),
     'wrong number of gravity components': Case(
         {'gravity': [0.0, 0.0]}, r'gravity has 2 values, expected 3'),
@@ -93,48 +84,17 @@ CASES = {
         {'initial_position': [0.0]}, r'initial_position has 1 values, expected 2', SIMULATED_ARM),
     'unknown joint of the simulated arm': Case(
         {'joints': ['elbow']}, r"joints has 'elbow'", SIMULATED_ARM),
-    'negative viscous friction': Case(
-        {'joints': ARM_JOINTS, 'friction.viscous': [0.5, -0.1]},
-        r'friction\.viscous\[1\] is -0\.1, expected a number in \[0, ', SIMULATED_ARM),
-    'negative Coulomb friction': Case(
-        {'friction.coulomb': [-1.0]}, r'friction\.coulomb\[0\] is -1, expected a number'),
     'static friction below Coulomb': Case(
         {'joints': ARM_JOINTS, 'friction.coulomb': [1.0, 1.0], 'friction.static': [2.0, 0.5]},
         r"friction\.static of 'joint2' is 0\.5, expected at least friction\.coulomb",
         SIMULATED_ARM),
-    'friction that drives the joint': Case(
-        {'friction.coulomb': [1.0], 'friction.offset': [1.5]},
-        r"friction\.offset of 'joint1' is 1\.5, expected at most friction\.coulomb"),
-    'friction that is NaN': Case(
-        {'friction.coulomb': [float('nan')]}, r'friction\.coulomb\[0\] is nan', SIMULATED_ARM),
-    'wrong number of friction values': Case(
-        {'joints': ARM_JOINTS, 'friction.static': [1.0, 2.0, 3.0]},
-        r'friction\.static has 3 values, expected 2', SIMULATED_ARM),
-    'several friction values without an order of the joints': Case(
-        {'friction.viscous': [1.0, 2.0]}, r'friction\.viscous has 2 values, .*but the parameter'),
-    'friction of an unknown joint': Case(
-        {'joints': ['joint1', 'elbow'], 'friction.viscous': [1.0, 2.0]},
-        r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]", SIMULATED_ARM),
-    'zero efficiency': Case(
-        {**MOTORS, 'actuator.efficiency': [0.0]},
-        r"actuator\.efficiency of 'joint1' is 0, expected a number in \(0, 1\]", SIMULATED_ARM),
-    'efficiency above 1': Case(
-        {**MOTORS, 'actuator.efficiency': [1.2]},
-        r'actuator\.efficiency\[0\] is 1\.2, expected a number in \[0, 1\]'),
     'zero gear ratio': Case(
         {**MOTORS, 'actuator.gear_ratio': [0.0]},
         r"actuator\.gear_ratio of 'joint1' is 0, expected a number other than 0", SIMULATED_ARM),
-    'gear ratio that is NaN': Case(
-        {**MOTORS, 'actuator.gear_ratio': [float('nan')]}, r'actuator\.gear_ratio\[0\] is nan'),
     'missing gear ratio': Case(
         {'actuator.torque_constant': [0.1]},
         r"actuator\.gear_ratio is empty, and no <transmission> .*\['joint1', 'joint2'\]",
         SIMULATED_ARM),
-    'missing torque constant': Case(
-        {'actuator.gear_ratio': [50.0]}, r'actuator\.torque_constant is empty, expected'),
-    'wrong number of motor values': Case(
-        {**MOTORS, 'joints': ARM_JOINTS, 'actuator.resistance': [1.0, 2.0, 3.0]},
-        r'actuator\.resistance has 3 values, expected 2', SIMULATED_ARM),
     'voltage limit without resistance': Case(
         {**MOTORS, 'actuator.voltage_limit': [24.0]},
         r"actuator\.resistance of 'joint1' is 0, expected a number > 0 where there is a"),

@@ -6,20 +6,12 @@
 from collections.abc import Callable
 import re
 
+from bounded_waits import wait_until
 from fault_bench import fault_bench, Q, STEADY
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
-from ros_harness import (
-    DYNAMICS,
-    LATCHED,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LATCHED, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 

@@ -14,7 +14,6 @@ from robot_dynamics.gravity_calibration.holds import Hold
 from robot_dynamics.gravity_calibration.poses import select_poses
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robots import robot_urdf
 
@@ -24,7 +23,7 @@ TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm
 
 def arm_of(name: str) -> ArmModel:
     """Return an arm without its fingers."""
-    urdf = default_arm_urdf() if name == 'default' else robot_urdf(name)
+    urdf = robot_urdf(name)
     joints = [joint for joint in load_arm(urdf).joint_names if 'finger' not in joint]
     return load_arm(urdf, joints)
 

@@ -64,7 +64,6 @@ def mended(urdf: str, links: set[str]) -> str:
     for link in root.findall('link'):
         if link.attrib['name'] in links:
             tensor = link.find('inertial/inertia')
-            assert tensor is not None
             third = sum(float(tensor.attrib[k]) for k in ('ixx', 'iyy', 'izz')) / 3.0
             tensor.attrib.update({k: repr(third) for k in ('ixx', 'iyy', 'izz')})
             tensor.attrib.update(dict.fromkeys(('ixy', 'ixz', 'iyz'), '0'))
@@ -112,7 +111,6 @@ def with_other_relations(urdf: str, rng: np.random.Generator) -> str:
         if joint.attrib['type'] in MOVING and joint.find('mimic') is not None]
     for joint in followers:
         mimic = joint.find('mimic')
-        assert mimic is not None
         mimic.set('multiplier', str(rng.choice((-1.0, 1.0)) * rng.uniform(0.3, 2.5)))
         mimic.set('offset', str(rng.uniform(-0.5, 0.5)))
         if joint is followers[-1] and joint is not followers[0]:

@@ -78,30 +78,18 @@ class Engine(ABC):
         """Return M a + C v + g − Jᵀ f."""
 
     @abstractmethod
-    def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
-        """Return the acceleration, with the algorithm of the engine."""
-
-    @abstractmethod
     def mass_matrix(self, q: Array) -> Array: ...
 
-    @abstractmethod
+    def gravity(self, q: Array) -> Array:
+        return self.inverse_dynamics(q, 0.0 * q, 0.0 * q)
+
     def coriolis(self, q: Array, v: Array) -> Array:
         """Return C v."""
+        return self.inverse_dynamics(q, v, 0.0 * q) - self.gravity(q)
 
-    @abstractmethod
-    def gravity(self, q: Array) -> Array: ...
-
-    @abstractmethod
     def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
         """Return −Jᵀ f."""
-
-    @abstractmethod
-    def kinetic_energy(self, q: Array, v: Array) -> float: ...
-
-    @abstractmethod
-    def potential_energy(self, q: Array) -> float:
-        """Return the potential energy up to a constant."""
+        return self.inverse_dynamics(q, 0.0 * q, 0.0 * q, wrenches) - self.gravity(q)
 
     def mass_derivative(self, q: Array) -> Array:
         """
@@ -187,19 +175,6 @@ class MujocoEngine(Engine):
         for row, unit in zip(M, np.eye(m)):
             self.mj.mj_mulM(self.model, data, row, unit)
         return M[np.ix_(self.velocity, self.velocity)]
-
-    def coriolis(self, q: Array, v: Array) -> Array:
-        pull = self.model.opt.gravity.copy()
-        self.model.opt.gravity = np.zeros(3)
-        data = self._set(q, v)
-        self.mj.mj_forward(self.model, data)
-        self.model.opt.gravity = pull
-        return np.asarray(data.qfrc_bias[self.velocity])
-
-    def gravity(self, q: Array) -> Array:
-        data = self._set(q)
-        self.mj.mj_forward(self.model, data)
-        return np.asarray(data.qfrc_bias[self.velocity])
 
     def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
         data = self._set(q)
@@ -294,23 +269,6 @@ class DrakeEngine(Engine):
     def mass_matrix(self, q: Array) -> Array:
         M = self.plant.CalcMassMatrix(self._set(q))
         return np.asarray(M[np.ix_(self.velocity, self.velocity)])
-
-    def coriolis(self, q: Array, v: Array) -> Array:
-        return np.asarray(self.plant.CalcBiasTerm(self._set(q, v))[self.velocity])
-
-    def gravity(self, q: Array) -> Array:
-        pull = self.plant.CalcGravityGeneralizedForces(self._set(q))
-        return np.asarray(-pull[self.velocity])
-
-    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
-        context, pushed = self._set(q), np.zeros(len(q))
-        for link, force, torque in wrenches:
-            frame = self._body(link).body_frame()
-            J = self.plant.CalcJacobianSpatialVelocity(
-                context, self.tree.JacobianWrtVariable.kV, frame, np.zeros(3),
-                self.plant.world_frame(), frame)
-            pushed += J.T @ np.concatenate([torque, force])
-        return np.asarray(-pushed[self.velocity])
 
     def kinetic_energy(self, q: Array, v: Array) -> float:
         return float(self.plant.CalcKineticEnergy(self._set(q, v)))

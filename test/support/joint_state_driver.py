@@ -72,7 +72,6 @@ class DriverProcess:
         self.kill()
 
     def _send(self, a_signal: signal.Signals) -> None:
-        assert self._process is not None
         os.kill(self._process.pid, a_signal)
 
 

@@ -15,9 +15,8 @@ from robot_dynamics.control.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robots import robot_urdf
+from robots import JOINTS, robot_urdf
 
 MS = 1_000_000
 FIRST_STAMP = 1_790_000_000_000 * MS
@@ -29,7 +28,6 @@ ACTION = 2
 """[ms] between two efforts without a state."""
 DIVERGED = 1e3
 """[rad/s] at which a run ends."""
-JOINTS = {'panda': [f'panda_joint{i + 1}' for i in range(7)]}
 
 Sensor = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Returns the measured position and velocity from the true ones, each (n,)."""
@@ -37,16 +35,15 @@ Sensor = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 def smooth_arm(name: str) -> ArmModel:
     """Return an arm without friction; skip the test if its description is not installed."""
-    urdf = default_arm_urdf() if name == 'default' else robot_urdf(name)
-    arm = load_arm(urdf, JOINTS.get(name, ()))
+    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
     return arm.with_friction(make_friction(arm.joint_names))
 
 
-def middle(arm: ArmModel) -> FloatArray:
-    """Return the middle of the position limits, 0 without limits."""
+def middle(arm: ArmModel, free: float = 0.0) -> FloatArray:
+    """Return the middle of the position limits, `free` without limits."""
     lower, upper = arm.limits.lower, arm.limits.upper
     return np.array([
-        0.5 * (low + high) if np.isfinite([low, high]).all() else 0.0
+        0.5 * (low + high) if np.isfinite([low, high]).all() else free
         for low, high in zip(lower, upper)])
 
 

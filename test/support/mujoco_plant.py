@@ -18,11 +18,7 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.mjcf import arm_to_mjcf
-from robots import robot_urdf
-
-JOINTS = {'panda': [f'panda_joint{i + 1}' for i in range(7)],
-          'z1': [f'joint{i + 1}' for i in range(6)]}
-"""Joints of an arm without its gripper."""
+from robots import JOINTS, robot_urdf
 
 
 class Published(NamedTuple):
@@ -178,7 +174,6 @@ def _with_published_joints(name: str) -> tuple[Element, list[Element]]:
     bodies = [body for body in root.iter('body') if body.find('joint') is not None]
     for k, body in enumerate(bodies):
         joint = body.find('joint')
-        assert joint is not None
         for field in ('armature', 'damping', 'frictionloss'):
             joint.set(field, str(getattr(published, field)[k]))
     return root, bodies

@@ -15,7 +15,6 @@ from robot_dynamics.model.regressor import load_parameters, LoadRegressor
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.recordings import estimate_motion
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries
 from robots import robot_urdf
 
@@ -57,7 +56,7 @@ class Samples(NamedTuple):
 
 def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
     """Return an arm with friction and a random load of up to 5 kg on its last link."""
-    arm = load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name))
+    arm = load_arm(robot_urdf(name))
     joints = [one for one in arm.joint_names if 'finger' not in one]
     if len(joints) < arm.joint_count:
         arm = load_arm(robot_urdf(name), joints)

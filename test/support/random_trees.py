@@ -19,7 +19,7 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.rigid_body import RigidBody
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
-laws = settings(deadline=None, derandomize=True, max_examples=40)
+laws = settings(max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 
 

@@ -75,8 +75,6 @@ class ClientProcess:
 
     def ask(self, question: Any, timeout: float = 4 * TIMEOUT) -> Any:
         """Send a request; return the answer."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
         self._process.stdin.write(f'{json.dumps(question)}\n')
         self._process.stdin.flush()
         ready, _, _ = select.select([self._process.stdout], [], [], timeout)

@@ -17,6 +17,7 @@ import sys
 from typing import Any, NoReturn
 
 import pytest
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 PACKAGE = 'example-robot-data'
 
@@ -47,6 +48,10 @@ ARMS = ('kinova', 'panda', 'so100', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xar
 
 MIMIC = ('baxter', 'panda', 'pr2', 'talos_full_v2', 'tiago_pro')
 """Robots with mimic joints."""
+
+JOINTS = {
+    'panda': [f'panda_joint{i + 1}' for i in range(7)], 'z1': [f'joint{i + 1}' for i in range(6)]}
+"""Joints of an arm without its gripper."""
 
 KINDS = {
     'ur5': 'serial, revolute joints',
@@ -95,7 +100,9 @@ def is_installed() -> bool:
 
 
 def robot_urdf(name: str) -> str:
-    """Return the text of the URDF of one of `ROBOTS`; skip the test if it is missing."""
+    """Return the URDF of `default` or of one of `ROBOTS`; skip the test if it is missing."""
+    if name == 'default':
+        return default_arm_urdf()
     return robot_path(name).read_text(encoding='utf-8')
 
 

@@ -220,7 +220,6 @@ class NodeProcess:
         return self.wait_for_log(pattern, 1.0)
 
     def _read_log(self) -> None:
-        assert self._process.stdout is not None
         for line in self._process.stdout:
             with self._news:
                 self._log.append(line)

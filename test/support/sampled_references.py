@@ -25,7 +25,7 @@ NOW = 1_790_000_000 * SECOND
 ZERO = np.zeros(2)
 TOLERANCE = 1.05
 
-laws = settings(deadline=None, derandomize=True, max_examples=25)
+laws = settings(max_examples=25)
 angles = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 Motion = Callable[[float], tuple[FloatArray, FloatArray]]
 

@@ -19,7 +19,7 @@ REST = Reference(np.zeros(2), np.zeros(2), np.zeros(2))
 values = st.floats(-10.0, 10.0)
 vectors = st.lists(values, min_size=2, max_size=2).map(np.array)
 spans = st.floats(0.05, 20.0)
-laws = settings(deadline=None, derandomize=True, max_examples=60)
+laws = settings(max_examples=60)
 
 
 def trajectory(

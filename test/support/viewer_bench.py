@@ -9,7 +9,6 @@ from typing import Any
 
 from children import TIMEOUT
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.viewer.server import address_of, start_server, stop_server
 from robots import robot_urdf
 import viser
@@ -47,4 +46,4 @@ def one_joint(kind: str, limit: str = '') -> ArmModel:
 
 def arm_called(name: str) -> ArmModel:
     """Return a robot of the tests by name, or the default arm."""
-    return load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name))
+    return load_arm(robot_urdf(name))

@@ -5,7 +5,6 @@
 
 from typing import Any
 
-from hypothesis import settings
 import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import (
@@ -22,7 +21,6 @@ MAX_AGE = 0.2
 Q = np.array([0.3, -0.4])
 PERIOD = 0.002
 
-laws = settings(deadline=None, derandomize=True)
 
 
 def nanoseconds(seconds: float) -> int:

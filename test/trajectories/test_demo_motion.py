@@ -10,7 +10,7 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.trajectories.demo_motion import (
     LARGEST_ACCELERATION,
     LIMIT_FRACTION,
@@ -29,7 +29,7 @@ TOLERANCE = 1.02  # the planner checked the limits at fewer instants than this t
 
 
 def arm_called(name):
-    return load_arm(default_arm_urdf() if name == DEFAULT else robot_urdf(name))
+    return load_arm(robot_urdf(name))
 
 
 def check_limits(arm, motion, duration):
@@ -79,7 +79,7 @@ def test_velocity_is_the_derivative_of_position_and_smooth(name):
     assert np.abs(np.diff(a, axis=0)).max() < 0.1
 
 
-@settings(deadline=None, derandomize=True, max_examples=25)
+@settings(max_examples=25)
 @given(st.floats(0.5, 60.0), st.lists(st.floats(0.3, 3.0), min_size=1, max_size=4))
 def test_any_planar_arm_any_duration(duration, lengths):
     n = len(lengths)

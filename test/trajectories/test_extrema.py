@@ -11,7 +11,7 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.trajectories.extrema import derivative, extrema
 
-laws = settings(deadline=None, derandomize=True, max_examples=300)
+laws = settings(max_examples=300)
 DENSE = np.linspace(0.0, 1.0, 2001)
 
 coefficients = st.one_of(

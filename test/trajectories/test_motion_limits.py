@@ -14,7 +14,6 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories import motion_limits
 from robot_dynamics.trajectories.motion_limits import (
     EFFORT_FRACTION,
@@ -29,12 +28,12 @@ ELSEWHERE = 1.15
 GAIN = 1.35
 """Largest growth of one joint's limit by a heavier load; 1.28 was measured (panda)."""
 
-laws = settings(deadline=None, derandomize=True, max_examples=50)
+laws = settings(max_examples=50)
 
 
 @cache
 def arm_of(name: str) -> ArmModel:
-    return load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name))
+    return load_arm(robot_urdf(name))
 
 
 @cache

@@ -86,7 +86,6 @@ def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate: int, end: f
     one, limits = generator(), limits_of()
     stream(one, sine, 1.0 / rate, end, True)
     active = one.active
-    assert active is not None
     stopped = (active.end_ns - NOW) / SECOND
     found = samples(one, end - 1.0 / rate, stopped + 0.1)
     assert stopped - end < one.stream_timeout + 1.0

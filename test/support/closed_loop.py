@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Both nodes as processes, which close the loop in lock-step."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+START = [0.8, 0.5]
+
+
+@contextmanager
+def closed_loop(
+    namespace: str, dynamics: Mapping[str, Any] | None = None, patient: bool = True, **arm: Any,
+) -> Iterator[NodeProcess]:
+    """
+    Run `dynamics` and `simulated_arm` with these parameters; yield the process of `dynamics`.
+
+    By default the arm starts at `START` and runs in lock-step at 250 Hz.
+    """
+    node = NodeProcess(DYNAMICS, dynamics, namespace=namespace, patient=patient)
+    defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
+    with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
+        yield node
+
+
+def send(
+    client: RosClient, namespace: str, *points: tuple[float, Sequence[float]],
+    names: Sequence[str] = NAMES,
+) -> None:
+    """Publish a trajectory of positions at times [s]; wait until it has been received."""
+    message = JointTrajectory(joint_names=names, points=[
+        JointTrajectoryPoint(
+            positions=list(map(float, q)),
+            time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))
+        for t, q in points])
+    publisher = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+    client.node.destroy_publisher(publisher)
