@@ -11,7 +11,7 @@ A number is a real number of Python or numpy; a string, None or a bool is not co
 """
 
 from array import array as typed_array
-from collections.abc import Sequence, Sized
+from collections.abc import Sequence
 from numbers import Real
 from typing import Any
 
@@ -226,8 +226,8 @@ def lower_triangle(covariance: FloatArray) -> list[float]:
 def is_empty(value: object) -> bool:
     """Return whether `value` is a sequence without entries, which means "not given"."""
     try:
-        return isinstance(value, Sized) and len(value) == 0
-    except TypeError:  # an array of numpy without dimensions
+        return len(value) == 0  # type: ignore[arg-type]
+    except TypeError:  # a number, or an array of numpy without dimensions
         return False
 
 

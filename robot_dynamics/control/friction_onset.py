@@ -20,7 +20,8 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws import LawInput
 from robot_dynamics.control.stable_gains import LOOP_DELAY
-from robot_dynamics.joints.friction import smooth_sign, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
 SURE_FRACTION = 0.5

@@ -48,6 +48,7 @@ class Supervised(RuleBasedStateMachine):
     def begin(self, rate: float, chosen: SafetyOptions) -> None:
         self.one = CommandSupervisor(NAMES, limits(rate), chosen)
         self.rate = rate
+        self.longest_timeout = chosen.state_timeout  # that of the last good state in a fault
         self.now = self.sent_at = 0.0
         self.standing: np.ndarray | None = None  # the last published effort
         self.must_be_reset = False
@@ -160,11 +161,12 @@ class Supervised(RuleBasedStateMachine):
     def other_options(self, rate: float, chosen: SafetyOptions) -> None:
         self.one.set_options(limits(rate), chosen)
         self.rate = rate
+        self.longest_timeout = max(self.longest_timeout, chosen.state_timeout)
 
     @rule()
     def left_alone(self) -> None:
         """Without states every action ends, in bounded time."""
-        due = self.one.options.state_timeout + self.one.options.hold_time + (
+        due = self.longest_timeout + self.one.options.hold_time + (
             self.one.options.ramp_time) + 4.0 * LARGEST / self.rate
         begin, step = self.now, max(due / 200.0, 0.002)
         while self.now < begin + 1.1 * due + step:

@@ -16,7 +16,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.drive_effort import make_drive_effort
-from robot_dynamics.joints.friction import FRICTION_FIELDS, make_friction
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import make_uncertainty
@@ -170,7 +170,8 @@ def test_parameters_of_an_arm_name_an_entry_that_is_no_number(
 
 
 def fields_of(value: Any) -> dict[str, Any]:
-    return {field.name: np.asarray(getattr(value, field.name)).tolist() for field in fields(value)}
+    own = FRICTION_FIELDS if isinstance(value, JointFriction) else fields(value)
+    return {field.name: np.asarray(getattr(value, field.name)).tolist() for field in own}
 
 
 def urdf_with(**parameters: Any) -> ArmModel:

@@ -98,7 +98,7 @@ def _findings() -> dict[str, object]:
         'at_rest': friction.at_rest.static.tolist(),
         'sticks_at': simulated(0.999 * (COULOMB + PEAK)).q.tolist(),
         'slips_to': slips.q.tolist(),
-        'energy_error': slips.work - slips.heat - slips.energy()[0],
+        'energy_error': slips.work - slips.heat - slips.energy[0],
         'energy': slips.work,
         'column': columns[:, 0, COLUMN_NAMES.index('peak 0.3')].tolist(),
         'deviation': EffortDeviation(dynamics, uncertain)(zero, moving, zero).tolist(),
