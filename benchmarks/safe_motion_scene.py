@@ -25,16 +25,16 @@ from benchmarks.safe_motion_cases import (
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.supervisor import Mode
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.jerk_profile import Bounds, extremes, stop
+from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.jerk_profile import Bounds, extremes, stop
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 
 ACTION_PERIOD, SLACK = 0.002, 1e-4
 """[s] between ticks of a fault action, and after a deadline; see `ros/dynamics/command_output`."""

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.control_law import ErrorFeedback, make_gains
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
+from robot_dynamics.excitation.demo_motion import make_reference_motion
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.trajectories.demo_motion import make_reference_motion
-from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point

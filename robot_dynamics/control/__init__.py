@@ -3,13 +3,13 @@
 
 """From a measured state to a safe effort: control law, limits, supervisor."""
 
-from robot_dynamics.control.control_law import Gains, make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
-from robot_dynamics.control.laws import ControlLaw, LawInput
+from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
+from robot_dynamics.control.laws.error_feedback import Gains, make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.supervisor import CommandSupervisor, Fault, SafetyOptions
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, Fault, SafetyOptions
 
 __all__ = [
     'CommandSupervisor',

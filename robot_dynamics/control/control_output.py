@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.effort_bounds import EffortBounds, RobotEffort
-from robot_dynamics.control.laws import LawInput, LawOutput
+from robot_dynamics.control.laws.control_law import LawInput, LawOutput
+from robot_dynamics.control.safety.effort_bounds import EffortBounds, RobotEffort
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics

@@ -15,12 +15,11 @@ import threading
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.computed_torque import ComputedTorque
-from robot_dynamics.control.control_law import ErrorFeedback
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
-from robot_dynamics.control.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.control.followed_reference import FollowedReference
-from robot_dynamics.control.laws import (
+from robot_dynamics.control.gains.gain_scaling import loop_gains, StableGains
+from robot_dynamics.control.laws.computed_torque import ComputedTorque
+from robot_dynamics.control.laws.control_law import (
     ControlLaw,
     further_laws,
     GravityCompensation,
@@ -28,9 +27,10 @@ from robot_dynamics.control.laws import (
     LawInput,
     load_law,
 )
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.stable_gains import loop_gains, StableGains
+from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm import ArmModel
@@ -38,10 +38,10 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 
 LAWS: dict[str, LawFactory] = {
     'computed_torque': ComputedTorque,

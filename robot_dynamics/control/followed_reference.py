@@ -8,16 +8,16 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.path_conditioning import feasible_trajectory
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.goal_limits import (
     check_points,
     with_clipped_positions,
     with_clipped_velocity,
 )
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.path_conditioning import feasible_trajectory
-from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robot_dynamics.validation import LARGEST_VALUE
 
 FASTEST_STOP = 2.0

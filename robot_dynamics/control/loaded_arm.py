@@ -13,7 +13,7 @@ from robot_dynamics.control.payload_transition import PayloadTransition
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 LONGEST_STEP = 0.1
 """[s] between two states that counts for a change of gravity; a longer pause counts as this."""

@@ -23,26 +23,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, NO_COMMAND
-from robot_dynamics.control.effort_limiter import ActiveLimits, EffortLimits
-from robot_dynamics.control.frozen_joints import FrozenJoints
-from robot_dynamics.control.laws import ControlLaw
+from robot_dynamics.control.laws.control_law import ControlLaw
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
     DEFAULT_STATE_MAX_AGE,
     POSITION_MARGIN,
 )
-from robot_dynamics.control.setpoint_stream import SetPointStream
-from robot_dynamics.control.supervisor import (
+from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.safety.frozen_joints import FrozenJoints
+from robot_dynamics.control.safety.supervisor import (
     Brake,
     CommandSupervisor,
     Fault,
     Mode,
     SafetyOptions,
 )
+from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency

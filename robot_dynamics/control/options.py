@@ -9,7 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_law import Gains
+from robot_dynamics.control.laws.error_feedback import Gains
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 
@@ -37,13 +37,13 @@ class ControllerOptions:
     effort_scale: float = 1.0
     """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
-    """The velocity at which computed torque compensates friction; see `control_law`."""
+    """The velocity at which computed torque compensates friction; see `error_feedback`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
     semantics: EffortConvention = EffortConvention()
     """States which efforts the robot adds to the command on its own; the command omits them."""
     softens_gains: bool = False
-    """Scale the feedback down to what rate and noise of the states allow (`stable_gains`)."""
+    """Scale the feedback down to what rate and noise of the states allow (`gain_scaling`)."""
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""
     slows_down: bool = False

@@ -14,18 +14,18 @@ from pathlib import Path
 import sys
 
 import numpy as np
+from robot_dynamics.excitation.excitation import Excitation, find_excitation, GENERATIONS
+from robot_dynamics.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics.excitation.excitation_trajectory import (
+    exciting_trajectory,
+    ExcitingTrajectory,
+)
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools import command_line
-from robot_dynamics.trajectories.excitation import Excitation, find_excitation, GENERATIONS
-from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
-from robot_dynamics.trajectories.excitation_trajectory import (
-    exciting_trajectory,
-    ExcitingTrajectory,
-)
 from robot_dynamics.trajectories.files import write_trajectory
 
 DEFAULT_DURATION = 10.0

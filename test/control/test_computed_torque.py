@@ -9,24 +9,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.computed_torque import (
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
+from robot_dynamics.control.laws.computed_torque import (
     CHANGE_FRACTION,
     ComputedTorque,
     REVERSAL_TIME,
 )
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
-from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits
-from robot_dynamics.control.laws import LawInput
+from robot_dynamics.control.laws.control_law import LawInput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.stable_gains import LOOP_DELAY
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 

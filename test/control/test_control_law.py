@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_angle, wrap_to_pi
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains, Tracking
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains, Tracking
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.validation import LARGEST_VALUE

@@ -5,8 +5,8 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller, FAULT_DAMPING
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_bounds import (
+from robot_dynamics.control.safety.effort_bounds import (
     EffortBounds,
     NOTHING,
     robot_effort,

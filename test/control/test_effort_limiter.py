@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits, LONGEST_STEP
 
 N = 2
 LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
@@ -16,9 +16,9 @@ from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.model.arm import load_arm, STANDARD_GRAVITY
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
-from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
 from robots import robot_urdf
 from simulated_arms import two_link
 

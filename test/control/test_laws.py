@@ -10,10 +10,9 @@ import numpy as np
 from page_law import page_law, PAGE_MODULE
 import pytest
 from robot_dynamics.control import controller
-from robot_dynamics.control.control_law import ErrorFeedback, make_gains
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.controller import command_modes, Controller, LAWS
-from robot_dynamics.control.laws import (
+from robot_dynamics.control.laws.control_law import (
     ControlLaw,
     equation_terms,
     further_laws,
@@ -21,6 +20,7 @@ from robot_dynamics.control.laws import (
     LawInput,
     LawOutput,
 )
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention

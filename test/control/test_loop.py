@@ -16,11 +16,11 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.effort_limiter import EffortLimits
-from robot_dynamics.control.laws import ControlLaw, LawInput
+from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.supervisor import BRAKING_TIME, Fault, Mode, SafetyOptions
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.supervisor import BRAKING_TIME, Fault, Mode, SafetyOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload

@@ -16,7 +16,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, merged, Payload
 from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 SECOND = 1_000_000_000
 OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))

@@ -17,9 +17,9 @@ import numpy as np
 from page_law import page_law
 import pytest
 from robot_dynamics.control import controller
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import LAWS
-from robot_dynamics.control.laws import ControlLaw, further_laws, LawFactory, load_law
+from robot_dynamics.control.laws.control_law import ControlLaw, further_laws, LawFactory, load_law
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 

@@ -10,12 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.computed_torque import ComputedTorque
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.loop_warnings import loop_warnings
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.stable_gains import (
+from robot_dynamics.control.gains.gain_scaling import (
     CROSSOVER,
     DELAY_LAG,
     longest_period,
@@ -27,10 +23,14 @@ from robot_dynamics.control.stable_gains import (
     USUAL_FREQUENCY,
     USUAL_MARGIN,
 )
+from robot_dynamics.control.gains.loop_warnings import loop_warnings
+from robot_dynamics.control.laws.computed_torque import ComputedTorque
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.motion_limits import WorkspaceInertia
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 ARM = load_arm(default_arm_urdf())
 WORKSPACE = WorkspaceInertia(ArmDynamics(ARM))

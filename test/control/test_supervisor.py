@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.control.supervisor import (
+from robot_dynamics.control.safety.supervisor import (
     BRAKING_TIME,
     CommandSupervisor,
     Fault,

@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.control.supervisor import FAULT_ACTIONS, Mode
+from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, Mode
 from supervised import (
     answer,
     course,

@@ -7,8 +7,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
-from robot_dynamics.control.effort_limiter import EffortLimits, LONGEST_STEP
-from robot_dynamics.control.supervisor import (
+from robot_dynamics.control.safety.effort_limiter import EffortLimits, LONGEST_STEP
+from robot_dynamics.control.safety.supervisor import (
     BRAKING_TIME,
     CommandSupervisor,
     Fault,

@@ -5,7 +5,7 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.control.supervisor import Mode
+from robot_dynamics.control.safety.supervisor import Mode
 from supervised import answer, HOLD, make, PERIOD, PUSH, running, START
 
 

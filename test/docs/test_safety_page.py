@@ -16,9 +16,9 @@ from fault_table import Row, rows_of_page
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control import effort_limiter as effort_guard
 from robot_dynamics.control import setpoint_stream as set_point_stream
-from robot_dynamics.control import supervisor as command_supervisor
+from robot_dynamics.control.safety import effort_limiter as effort_guard
+from robot_dynamics.control.safety import supervisor as command_supervisor
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring import state_plausibility as state_watch

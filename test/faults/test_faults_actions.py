@@ -11,7 +11,7 @@ from fault_stimuli import DIRECT, NO_STREAM, RATE
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 

@@ -20,7 +20,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient, TIMEOUT
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState

@@ -21,7 +21,7 @@ from fault_bench import fault_bench, FaultBench, G
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState

@@ -17,7 +17,7 @@ from lifecycle_bench import (
 )
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf

@@ -18,7 +18,7 @@ from fault_table import fault
 from joint_state_driver import DriverProcess
 import numpy as np
 import pytest
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import wait_until
 
 GROUP = 'Timeouts, stalls and kills of processes'

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators

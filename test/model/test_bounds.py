@@ -11,7 +11,7 @@ import re
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
 from robot_dynamics.exceptions import (
     InvalidInputError,
     LONGEST_MESSAGE,

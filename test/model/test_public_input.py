@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
-from robot_dynamics.control.effort_limiter import EffortLimits
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.drive_effort import make_drive_effort

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.gain_scaling import CROSSOVER, DELAY_LAG, LOOP_DELAY
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.control.stable_gains import CROSSOVER, DELAY_LAG, LOOP_DELAY
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.monitoring.velocity_estimate import SPAN, VelocityEstimate
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -8,8 +8,8 @@ from typing import Any
 from fault_bench import NAMES, nanoseconds_of, Q, stamp_of
 import numpy as np
 import pytest
+from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
-from robot_dynamics.trajectories.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from ros_harness import DYNAMICS, NodeProcess, RosClient

@@ -177,7 +177,7 @@ def test_without_matplotlib_it_is_named(monkeypatch):
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
     program = (
         'import sys, robot_dynamics.reporting.figures, robot_dynamics.recordings.reader, '
-        'robot_dynamics.trajectories.demo_motion\n'
+        'robot_dynamics.excitation.demo_motion\n'
         'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
         'if name in sys.modules])')
     result = children.run(

@@ -6,9 +6,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.control.control_law import make_gains
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

@@ -21,7 +21,7 @@ from fault_bench import (
     TimedCollector,
 )
 import numpy as np
-from robot_dynamics.control.effort_limiter import LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from robot_dynamics.monitoring.motion_consistency import PAUSE
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws import ControlLaw
+from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.supervisor import Mode
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics

@@ -10,14 +10,14 @@ from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,
 )
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 
 NAMES = ('a', 'b')
 SECOND = 1_000_000_000

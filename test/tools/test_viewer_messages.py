@@ -14,8 +14,8 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.references.follower import TrajectoryFollower
 from robot_dynamics.ros.middleware.conversions import payload_from_ros, trajectory_from_ros
-from robot_dynamics.trajectories.follower import TrajectoryFollower
 from robot_dynamics.trajectories.interpolation import sample_segment
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import must_have_everything

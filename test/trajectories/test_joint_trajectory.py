@@ -15,7 +15,7 @@ import pytest
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.references.follower import ActiveTrajectory, TrajectoryFollower
 from robot_dynamics.trajectories.goal_limits import check_points
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory

@@ -10,8 +10,8 @@ import time
 
 from robot_dynamics.arrays import any_of
 from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.effort_limiter import ActiveLimits
-from robot_dynamics.control.supervisor import Fault, Mode
+from robot_dynamics.control.safety.effort_limiter import ActiveLimits
+from robot_dynamics.control.safety.supervisor import Fault, Mode
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 
 TELL_FOR = 1.0

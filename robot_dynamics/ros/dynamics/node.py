@@ -11,9 +11,9 @@ import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.loop_warnings import loop_warnings
+from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.loop_warnings import loop_warnings
-from robot_dynamics.control.rest_stiffness import rest_stiffness
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel

@@ -7,22 +7,22 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.computed_torque import FRICTION_MODES
-from robot_dynamics.control.control_law import (
+from robot_dynamics.control.controller import command_modes
+from robot_dynamics.control.laws.computed_torque import FRICTION_MODES
+from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
     per_joint,
 )
-from robot_dynamics.control.controller import command_modes
-from robot_dynamics.control.effort_limiter import EffortLimits
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
     DEFAULT_STATE_MAX_AGE,
     POSITION_MARGIN,
 )
-from robot_dynamics.control.supervisor import FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters

@@ -25,9 +25,9 @@ from robot_dynamics.tools import command_line
 from robot_dynamics.tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
+    from robot_dynamics.excitation.demo_motion import ReferenceMotion
     from robot_dynamics.model.arm import ArmModel
     from robot_dynamics.reporting.html_page import Origin
-    from robot_dynamics.trajectories.demo_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0
 DEFAULT_RATE = 500.0
@@ -175,7 +175,7 @@ def _arm(urdf: str, parameters: Path | None) -> 'ArmModel':
 
 
 def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion':
-    from robot_dynamics.trajectories.demo_motion import make_reference_motion, motion_along
+    from robot_dynamics.excitation.demo_motion import make_reference_motion, motion_along
     if arguments.trajectory is None:
         return make_reference_motion(arm, arguments.duration or DEFAULT_DURATION)
     from robot_dynamics.trajectories.files import read_trajectory

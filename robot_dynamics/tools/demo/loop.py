@@ -13,6 +13,7 @@ from typing import NamedTuple
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from robot_dynamics.excitation.demo_motion import ReferenceMotion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
@@ -39,7 +40,6 @@ from robot_dynamics.tools.demo.session import (
     TRAJECTORY,
 )
 from robot_dynamics.tools.viewer.cli import AT, PAGE_OPEN
-from robot_dynamics.trajectories.demo_motion import ReferenceMotion
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.1

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.excitation.demo_motion import sample_trajectory
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics.reporting.figures import (
@@ -32,7 +33,6 @@ from robot_dynamics.reporting.interactive import zoomable_figures
 from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools.demo.loop import LoopRun
 from robot_dynamics.tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
-from robot_dynamics.trajectories.demo_motion import sample_trajectory
 
 LARGEST_RMS = 0.01
 """Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""

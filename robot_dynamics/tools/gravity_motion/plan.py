@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.excitation.demo_motion import rest_to_rest_seconds
 from robot_dynamics.gravity_calibration.poses import approach_distance
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.trajectories.demo_motion import rest_to_rest_seconds
 from robot_dynamics.validation import check_scalar
 
 SHORTEST_HOLD = 1.5

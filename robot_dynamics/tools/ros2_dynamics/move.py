@@ -251,7 +251,7 @@ def _duration(
     distance: 'np.ndarray[Any, Any]',
 ) -> float:
     """Return the duration [s] of the motion, given or from the velocities of the joints."""
-    from robot_dynamics.trajectories.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
+    from robot_dynamics.excitation.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
     if arguments.duration is not None:
         return check_scalar('--duration', arguments.duration, 0.0, exclusive_minimum=True)
     limit = np.array([limits.get(name, math.inf) for name in names])

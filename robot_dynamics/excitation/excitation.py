@@ -24,14 +24,14 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.excitation.evolution_strategy import minimize_by_rank
+from robot_dynamics.excitation.excitation_limits import MotionLimits
+from robot_dynamics.excitation.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import random_states, TorqueRegressor
-from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank
-from robot_dynamics.trajectories.excitation_limits import MotionLimits
-from robot_dynamics.trajectories.fourier_series import free_coefficients, series_basis, SeriesBasis
 
 MOST_HARMONICS = 50
 RANDOM_MOTIONS = 20

@@ -11,12 +11,12 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.references.jerk_profile import Bounds, duration, extremes, stop
+from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.jerk_profile import Bounds, duration, extremes, stop
 from robot_dynamics.trajectories.joint_trajectory import nanoseconds
-from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
-from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 from robots import robot_urdf
 
 NAMES = ('a', 'b')

@@ -5,8 +5,8 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.reference_generator import HORIZON, PERIODS
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.reference_generator import HORIZON, PERIODS
 from sampled_references import (
     AMPLITUDE,
     at,

@@ -19,11 +19,11 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.extrema import derivative, extrema
 from robot_dynamics.trajectories.interpolation import position_coefficients
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
-from robot_dynamics.trajectories.motion_limits import MotionLimits
 from robot_dynamics.trajectories.segments import TrajectorySegments
 
 PATH_TOLERANCE = 0.005

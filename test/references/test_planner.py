@@ -11,18 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.interpolation import evaluate as evaluate_segment
-from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.jerk_profile import (
+from robot_dynamics.references.jerk_profile import (
     Bounds,
     evaluate,
     Extremes,
     extremes,
     stop,
 )
-from robot_dynamics.trajectories.joint_planner import Target
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.planner import (
+from robot_dynamics.references.joint_planner import Target
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.planner import (
     Plan,
     plan_stop,
     plan_to_goal,
@@ -30,6 +28,8 @@ from robot_dynamics.trajectories.planner import (
     plan_with_target,
     without_creep,
 )
+from robot_dynamics.trajectories.interpolation import evaluate as evaluate_segment
+from robot_dynamics.trajectories.interpolation import Reference
 
 SECOND = 1_000_000_000
 FOLLOW_TIME = 0.1

@@ -14,8 +14,8 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
-from robot_dynamics.trajectories import motion_limits
-from robot_dynamics.trajectories.motion_limits import (
+from robot_dynamics.references import motion_limits
+from robot_dynamics.references.motion_limits import (
     EFFORT_FRACTION,
     LEAST_FRACTION,
     WorkspaceInertia,

@@ -18,8 +18,8 @@ compensation is never limited: the rest of the true friction still damps the joi
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws import LawInput
-from robot_dynamics.control.stable_gains import LOOP_DELAY
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
+from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
@@ -33,9 +33,9 @@ SPEED_FRACTION = 0.1
 CATCH_UP_FRACTION = 0.5
 """Expected velocity of a joint behind its reference, by the velocity limit, at most."""
 LARGEST_SPEED = 4.0
-"""[rad/s] or [m/s] that counts as the velocity limit if there is none, or a larger one."""
+"""[rad/s] or [m/s] that counts as the velocity limit if that is not set, or larger."""
 PAUSE = 0.1
-"""[s] without a state after which the compensation begins anew."""
+"""[s] without a state after which the compensation is reset."""
 
 
 class FrictionOnset:

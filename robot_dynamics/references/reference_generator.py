@@ -27,22 +27,22 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.trajectories.follower import ActiveTrajectory, TrajectoryFollower
-from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.joint_planner import Target
-from robot_dynamics.trajectories.joint_trajectory import (
-    JointTrajectory,
-    nanoseconds,
-    TrajectoryPoint,
-)
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.planner import (
+from robot_dynamics.references.follower import ActiveTrajectory, TrajectoryFollower
+from robot_dynamics.references.joint_planner import Target
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.planner import (
     Plan,
     plan_stop,
     plan_to_goal,
     plan_to_path,
     plan_with_target,
     without_creep,
+)
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import (
+    JointTrajectory,
+    nanoseconds,
+    TrajectoryPoint,
 )
 
 LONGEST_PERIOD = 0.5

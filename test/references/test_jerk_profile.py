@@ -9,7 +9,7 @@ import random
 from typing import Any, NamedTuple
 
 import pytest
-from robot_dynamics.trajectories.jerk_profile import (
+from robot_dynamics.references.jerk_profile import (
     before,
     Bounds,
     duration,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.stable_gains import slowest_rate
+from robot_dynamics.control.gains.gain_scaling import slowest_rate
 
 LEAST_DAMPING = 0.3
 """Damping ratio below which the tracking error oscillates noticeably."""

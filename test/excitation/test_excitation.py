@@ -17,23 +17,23 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
-from robot_dynamics.tools.excite import main
-from robot_dynamics.trajectories.demo_motion import sample_trajectory
-from robot_dynamics.trajectories.evolution_strategy import minimize_by_rank
-from robot_dynamics.trajectories.excitation import (
+from robot_dynamics.excitation.demo_motion import sample_trajectory
+from robot_dynamics.excitation.evolution_strategy import minimize_by_rank
+from robot_dynamics.excitation.excitation import (
     ConditionNumber,
     Excitation,
     find_excitation,
     Motion,
 )
-from robot_dynamics.trajectories.excitation_limits import LimitFractions, motion_limits
-from robot_dynamics.trajectories.excitation_trajectory import exciting_trajectory
+from robot_dynamics.excitation.excitation_limits import LimitFractions, motion_limits
+from robot_dynamics.excitation.excitation_trajectory import exciting_trajectory
+from robot_dynamics.excitation.fourier_series import series_basis
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
+from robot_dynamics.tools.excite import main
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
-from robot_dynamics.trajectories.fourier_series import series_basis
 from robots import robot_path, robot_urdf
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint

@@ -8,10 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.trajectories.demo_motion import (
+from robot_dynamics.excitation.demo_motion import (
     LARGEST_ACCELERATION,
     LIMIT_FRACTION,
     make_reference_motion,
@@ -20,6 +17,9 @@ from robot_dynamics.trajectories.demo_motion import (
     sample_trajectory,
     SHORTEST_DURATION,
 )
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import robot_urdf
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.excitation.demo_motion import start_pose
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.demo_motion import start_pose
 from robot_dynamics.validation import check_scalar, check_vector
 
 LARGEST_SWING = np.pi

@@ -17,8 +17,7 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.trajectories.interpolation import Reference, Segment
-from robot_dynamics.trajectories.jerk_profile import (
+from robot_dynamics.references.jerk_profile import (
     Bounds,
     duration,
     end,
@@ -26,13 +25,14 @@ from robot_dynamics.trajectories.jerk_profile import (
     State,
     to_rest,
 )
-from robot_dynamics.trajectories.joint_planner import (
+from robot_dynamics.references.joint_planner import (
     AT_REST,
     JointLimits,
     JointPlanner,
     Target,
 )
-from robot_dynamics.trajectories.motion_limits import MotionLimits
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.trajectories.interpolation import Reference, Segment
 
 
 class Plan:

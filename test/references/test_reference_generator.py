@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.follower import ActiveTrajectory
+from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.reference_generator import ON_PATH, ReferenceGenerator
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
-from robot_dynamics.trajectories.reference_generator import ON_PATH, ReferenceGenerator
 from sampled_references import (
     angles,
     at,

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.jerk_profile import (
+from robot_dynamics.references.jerk_profile import (
     before,
     Bounds,
     duration,

@@ -23,7 +23,11 @@ from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.effort_limiter import EffortLimiter, EffortLimits, MotionEquation
+from robot_dynamics.control.safety.effort_limiter import (
+    EffortLimiter,
+    EffortLimits,
+    MotionEquation,
+)
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 

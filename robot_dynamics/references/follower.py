@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.references.planner import Plan
 from robot_dynamics.trajectories.interpolation import (
     constant_segment,
     evaluate,
@@ -29,7 +30,6 @@ from robot_dynamics.trajectories.joint_trajectory import (
     nanoseconds,
     TrajectoryPoint,
 )
-from robot_dynamics.trajectories.planner import Plan
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
 _LATEST = 1 << 62

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.excitation.demo_motion import sample_trajectory
+from robot_dynamics.excitation.excitation import Excitation
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories.demo_motion import sample_trajectory
-from robot_dynamics.trajectories.excitation import Excitation
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_scalar
 

@@ -11,15 +11,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.trajectories.follower import ActiveTrajectory
-from robot_dynamics.trajectories.jerk_profile import end, Extremes, extremes
+from robot_dynamics.references.follower import ActiveTrajectory
+from robot_dynamics.references.jerk_profile import end, Extremes, extremes
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.reference_generator import ReferenceGenerator
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,
 )
-from robot_dynamics.trajectories.motion_limits import MotionLimits
-from robot_dynamics.trajectories.reference_generator import ReferenceGenerator
 
 NAMES = ('a', 'b', 'c')
 N = len(NAMES)

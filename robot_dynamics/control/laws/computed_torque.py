@@ -4,9 +4,9 @@
 """
 Computed torque control: the law that follows references.
 
-τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction, as in `control_law`. If the effort
-acts late, the gains are scaled down, and M, C and g are computed at the position half a period
-ahead (`stable_gains`).
+τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction, as in `error_feedback`. If the
+effort acts late, the gains are scaled down, and M, C and g are computed at the position half a period
+ahead (`gain_scaling`).
 
 PD feedback of a fast error computes a large effort, and soon after an effort of opposite sign. If
 the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
@@ -20,9 +20,9 @@ from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_law import ErrorFeedback
-from robot_dynamics.control.friction_onset import FrictionOnset
-from robot_dynamics.control.laws import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.friction_onset import FrictionOnset
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
@@ -31,7 +31,7 @@ CHANGE_FRACTION = 0.5
 REVERSAL_TIME = 0.12
 """[s] in which the rate limit reverses an effort of the feedback that is not limited."""
 FRICTION_MODES = ('reference', 'measured', 'none')
-"""The velocity at which friction is compensated; see `control_law`."""
+"""The velocity at which friction is compensated; see `error_feedback`."""
 
 
 class ComputedTorque(ControlLaw):

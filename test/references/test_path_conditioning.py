@@ -17,16 +17,16 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.efforts import efforts_along
-from robot_dynamics.trajectories.interpolation import sample_segment
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.motion_limits import MotionLimits, WorkspaceInertia
-from robot_dynamics.trajectories.path_conditioning import (
+from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.references.path_conditioning import (
     feasible_trajectory,
     MANY_POINTS,
     PATH_TOLERANCE,
     SLOWEST,
 )
+from robot_dynamics.trajectories.efforts import efforts_along
+from robot_dynamics.trajectories.interpolation import sample_segment
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robot_dynamics.trajectories.segments import TrajectorySegments
 

@@ -1,0 +1,24 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Control laws: computed torque, gravity compensation, and those of users."""
+
+from robot_dynamics.control.laws.computed_torque import ComputedTorque
+from robot_dynamics.control.laws.control_law import (
+    ControlLaw,
+    GravityCompensation,
+    LawInput,
+    LawOutput,
+)
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+
+__all__ = [
+    'ComputedTorque',
+    'ControlLaw',
+    'ErrorFeedback',
+    'Gains',
+    'GravityCompensation',
+    'LawInput',
+    'LawOutput',
+    'make_gains',
+]

@@ -1,0 +1,15 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Limits of efforts, faults, stops and ramps."""
+
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, Fault, SafetyOptions
+
+__all__ = [
+    'CommandSupervisor',
+    'EffortLimiter',
+    'EffortLimits',
+    'Fault',
+    'SafetyOptions',
+]
