@@ -5,8 +5,8 @@
 Computed torque control: the law that follows references.
 
 τ = M(q)(q̈_ref + K_d ė + K_p e) + C(q, q̇) q̇ + g(q) + friction, as in `error_feedback`. If the
-effort acts late, the gains are scaled down, and M, C and g are computed at the position half a period
-ahead (`gain_scaling`).
+effort acts late, the gains are scaled down, and M, C and g are computed at the position half a
+period ahead (`gain_scaling`).
 
 PD feedback of a fast error computes a large effort, and soon after an effort of opposite sign. If
 the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
