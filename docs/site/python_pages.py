@@ -9,7 +9,7 @@ import inspect
 from site_links import ROOT
 
 PACKAGE = 'robot_dynamics'
-WITH_ROS = ('ros', 'tools')
+WITH_ROS = {'ros', 'tools'}
 """The subpackages that are no library: the nodes and the executables."""
 
 
@@ -29,9 +29,10 @@ def python_pages() -> dict[str, str]:
 
 
 def packages() -> list[str]:
-    """Return the packages of the library: `robot_dynamics` and one per folder in it."""
-    folders = [file.parent.name for file in sorted((ROOT / PACKAGE).glob('*/__init__.py'))]
-    return [PACKAGE, *(f'{PACKAGE}.{name}' for name in folders if name not in WITH_ROS)]
+    """Return the packages of the library: `robot_dynamics` and one per folder below it."""
+    folders = [file.parent.relative_to(ROOT) for file in (ROOT / PACKAGE).rglob('__init__.py')]
+    return sorted('.'.join(folder.parts) for folder in folders if not WITH_ROS.intersection(
+        folder.parts))
 
 
 def modules(package: str) -> list[str]:
