@@ -41,8 +41,9 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.efforts.clear()
     bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
     wait_states(bench, 100)
-    assert bench.status('command').message.startswith('fault non_finite')
-    assert figure_of(bench.status('command'), 'faults: non_finite') == 1
+    status = bench.wait_status(  # that of the change of the level may be older than the count
+        'command', lambda status: figure_of(status, 'faults: non_finite') == 1)
+    assert status.message.startswith('fault non_finite')
     answer = reset(bench)
     assert answer.success
     assert answer.message.startswith('reset non_finite: ')
