@@ -50,7 +50,7 @@ def survivors(code: str, results: dict[str, int]) -> Iterator[str]:
 
 
 def with_rows(text: str, rows: dict[str, str]) -> str:
-    """Return the text of the page with these rows, by module, in place of its own ones."""
+    """Return the text of the page with these rows, by module, in place of the present ones."""
     before, rest = text.split(BEGIN)
     table, after = rest.split(END)
     there = {line.split(' | ')[0].strip('| '): f'{line}\n' for line in table.splitlines()[2:]}
