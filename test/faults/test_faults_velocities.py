@@ -67,27 +67,24 @@ def wait_consistent(bench: FaultBench) -> None:
     bench.wait_running()
 
 
-@pytest.mark.parametrize(('change', 'cause', 'joint'), [
-    pytest.param(change, cause, joint, marks=fault(GROUP, words, ESTIMATED))
-    for words, change, cause, joint in (
-        ('wrong sign of the velocity of a joint',
-         with_velocity(lambda v: -v, same), 'wrong sign', 'joint1'),
-        ('velocity of a joint always 0',
-         with_velocity(same, lambda v: 0.0), 'zero or missing', 'joint2'),
-        ('all velocities always 0',
-         with_velocity(lambda v: 0.0, lambda v: 0.0), '', 'joint'),
+@pytest.mark.parametrize(('change', 'joint'), [
+    pytest.param(change, joint, marks=fault(GROUP, words, ESTIMATED))
+    for words, change, joint in (
+        ('wrong sign of the velocity of a joint', with_velocity(lambda v: -v, same), 'joint1'),
+        ('velocity of a joint always 0', with_velocity(same, lambda v: 0.0), 'joint2'),
+        ('all velocities always 0', with_velocity(lambda v: 0.0, lambda v: 0.0), 'joint'),
         ('all velocities in degrees per second',
-         with_velocity(math.degrees, math.degrees), 'times the displacement', 'joint'),
-        ('twice the velocity of a joint',
-         with_velocity(lambda v: 2.0 * v, same), 'times the displacement', 'joint1'))])
+         with_velocity(math.degrees, math.degrees), 'joint'),
+        ('twice the velocity of a joint', with_velocity(lambda v: 2.0 * v, same), 'joint1'))])
 def test_a_velocity_that_contradicts_the_positions(
-    bench: FaultBench, change: Callable[[JointState], JointState], cause: str, joint: str,
+    bench: FaultBench, change: Callable[[JointState], JointState], joint: str,
 ) -> None:
+    # The cause that the message names depends on the interval of the states, hence on load;
+    # test_motion_consistency.py tests it.
     bench.set_point(Q)
     bench.wait_status('reference', lambda status: status.message == 'following')
     bench.driver.stream_changed(change)
-    status = bench.wait_status('joint states', lambda status: (
-        cause in status.message and 'velocity of' in status.message))
+    status = bench.wait_status('joint states', lambda status: 'velocity of' in status.message)
     assert status.level == DiagnosticStatus.WARN
     assert f"velocity of '{joint}" in status.message
     bench.wait_status('reference', lambda status: (
