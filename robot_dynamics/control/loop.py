@@ -64,10 +64,6 @@ REST_TIME_NS = 100_000_000
 """[ns]"""
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
-FROZEN_TIME = 3.0
-"""[s] for the stop of an arm with frozen joints, at most; then the fault action runs."""
-CALM = 0.1
-"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
 FROZEN_RECOVERY = 25
 """Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
@@ -359,48 +355,21 @@ class ControlLoop:
                 no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        if self._frozen is not None and self._is_lost(self._frozen, used, now):
-            supervisor.act(now)
-        if self._frozen is not None:  # limits are those of measured joints
+        braked: Brake = controller.braked
+        if self._frozen is not None:
+            if self._frozen.is_lost(used, now, supervisor.options.hold_time):
+                supervisor.act(now)
+            braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
+            # The limits are those of the measured joints.
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
         limited = supervisor.answer(
-            now, q, used, output.command, output.hold, dt,
-            controller.braked if self._frozen is None else self._stopped(
-                output, self._frozen, dt or 0.0), fault,
+            now, q, used, output.command, output.hold, dt, braked, fault,
             partial(controller.motion_equation, output))
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
             self._end_when_stopped(verdict.stamp, q, now)
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
-
-    def _is_lost(self, frozen: FrozenJoints, v: FloatArray | None, now: float) -> bool:
-        """
-        Return whether an arm with frozen joints is held no longer: `hold_time` after its stop.
-
-        Nothing measures what a joint without a signal does after its planned stop: errors of its
-        predicted motion grow, and without friction they grow exponentially. Other joints that
-        move after the stop show that it has left its predicted position.
-        """
-        if not self.controller.has_stopped:
-            frozen.moved_until = now
-            return now - frozen.since > FROZEN_TIME
-        limit = CALM * self.controller.arm.limits.velocity
-        is_disturbed = v is not None and bool((np.abs(v) > limit)[~frozen.marks].any())
-        return is_disturbed or now - frozen.moved_until > self.supervisor.options.hold_time
-
-    def _stopped(self, output: ControlOutput, frozen: FrozenJoints, dt: float) -> Brake:
-        """Return the brake of an arm with frozen joints: the command of the planned stop."""
-        def brake(q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
-            command, state = output.command, output.state
-            if command is None:
-                return hold
-            if state.trajectory is None or state.v is None:
-                return command
-            M, _ = self.controller.motion_equation(output, q, v)
-            steady = frozen.steady_feedback(state.position_error, state.velocity_error, dt)
-            return command - np.where(frozen.marks, M @ steady, 0.0)
-        return brake
 
     def _jumps(self, v: FloatArray) -> bool:
         """Return whether the velocity differs from that of the last state by more than noise."""
@@ -448,8 +417,7 @@ class ControlLoop:
         if self._frozen is None:
             self._frozen = FrozenJoints(
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
-                dt, q, v)
-            self._frozen.since = self._frozen.moved_until = self._steady
+                dt, q, v, self._steady)
             self.controller.stop()
         self._frozen.marks = consistency.frozen
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)

@@ -60,10 +60,12 @@ REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
 UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
 """[rad/s] of the velocity: assumed until it is known, and tolerated."""
-LIVELY = 100
-"""Stored states of a slow joint without a repetition: its noise changes every sample."""
+LIVELY = 8
+"""Stored states of a slow joint without a repetition: its noise or motion changes every sample."""
 _SLOW_ROWS = 10
 """Stored states in which a slow joint moves by at most FLOOR."""
+_STEPS = 3.0
+"""Displacement of a lively joint that its encoder shows, in smallest steps of its positions."""
 DECAYED = 1e-6
 """[rad/s] up to which a repeated velocity is the end of a decay rather than a lost signal."""
 _REST = 0.0002
@@ -144,11 +146,14 @@ class MotionConsistency:
         self._reference: FloatArray | None = None
 
     def restart(self) -> None:
-        """Treat the next state as a first one; doubts about velocities remain."""
+        """
+        Treat the next state as a first one.
+
+        Doubts about velocities remain, and a joint remains frozen until its sample changes.
+        """
         self._stamp_ns, self._row, self._bits = _NEVER, 0, b''
         self._reference = None
         self.repeats_since_ns.fill(_NEVER)
-        self._set_frozen(np.zeros_like(self.frozen))
 
     def update(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
@@ -219,9 +224,8 @@ class MotionConsistency:
             if (self._is_repeating or True in same.tolist()) and (
                     self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
-            if row >= _SLOW_ROWS:
-                moved = np.abs(q - self._positions[row - _SLOW_ROWS])
-                self._lively += (moved <= FLOOR * self._unit) & ~same
+            moved = np.abs(q - self._positions[max(row - _SLOW_ROWS, 0)])
+            self._lively += (moved <= FLOOR * self._unit) & ~same
         if row == _ROWS - 1:
             row = _ROWS // 2
             for values in (self._times, self._squared, self._positions, self._differences):
@@ -392,10 +396,12 @@ class MotionConsistency:
         if self._is_held is not None and desired is not None and is_left.any():
             is_left &= (self._v != 0.0) | ~self._is_held(self._q, desired - self._q)
         self._left = np.where(is_left, self._left + 1, 0)
+        is_lively = (self._lively >= LIVELY) & (duration > LONGEST_REPEATS) & (
+            np.abs(self._v) > DECAYED * self._unit)
+        if is_lively.any():
+            is_lively &= np.abs(self._v) * duration > _STEPS * self._smallest_step()
         frozen = same & (self.frozen | (excess > 0.0) & (
-            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS)
-            | (self._lively >= LIVELY) & (duration > LONGEST_REPEATS)
-            & (np.abs(self._v) > DECAYED * self._unit)))
+            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS) | is_lively))
         for j in np.flatnonzero(frozen & ~self.frozen):
             self.reason = (
                 f'position and velocity of {self._names[j]!r} have not changed for '
@@ -405,6 +411,11 @@ class MotionConsistency:
         has_ended = bool((self.frozen & ~frozen).any())
         self._set_frozen(frozen)
         return has_ended
+
+    def _smallest_step(self) -> FloatArray:
+        """Return the smallest displacement (n,) other than 0 between two stored states."""
+        steps = np.abs(np.diff(self._positions[:self._row], axis=0))
+        return np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
 
     def _repeat_start(self, q: FloatArray, v: FloatArray) -> IntArray:
         """Return the beginning (n,) [ns] of a repetition that is found now, from the motion."""

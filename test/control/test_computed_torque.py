@@ -72,7 +72,10 @@ def feedback_of(
     assert terms.effort == pytest.approx(effort)
     K_p_e, K_d_e_dot, s = GAINS.kp * [error, -error], -GAINS.kd * v, output.scale
     M, rest = body.mass_matrix(q), body.nonlinear(q, v)
-    assert effort == pytest.approx(M @ (s * s * K_p_e + s * K_d_e_dot) + rest)
+    largest = np.abs(M @ K_p_e).max()
+    of_position = min(1.0, 0.5 * REVERSAL_TIME * rate / max(largest, 1e-300))
+    share = max(s * s, of_position) if softens else 1.0
+    assert effort == pytest.approx(M @ (share * K_p_e + s * K_d_e_dot) + rest)
     return K_p_e, K_d_e_dot, s
 
 

@@ -109,8 +109,8 @@ def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(
     trace = one.run(6.0)
     print(f'sag {np.abs(trace.q[-1] - Q).max():.3f}, at most {np.abs(trace.q - Q).max():.3f}')
     assert np.abs(trace.q[-1] - Q).max() <= largest
-    # The load falls until the rate limit of the effort lets the feedback catch it.
-    assert np.abs(trace.q - Q).max() <= 0.7
+    # The load falls until the feedback has caught it; an unlimited effort leaves 0.26 rad of 4 kg.
+    assert np.abs(trace.q - Q).max() <= 1.2 * largest
     assert rests(trace)
     assert one.loop.supervisor.fault is None
 
@@ -446,13 +446,9 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name: str, rate: float, j: in
     trace = one.run(1.0)
     ratio = float((np.abs(trace.v) / one.arm.limits.velocity).max())
     print(f'peak {ratio:.2f} of the limit, drift {trace.last(0.3).speed.max():.2g} rad/s')
-    # The Panda has neither friction nor rotors in its description, and light coupled joints: its
-    # joint without a signal falls within a second. Then the command ends.
-    assert ratio <= 1.2 or name == 'panda'
+    assert ratio <= 1.2
     assert one.loop.supervisor.fault.name == 'frozen_joint'
     assert one.loop.supervisor.mode is Mode.FAULT
-    if ratio > 1.2:
-        return
     one.sensor = alive
     judge(one, one.run(3.0))
     assert one.loop.supervisor.mode is Mode.RUNNING

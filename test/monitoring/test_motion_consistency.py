@@ -384,6 +384,8 @@ def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes() 
     good = [one.update(k * SECOND // 500, q, q, row_of(
         reference if k < 1000 else None, k)) for k in range(1500)]
     assert not any(good[good.index(False):])
+    one.restart()
+    assert not one.update(3 * SECOND - 1, q, q, row_of(None, 0))
     assert one.update(3 * SECOND, q + 1e-9, q, row_of(None, 0))
     assert not one.frozen.any()
 
@@ -417,6 +419,22 @@ def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
     assert one.frozen.tolist() == [True] + [False] * (N - 1)
     assert 0.04 < (row - k) / rate < 0.1
     assert "'joint1' have not changed for" in reason
+
+
+@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+@pytest.mark.parametrize('speed', [0.003, 0.01])
+def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed: float, rate: int) -> None:
+    """It has hardly moved: only the smallest steps of its encoder show that it is alive."""
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    v = speed * np.clip((t - 1.0) / 0.02, 0.0, 1.0)[:, None] * np.ones(N)
+    q = np.cumsum(v / rate, axis=0)
+    k = int(1.12 * rate)
+    q[k:, 1], v[k:, 1] = q[k, 1], v[k, 1]
+    one = consistency()
+    row, _ = next(alarms(one, States(SECOND + np.round(1e9 * t).astype(np.int64), q, v)))
+    assert one.frozen.tolist() == [False, True, False]
+    assert 0.06 <= (row - k) / rate <= 0.08
+    assert np.abs(v * (row - k) / rate).max() < 1e-3
 
 
 @pytest.mark.parametrize('rate', [100, 500, 1000])

@@ -13,10 +13,13 @@ the rate limit τ̇ of the effort delays it, the effort excites an oscillation i
 The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K_d ė its effort changes by
 s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used,
 or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 60 ms, an effort that the rate limit
-reverses in 120 ms. A steady error, such as that under an unknown load, has s = 1.
+reverses in 120 ms. The effort of the position error alone, M K_p e, is in any case lowered to no
+less than this: it holds a load that falls. A steady error, such as that under an unknown load, has
+s = 1.
 """
 
 from functools import partial
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -85,13 +88,15 @@ class ComputedTorque(ControlLaw):
         gains, e_dot = self.feedback.gains, state.velocity_error
         M, rate = state.dynamics.rigid_body.mass_matrix(state.q), self._effort_rate
         proportional, damping = gains.kp * state.position_error, gains.kd * e_dot
+        reversible = 0.5 * REVERSAL_TIME * rate
         with np.errstate(divide='ignore', over='ignore', invalid='ignore'):
-            of_change = np.min(
-                CHANGE_FRACTION * rate / np.abs(M @ (gains.change * e_dot)), initial=1.0)
-            of_size = np.min(0.5 * REVERSAL_TIME * rate / np.abs(
-                M @ (proportional + damping)), initial=1.0)
-        s = max(float(np.sqrt(of_change)), float(of_size))
-        return state.reference.acceleration + s * s * proportional + s * damping, s
+            of_change, of_size, of_position = (
+                float(np.min(most / np.abs(M @ effort), initial=1.0)) for most, effort in (
+                    (CHANGE_FRACTION * rate, gains.change * e_dot),
+                    (reversible, proportional + damping), (reversible, proportional)))
+        s = max(math.sqrt(of_change), of_size)
+        feedback = max(s * s, of_position) * proportional + s * damping
+        return state.reference.acceleration + feedback, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:
         q, v = state.q_ahead, state.v if state.v is not None else self._zero

@@ -7,12 +7,19 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 
 LONGEST_PERIOD, STEP = 0.05, 0.002
 """[s] between two states for which the motion of a frozen joint is predicted, and its step."""
-STEADY_TIME = 0.05
-"""[s] of the mean of the feedback of the other joints."""
+DISTURBANCE_TIME = 0.05
+"""[s] of the low-pass filter of the disturbance of the other joints."""
+SETTLING = 6.0
+"""Time constants 1/ω of the feedback in which the errors of all joints decay after the fault."""
+STOP_TIME = 3.0
+"""[s] for the stop of an arm with frozen joints, at most."""
+CALM = 0.1
+"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
 _MOST_STEPS = 100
 
 
@@ -22,25 +29,29 @@ class FrozenJoints:
 
     Until the fault is found, the feedback acts on the error of the frozen sample; afterwards on
     the predicted error e = q_r − q, which then decays by ë = −K_d ė − K_p e whatever the inertia.
+
+    Friction, a load or the frozen joint itself disturb the other joints: ë + K_d ė + K_p e = d is
+    not 0. Computed torque would add M d, although the joints are not accelerated by d. The frozen
+    joints m receive no effort for the coupling with it: with c_m = M_mm⁻¹ (M d)_m, the effort is
+    lower by M c. The other joints then still follow their error equation.
     """
 
     def __init__(
         self, marks: BoolArray, since_ns: IntArray, controller: Controller, stamp_ns: int,
-        dt: float, q: FloatArray, v: FloatArray | None,
+        dt: float, q: FloatArray, v: FloatArray | None, now: float,
     ) -> None:
         """
         Predict the joints `marks` (n,), whose samples (q, v) repeat since `since_ns` (n,).
 
-        `dt` [s] is the period of the states, in which the feedback is constant.
+        `dt` [s] is the period of the states, in which the feedback is constant; `now` [s] is the
+        time of the steady clock.
         """
         self.marks, self._controller = marks, controller
-        self.since = 0.0
-        """Time [s] of the steady clock at which the fault was found."""
-        self.moved_until = 0.0
-        """Time [s] of the steady clock at which the planned stop had not ended yet."""
+        self._since = self._moved_until = now
         v = v if v is not None else np.zeros_like(q)
         self._q = q
-        self._e, self._e_dot, self._steady = np.zeros((3, len(q)))
+        self._e, self._e_dot, self._disturbance = np.zeros((3, len(q)))
+        self._last_e_dot: FloatArray | None = None
         trajectory = controller.trajectory
         if trajectory is None:
             return
@@ -70,18 +81,56 @@ class FrozenJoints:
         return np.where(self.marks, self._q, q), (
             None if v is None else np.where(self.marks, velocity, v))
 
-    def steady_feedback(self, e: FloatArray, e_dot: FloatArray, dt: float) -> FloatArray:
+    def stopping_effort(
+        self, output: ControlOutput, dt: float, q: FloatArray, v: FloatArray | None,
+        hold: FloatArray,
+    ) -> FloatArray:
         """
-        Return the steady feedback (n,) of the other joints to their errors, dt [s] later.
+        Return the effort (n,) of the planned stop at (q, v), dt [s] after the last state.
 
-        It does not accelerate them, because friction or a load holds them. The coupling torque for
-        this acceleration would accelerate the joints without a signal.
+        Without a command the effort is `hold`.
+        """
+        command, state, m = output.command, output.state, self.marks
+        if command is None:
+            return hold
+        if state.trajectory is None or state.v is None:
+            return command
+        M, _ = self._controller.motion_equation(output, q, v)
+        self._observe(state.position_error, state.velocity_error, dt)
+        coupling = np.zeros_like(command)
+        coupling[m] = np.linalg.lstsq(M[np.ix_(m, m)], (M @ self._disturbance)[m])[0]
+        return np.asarray(command - M @ coupling)
+
+    def is_lost(self, v: FloatArray | None, now: float, hold_time: float) -> bool:
+        """
+        Return whether the arm is held no longer: `hold_time` [s] after its stop.
+
+        Nothing measures what a joint without a signal does after its planned stop: errors of its
+        predicted motion grow, and without friction they grow exponentially. Other joints that
+        move after the stop show that it has left its predicted position.
         """
         K_p, K_d = self._controller.feedback_gains
-        weight = 1.0 - math.exp(-dt / STEADY_TIME)
-        self._steady = self._steady + weight * (
-            np.where(self.marks, 0.0, K_p * e + K_d * e_dot) - self._steady)
-        return self._steady
+        with np.errstate(divide='ignore'):
+            settling = SETTLING / np.maximum(np.sqrt(K_p), 0.5 * K_d).min(initial=np.inf)
+        passed = now - self._since
+        if passed < min(settling, STOP_TIME) or not self._controller.has_stopped:
+            self._moved_until = now
+            return passed > STOP_TIME
+        limit = CALM * self._controller.arm.limits.velocity
+        is_disturbed = v is not None and bool((np.abs(v) > limit)[~self.marks].any())
+        return is_disturbed or now - self._moved_until > hold_time
+
+    def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
+        """Filter ë + K_d ė + K_p e of the joints with a signal."""
+        K_p, K_d = self._controller.feedback_gains
+        last, self._last_e_dot = self._last_e_dot, e_dot
+        feedback = np.where(self.marks, 0.0, K_d * e_dot + K_p * e)
+        if last is None:  # as if it had been steady
+            self._disturbance = feedback
+        elif dt > 0.0:
+            d = feedback + np.where(self.marks, 0.0, (e_dot - last) / dt)
+            weight = 1.0 - math.exp(-dt / DISTURBANCE_TIME)
+            self._disturbance = self._disturbance + weight * (d - self._disturbance)
 
     def _follow(self, dt: float) -> None:
         """Let the error follow the closed loop, ë = −K_d ė − K_p e, for dt [s]."""
