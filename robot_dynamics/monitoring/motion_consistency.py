@@ -62,8 +62,8 @@ UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
 """[rad/s] of the velocity: assumed until it is known, and tolerated."""
 LIVELY = 8
 """Stored states of a slow joint without a repetition: its noise or motion changes every sample."""
-_SLOW_ROWS = 10
-"""Stored states in which a slow joint moves by at most FLOOR."""
+_SLOW_TIME = 0.05
+"""[s] in which a slow joint moves by at most FLOOR."""
 _STEPS = 3.0
 """Displacement of a lively joint that its encoder shows, in smallest steps of its positions."""
 DECAYED = 1e-6
@@ -224,7 +224,9 @@ class MotionConsistency:
             if (self._is_repeating or True in same.tolist()) and (
                     self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
-            moved = np.abs(q - self._positions[max(row - _SLOW_ROWS, 0)])
+            dt = _NS * (stamp_ns - self._base_ns) - self._times[row - 1]
+            rows = max(1, round(_SLOW_TIME / float(dt)))
+            moved = np.abs(q - self._positions[max(row - rows, 0)])
             self._lively += (moved <= FLOOR * self._unit) & ~same
         if row == _ROWS - 1:
             row = _ROWS // 2

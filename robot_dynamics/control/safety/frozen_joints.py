@@ -14,8 +14,6 @@ LONGEST_PERIOD, STEP = 0.05, 0.002
 """[s] between two states for which the motion of a frozen joint is predicted, and its step."""
 DISTURBANCE_TIME = 0.05
 """[s] of the low-pass filter of the disturbance of the other joints."""
-SETTLING = 6.0
-"""Time constants 1/ω of the feedback in which the errors of all joints decay after the fault."""
 STOP_TIME = 3.0
 """[s] for the stop of an arm with frozen joints, at most."""
 CALM = 0.1
@@ -109,13 +107,9 @@ class FrozenJoints:
         predicted motion grow, and without friction they grow exponentially. Other joints that
         move after the stop show that it has left its predicted position.
         """
-        K_p, K_d = self._controller.feedback_gains
-        with np.errstate(divide='ignore'):
-            settling = SETTLING / np.maximum(np.sqrt(K_p), 0.5 * K_d).min(initial=np.inf)
-        passed = now - self._since
-        if passed < min(settling, STOP_TIME) or not self._controller.has_stopped:
+        if not self._controller.has_stopped:
             self._moved_until = now
-            return passed > STOP_TIME
+            return now - self._since > STOP_TIME
         limit = CALM * self._controller.arm.limits.velocity
         is_disturbed = v is not None and bool((np.abs(v) > limit)[~self.marks].any())
         return is_disturbed or now - self._moved_until > hold_time
