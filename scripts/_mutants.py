@@ -4,7 +4,7 @@
 """
 Print the result of mutmut per module, and write the surviving mutants as differences of lines.
 
-Usage: _mutants.py DIRECTORY [--write] [MODULE...]
+Usage: _mutants.py DIRECTORY [--write] [--sample] [MODULE...]
 DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor, and one
 whose tests timed out too: on a loaded machine, it may be equivalent.
 With --write the rows replace those of the same modules in docs/evidence/mutation.md.
@@ -57,6 +57,12 @@ def with_rows(text: str, rows: dict[str, str]) -> str:
     return f'{before}{BEGIN}{HEAD}{"".join({**there, **rows}.values())}{END}{after}'
 
 
+def _count(results: dict[str, int | None]) -> str:
+    """Return how many mutants were run, and of how many if it was a sample."""
+    run, total = sum(result is not None for result in results.values()), len(results)
+    return str(total) if run == total else f'{run} of {total}'
+
+
 def main(directory: Path, modules: list[str], is_written: bool) -> None:
     """Print one line per module."""
     report = directory / 'survivors.txt'
@@ -74,7 +80,7 @@ def main(directory: Path, modules: list[str], is_written: bool) -> None:
         killed = len(results) - len(found)
         seconds = sum(data['durations_by_key'].values())
         rows[source.stem] = (
-            f'| {source.stem} | {len(results)} | {killed} | {len(found)} | '
+            f'| {source.stem} | {_count(data["exit_code_by_key"])} | {killed} | {len(found)} | '
             f'{100.0 * killed / len(results):.1f} | {seconds:.0f} | {date.today()} |\n')
         print(rows[source.stem], end='')
         texts += [f'== {source.stem}', *found]
@@ -85,5 +91,5 @@ def main(directory: Path, modules: list[str], is_written: bool) -> None:
 
 
 if __name__ == '__main__':
-    main(Path(sys.argv[1]), [name for name in sys.argv[2:] if name != '--write'],
+    main(Path(sys.argv[1]), [name for name in sys.argv[2:] if not name.startswith('--')],
          '--write' in sys.argv)
