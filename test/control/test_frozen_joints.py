@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Prediction of joints without a signal, and the effort of their stop, with the real loop."""
+
+from typing import NamedTuple
+
+from lock_step_loop import FIRST_STAMP, LockStep, MS
+import numpy as np
+import pytest
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.control_output import ControlOutput
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.safety.frozen_joints import (
+    CALM,
+    DISTURBANCE_TIME,
+    FrozenJoints,
+    STOP_TIME,
+)
+from robot_dynamics.model.arm import load_arm
+from robots import robot_urdf
+
+DT = 0.002
+HOLD = 2.5
+"""[s]"""
+
+
+def in_motion(rate: float = 500.0, seconds: float = 0.3) -> LockStep:
+    """Return a UR10 that has moved for this time on its way of 1 rad at all joints."""
+    arm = load_arm(robot_urdf('ur10'))
+    one = LockStep(arm, q=np.array([0.0, -1.0, 1.0, 0.0, 1.0, 0.0]), rate=rate)
+    one.run(0.2)
+    one.follow(one.q + np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
+    one.run(seconds)
+    return one
+
+
+class Case(NamedTuple):
+    """Joints that are frozen now, and the state at which the law is evaluated."""
+
+    frozen: FrozenJoints
+    controller: Controller
+    marks: BoolArray
+    output: ControlOutput
+
+
+def case_at(marks: list[int], e: FloatArray, e_dot: FloatArray) -> Case:
+    """Return a moving arm with these joints frozen, at these errors."""
+    one = in_motion()
+    controller, n = one.loop.controller, len(one.q)
+    mask = np.isin(np.arange(n), marks)
+    stamp = FIRST_STAMP + one.k * MS
+    frozen = FrozenJoints(
+        mask, np.full(n, stamp - 10 * MS), controller, stamp, DT, one.q, one.v, one.now)
+    assert controller.trajectory is not None
+    reference = controller.trajectory.sample(stamp)
+    output = controller.update(stamp, reference.position - e, reference.velocity - e_dot)
+    return Case(frozen, controller, mask, output)
+
+
+E = np.array([0.01, -0.02, 0.015, 0.01, -0.01, 0.02])
+E_DOT = np.array([0.1, 0.05, -0.1, 0.02, 0.05, -0.03])
+
+
+@pytest.mark.parametrize('marks', [[0], [2], [1, 4], [5]])
+def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks: list[int]) -> None:
+    """The others keep their accelerations; the frozen ones miss M_mm⁻¹ (M d)_m."""
+    frozen, controller, mask, output = case_at(marks, E, E_DOT)
+    K_p, K_d = controller.feedback_gains
+    d = np.where(mask, 0.0, K_p * E + K_d * E_DOT)
+    for _ in range(2):  # ë = 0: the disturbance is steady
+        effort = frozen.stopping_effort(output, DT, output.state.q, output.state.v, np.zeros(6))
+        M, _ = controller.motion_equation(output, output.state.q, output.state.v)
+        assert output.command is not None
+        missing = np.linalg.solve(M, output.command - effort)
+        assert missing[~mask] == pytest.approx(np.zeros((~mask).sum()), abs=1e-9)
+        expected = np.linalg.solve(M[np.ix_(mask, mask)], (M @ d)[mask])
+        assert missing[mask] == pytest.approx(expected)
+        assert np.abs(expected).max() > 0.1
+
+
+def test_an_acceleration_that_happens_is_no_disturbance() -> None:
+    """The part with ë = −K_d ė − K_p e decays with DISTURBANCE_TIME."""
+    e, e_dot = E.copy(), E_DOT.copy()
+    frozen, controller, mask, first = case_at([2], e, e_dot)
+    K_p, K_d = controller.feedback_gains
+    state = first.state
+    assert state.trajectory is not None
+    reference = state.trajectory.sample(state.stamp_ns)
+    largest = []
+    for _ in range(round(6.0 * DISTURBANCE_TIME / DT)):
+        state = first.state._replace(
+            q=reference.position - e, v=reference.velocity - e_dot)
+        output = controller.update(state.stamp_ns, state.q, state.v)
+        assert output.command is not None
+        effort = frozen.stopping_effort(output, DT, state.q, state.v, np.zeros(6))
+        largest.append(np.abs(output.command - effort).max())
+        before = e_dot
+        e_dot = e_dot - DT * (K_d * e_dot + K_p * e)
+        e = e + 0.5 * DT * (before + e_dot)
+    assert largest[0] > 0.1
+    assert largest[-1] < 0.02 * largest[0]
+    assert mask.tolist() == [j == 2 for j in range(6)]
+
+
+def test_the_effort_without_a_command_holds_the_arm() -> None:
+    frozen, controller, _, output = case_at([2], E, E_DOT)
+    output.command = None
+    hold = np.arange(6.0)
+    assert frozen.stopping_effort(output, DT, output.state.q, None, hold) is hold
+    resting = controller.update(output.state.stamp_ns, output.state.q, None)
+    effort = frozen.stopping_effort(resting, DT, output.state.q, None, hold)
+    assert effort is resting.command
+
+
+@pytest.mark.parametrize('joint', range(6))
+@pytest.mark.parametrize('rate', [500.0, 250.0])
+def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
+    """Until the fault is found, and for 0.1 s of the stop."""
+    one = in_motion(rate)
+    q, v = one.q[joint], one.v[joint]
+    mask = np.arange(6) == joint
+    one.sensor = lambda q_all, v_all: (np.where(mask, q, q_all), np.where(mask, v, v_all))
+    loop = one.loop
+    while loop.supervisor.fault is None:
+        one.run(DT)
+    for share in (0.2, 0.5):
+        used = loop.controller.state
+        assert used is not None
+        moved = abs(one.q[joint] - q)
+        assert used[1][joint] == pytest.approx(one.q[joint], abs=0.004 + 0.2 * moved)
+        assert used[2][joint] == pytest.approx(one.v[joint], abs=share * abs(v))
+        one.run(0.1)
+    assert moved > 0.01
+
+
+def test_the_arm_is_lost_some_time_after_its_stop_or_when_other_joints_move() -> None:
+    frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
+    limit, still = controller.arm.limits.velocity, np.zeros(6)
+    start = FIRST_STAMP * 1e-9 + 0.5
+    assert not controller.has_stopped
+    fast = np.where(mask, 0.0, 2.0 * CALM * limit)
+    assert not frozen.is_lost(fast, start + STOP_TIME, HOLD)
+    assert frozen.is_lost(fast, start + STOP_TIME + 0.1, HOLD)
+    frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
+    stamp, now = output.state.stamp_ns, start
+    controller.stop()
+    while not controller.has_stopped:
+        assert not frozen.is_lost(fast, now, HOLD)
+        stamp, now = stamp + 2 * MS, now + DT
+        controller.update(stamp, output.state.q, still)
+    assert not frozen.is_lost(None, now, HOLD)
+    assert not frozen.is_lost(0.99 * CALM * limit, now, HOLD)
+    assert not frozen.is_lost(np.where(mask, limit, 0.0), now, HOLD)
+    for j in np.flatnonzero(~mask):
+        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now, HOLD)
+    assert not frozen.is_lost(still, now + HOLD - DT, HOLD)
+    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
