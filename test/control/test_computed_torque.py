@@ -74,7 +74,8 @@ def feedback_of(
     M, rest = body.mass_matrix(q), body.nonlinear(q, v)
     largest = np.abs(M @ K_p_e).max()
     of_position = min(1.0, 0.5 * REVERSAL_TIME * rate / max(largest, 1e-300))
-    share = max(s * s, of_position) if softens else 1.0
+    leaves = K_p_e * K_d_e_dot > 0.0
+    share = max(s * s, of_position) * np.where(leaves, 1.0, s) if softens else 1.0
     assert effort == pytest.approx(M @ (share * K_p_e + s * K_d_e_dot) + rest)
     return K_p_e, K_d_e_dot, s
 

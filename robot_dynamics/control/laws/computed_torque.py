@@ -14,8 +14,9 @@ The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K
 s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used,
 or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 60 ms, an effort that the rate limit
 reverses in 120 ms. The effort of the position error alone, M K_p e, is in any case lowered to no
-less than this: it holds a load that falls. A steady error, such as that under an unknown load, has
-s = 1.
+less than this: it holds a load that falls. While a joint returns to its reference, the effort of
+its position error is lowered by a further s, so that the rate limit can brake the joint there. A
+steady error, such as that under an unknown load, has s = 1.
 """
 
 from functools import partial
@@ -95,8 +96,8 @@ class ComputedTorque(ControlLaw):
                     (CHANGE_FRACTION * rate, gains.change * e_dot),
                     (reversible, proportional + damping), (reversible, proportional)))
         s = max(math.sqrt(of_change), of_size)
-        feedback = max(s * s, of_position) * proportional + s * damping
-        return state.reference.acceleration + feedback, s
+        share = max(s * s, of_position) * np.where(proportional * damping > 0.0, 1.0, s)
+        return state.reference.acceleration + share * proportional + s * damping, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:
         q, v = state.q_ahead, state.v if state.v is not None else self._zero
