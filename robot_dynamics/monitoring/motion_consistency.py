@@ -417,7 +417,7 @@ class MotionConsistency:
     def _smallest_step(self) -> FloatArray:
         """Return the smallest displacement (n,) other than 0 between two stored states."""
         steps = np.abs(np.diff(self._positions[:self._row], axis=0))
-        return np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf)
+        return np.asarray(np.where(steps > 0.0, steps, np.inf).min(axis=0, initial=np.inf))
 
     def _repeat_start(self, q: FloatArray, v: FloatArray) -> IntArray:
         """Return the beginning (n,) [ns] of a repetition that is found now, from the motion."""
