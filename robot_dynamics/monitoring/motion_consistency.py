@@ -224,10 +224,11 @@ class MotionConsistency:
             if (self._is_repeating or True in same.tolist()) and (
                     self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
-            dt = _NS * (stamp_ns - self._base_ns) - self._times[row - 1]
-            rows = max(1, round(_SLOW_TIME / float(dt)))
-            moved = np.abs(q - self._positions[max(row - rows, 0)])
-            self._lively += (moved <= FLOOR * self._unit) & ~same
+            else:
+                dt = _NS * (stamp_ns - self._base_ns) - float(self._times[row - 1])
+                rows = max(1, round(_SLOW_TIME / dt))
+                moved = np.abs(q - self._positions[max(row - rows, 0)])
+                self._lively += (moved <= FLOOR * self._unit) & ~same
         if row == _ROWS - 1:
             row = _ROWS // 2
             for values in (self._times, self._squared, self._positions, self._differences):

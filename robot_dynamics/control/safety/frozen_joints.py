@@ -118,13 +118,12 @@ class FrozenJoints:
         """Filter ë + K_d ė + K_p e of the joints with a signal."""
         K_p, K_d = self._controller.feedback_gains
         last, self._last_e_dot = self._last_e_dot, e_dot
-        feedback = np.where(self.marks, 0.0, K_d * e_dot + K_p * e)
-        if last is None:  # as if it had been steady
-            self._disturbance = feedback
-        elif dt > 0.0:
-            d = feedback + np.where(self.marks, 0.0, (e_dot - last) / dt)
+        d, weight = K_d * e_dot + K_p * e, 1.0  # the first one, as if it had been steady
+        if last is not None:
+            d = d + (e_dot - last) / max(dt, 1e-9)
             weight = 1.0 - math.exp(-dt / DISTURBANCE_TIME)
-            self._disturbance = self._disturbance + weight * (d - self._disturbance)
+        self._disturbance = self._disturbance + weight * (
+            np.where(self.marks, 0.0, d) - self._disturbance)
 
     def _follow(self, dt: float) -> None:
         """Let the error follow the closed loop, ë = −K_d ė − K_p e, for dt [s]."""
