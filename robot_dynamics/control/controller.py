@@ -163,6 +163,7 @@ class Controller:
         self._guard = OscillationGuard(self.arm.joint_count)
         self._friction_share = FrictionShare(self.arm.limits.velocity)
         self._followed: tuple[LawInput, LawOutput] | None = None
+        self._has_notice = False
 
     def _scale_motion(self) -> None:
         """Scale gains and references to the bandwidth that states and oscillations allow."""
@@ -442,8 +443,9 @@ class Controller:
         share = self._friction_share
         if error.dot(error) > share.least**2 and self.compensates_friction_at_rest:
             expected = state.feedback.gains.ratio * state.position_error
-            has_changed |= share.take(
-                now, state.dynamics, state.q, -error - expected, answer.friction)
+            has_changed = has_changed | share.take(
+                now, state.dynamics, state.q, -error, expected, answer.friction)
+        self._has_notice = self._has_notice or has_changed
         return has_changed
 
     def _stop_from(
@@ -567,6 +569,13 @@ class Controller:
                     f'the friction compensation of {name!r} drove it away: it is at '
                     f'{friction:.2f}')
         return '; '.join(found)
+
+    def take_notice(self) -> str:
+        """Return `oscillation` if it has changed since the last call, else an empty string."""
+        if not self._has_notice:
+            return ''
+        self._has_notice = False
+        return self.oscillation
 
     @property
     def workspace(self) -> WorkspaceInertia:

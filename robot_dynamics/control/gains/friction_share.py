@@ -14,15 +14,17 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 
-SHARE = 0.7
+SHARE = 0.75
 """Share of the compensation after each time that a joint has run away."""
 SURPLUS = 0.3
 """Share of the given friction that is assumed to be too much."""
-REACTION_TIME = 0.02
+REACTION_TIME = 0.04
 """[s] in which a surplus acts before the loop reacts, with slow joint states."""
-SPEED_FRACTION, LARGEST_SPEED = 0.5, 4.0
+SPEED_FRACTION, LARGEST_SPEED = 0.8, 4.0
 """Velocity beyond the expected one at which a joint has run away, by the velocity limit, which
 counts as 4 rad/s or m/s if it is larger."""
+CATCH_UP = 0.6
+"""Velocity that a position error explains, by that beyond it, at most."""
 PAUSE = 0.2
 """[s] after a reduction, in which its effect is awaited."""
 
@@ -39,15 +41,17 @@ class FrictionShare:
         """[rad/s] or [m/s] below which no joint has run away."""
 
     def take(
-        self, now: float, dynamics: UncheckedArmDynamics, q: FloatArray, excess: FloatArray,
-        friction: FloatArray,
+        self, now: float, dynamics: UncheckedArmDynamics, q: FloatArray, ahead: FloatArray,
+        expected: FloatArray, friction: FloatArray,
     ) -> bool:
         """
         Return whether a share has changed at a time [s].
 
-        `excess` (n,) is the velocity beyond that which the reference and its position error
-        explain, and `friction` (n,) the compensation that acts.
+        `ahead` (n,) is the velocity minus that of the reference, `expected` (n,) what the
+        position error explains of it, and `friction` (n,) the compensation that acts.
         """
+        most = CATCH_UP * self._speed
+        excess = ahead - np.minimum(np.maximum(expected, -most), most)
         runs = (excess * np.sign(friction) > self._speed) & (now >= self._earliest)
         if not runs.any():
             return False

@@ -21,7 +21,7 @@ from robot_dynamics.arrays import FloatArray
 
 HALF_WAVES = 8
 """Half-waves of an event."""
-LONGEST = 0.06
+LONGEST = 0.065
 """[s], the longest half-wave: that of the crossover of the default gains is 0.076 s."""
 SUSTAINED = 0.9
 """Largest peak of the second half of an event, by that of the first half, at least."""
@@ -117,7 +117,7 @@ class OscillationGuard:
             if now < self._changed + SETTLING or amplitude < SAME * one.largest:
                 return False
             factor, one.least, one.largest = 1.0, HIGHER * amplitude, 0.0
-        self.frequency[j] = 0.5 * HALF_WAVES / sum(one.times)
+        self.frequency[j] = 0.25 * HALF_WAVES / sum(one.times[HALF_WAVES // 2:])
         one.peaks, one.times = [], []
         self.scale, self._changed = self.scale.copy(), now
         self.scale[j] = factor
