@@ -18,7 +18,7 @@ SHARE = 0.75
 """Share of the compensation after each time that a joint has run away."""
 SURPLUS = 0.3
 """Share of the given friction that is assumed to be too much."""
-REACTION_TIME = 0.04
+REACTION_TIME = 0.1
 """[s] in which a surplus acts before the loop reacts, with slow joint states."""
 SPEED_FRACTION, LARGEST_SPEED = 0.8, 4.0
 """Velocity beyond the expected one at which a joint has run away, by the velocity limit, which
