@@ -17,7 +17,9 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
 from robot_dynamics.control.followed_reference import FollowedReference
+from robot_dynamics.control.gains.friction_share import FrictionShare
 from robot_dynamics.control.gains.gain_scaling import loop_gains, StableGains
+from robot_dynamics.control.gains.oscillation_guard import OscillationGuard
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -25,6 +27,7 @@ from robot_dynamics.control.laws.control_law import (
     GravityCompensation,
     LawFactory,
     LawInput,
+    LawOutput,
     load_law,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
@@ -92,6 +95,7 @@ class Controller:
         self._load = LoadedArm(arm)
         self._reference = FollowedReference(arm)
         self._gains = StableGains(arm.joint_kinds)
+        self._restore_gains()
         self._velocity = VelocityEstimate(arm.is_continuous)
         self._state: tuple[int, FloatArray, FloatArray] | None = None
         self._is_estimated = False
@@ -122,6 +126,7 @@ class Controller:
         with self.lock:
             if options.command != self._options.command:
                 self._reference.clear()
+            self._restore_gains()
             self._options, self._feedback, self._bounds = options, feedback, bounds
             self._robot = robot
             self._law_at_rest: ControlLaw = gravity if law.follows else law
@@ -153,10 +158,19 @@ class Controller:
             self._law_with_reference.limit_rate(rate, workspace.row_sums())
         self._scale_motion()
 
+    def _restore_gains(self) -> None:
+        """Restore the gains that oscillations have lowered: the loop changes."""
+        self._guard = OscillationGuard(self.arm.joint_count)
+        self._friction_share = FrictionShare(self.arm.limits.velocity)
+        self._followed: tuple[LawInput, LawOutput] | None = None
+        self._has_notice = False
+
     def _scale_motion(self) -> None:
-        """Scale gains and references to the bandwidth that the joint states allow."""
+        """Scale gains and references to the bandwidth that states and oscillations allow."""
+        law, calm = self._law_with_reference, self._guard.scale
         self._reference.scale(self._gains.reference_scale)
-        self._law_with_reference.scale_gains(self._gains.scale)
+        law.scale_gains(self._gains.scale * calm)
+        law.scale_compensation(calm, self._friction_share.share)
 
     # ------------------------------------------------------------------ references
 
@@ -312,6 +326,7 @@ class Controller:
         with self._exchange:
             load = self._load.prepare(payloads)
             with self.lock:
+                self._restore_gains()
                 if transition_time == 0.0:
                     self._load.replace(load)
                 else:
@@ -387,6 +402,7 @@ class Controller:
                 q_ahead = q + gains.lag * v
         state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback)
         answer, options, drive = law(state), self._options, self.arm.drive
+        self._followed = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds
         is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
             bounds.is_clear(effort))
@@ -414,8 +430,23 @@ class Controller:
 
     def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        if self._gains.evaluate():
+        if self._gains.evaluate() | self._oscillates():
             self._scale_motion()
+
+    def _oscillates(self) -> bool:
+        """Return whether the motion since the last reference has changed gains or compensation."""
+        if self._followed is None or not self._options.softens_gains:
+            return False
+        (state, answer), self._followed = self._followed, None
+        now, error = 1e-9 * state.stamp_ns, state.velocity_error
+        has_changed = self._guard.take(now, error)
+        share = self._friction_share
+        if error.dot(error) > share.least**2 and self.compensates_friction_at_rest:
+            expected = state.feedback.gains.ratio * state.position_error
+            has_changed = has_changed | share.take(
+                now, state.dynamics, state.q, -error, expected, answer.friction)
+        self._has_notice = self._has_notice or has_changed
+        return has_changed
 
     def _stop_from(
         self, last: tuple[int, FloatArray, FloatArray] | None, stamp_ns: int, q: FloatArray,
@@ -503,7 +534,7 @@ class Controller:
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
         """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        s, gains = self._gains.scale, self._feedback.gains
+        s, gains = self._gains.scale * self._guard.scale, self._feedback.gains
         return s * s * gains.kp, s * gains.kd
 
     # ------------------------------------------------------------------ reports
@@ -522,6 +553,29 @@ class Controller:
     def bandwidth_scale(self) -> float:
         """Fraction of the natural frequency that the rate and the noise of the states allow."""
         return self._gains.least
+
+    @property
+    def oscillation(self) -> str:
+        """Which joints have oscillated or run away, and what was lowered; empty for none."""
+        guard, share, found = self._guard, self._friction_share.share, []
+        for name, scale, frequency, friction in zip(
+                self.arm.joint_names, guard.scale, guard.frequency, share):
+            if scale < 1.0:
+                found.append(
+                    f'{name!r} oscillated with {frequency:.0f} Hz: its gains are at {scale:.2f} '
+                    'of their bandwidth')
+            if friction < 1.0:
+                found.append(
+                    f'the friction compensation of {name!r} drove it away: it is at '
+                    f'{friction:.2f}')
+        return '; '.join(found)
+
+    def take_notice(self) -> str:
+        """Return `oscillation` if it has changed since the last call, else an empty string."""
+        if not self._has_notice:
+            return ''
+        self._has_notice = False
+        return self.oscillation
 
     @property
     def workspace(self) -> WorkspaceInertia:

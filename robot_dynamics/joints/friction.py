@@ -171,8 +171,8 @@ class JointFriction:
 
     def tracking_effort(
         self, v: FloatArray, error: FloatArray, rate: FloatArray | float = 0.0,
-        load: FloatArray | float = 0.0,
-        bounds: tuple[FloatArray | float, FloatArray | float] = (-1.0, 1.0),
+        load: FloatArray | float = 0.0, stiffness: FloatArray | float = 1.0,
+        share: FloatArray | float = 1.0,
     ) -> FloatArray:
         """
         Return the compensation (n,) along a reference with the velocity v, at a position error.
@@ -186,17 +186,17 @@ class JointFriction:
         loop gain of both exceeds 1, and the joint vibrates (small-gain theorem). With w = 5 d the
         gain is below 1 for a resonance of 3.5 and friction that is given 1.4 times too large.
 
-        `bounds` are the smallest and largest sign of dry friction, within ±1 (`FrictionOnset`).
+        `stiffness` and `share` in (0, 1] are factors of this spring, and of dry friction.
         """
         pull = self.viscous * rate * error
         if self.is_viscous:
             return np.asarray(self.viscous * v + pull)
-        offset = error / self.tracking_width
+        offset = stiffness * error / self.tracking_width
         effort = pull + self._joint_effort(
-            v, _tracking_sign(v / SMOOTHING_VELOCITY, offset, bounds))
+            v, share * _tracking_sign(v / SMOOTHING_VELOCITY, offset))
         if not self.has_gear_terms:
             return effort
-        sign = _tracking_sign(v / self.sigmoid_velocity, offset, bounds)
+        sign = share * _tracking_sign(v / self.sigmoid_velocity, offset)
         return effort + (self._gear_size(load) * sign + self.effort_offset)
 
     @cached_property
@@ -276,12 +276,9 @@ class JointFriction:
         return left if per_load is None else left / (1.0 + per_load * np.sign(left))
 
 
-def _tracking_sign(
-    ratio: FloatArray, offset: FloatArray,
-    bounds: tuple[FloatArray | float, FloatArray | float],
-) -> FloatArray:
-    """Return the sign of a velocity, smooth around 0, plus an offset, within bounds."""
-    return np.asarray(np.minimum(np.maximum(np.tanh(ratio) + offset, bounds[0]), bounds[1]))
+def _tracking_sign(ratio: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return the sign of a velocity, smooth around 0, plus an offset, within ±1."""
+    return np.asarray(np.minimum(np.maximum(np.tanh(ratio) + offset, -1.0), 1.0))
 
 
 def make_friction(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Flexible gearboxes at the wrists of a UR10: the arm comes to rest.
+Flexible gearboxes of a UR10: the arm comes to rest.
 
 The plant has a rotor and a link per joint, with a spring of little damping between them (M. W.
 Spong, "Modeling and Control of Elastic Joint Robots", ASME J. Dynamic Systems, Measurement, and
@@ -60,13 +60,34 @@ class Plant:
 def test_wrists_with_flexible_gearboxes_come_to_rest(
     stiffness: float, rate: int, delay: int, seen: Any,
 ) -> None:
+    loop = check_rest([RIGID] * 3 + [stiffness] * 3, rate, delay, seen)
+    assert rate < 500 or loop.controller.oscillation == ''
+
+
+@pytest.mark.parametrize(('rate', 'delay', 'stiffness'), [(125, 0, 14e3), (500, 4, 40e3)])
+def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(
+    rate: int, delay: int, stiffness: float, seen: Any,
+) -> None:
+    """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
+    loop = check_rest([stiffness] * 6, rate, delay, seen, error=0.01, seconds=6.0)
+    assert "'shoulder_lift_joint' oscillated with" in loop.controller.oscillation
+    assert loop.controller.take_notice() == loop.controller.oscillation
+    assert loop.controller.take_notice() == ''
+    loop.controller.set_options(loop.controller.options)
+    assert loop.controller.oscillation == ''
+
+
+def check_rest(
+    stiffness: list[float], rate: int, delay: int, seen: Any, error: float = 1e-3,
+    seconds: float = 4.0,
+) -> ControlLoop:
     bare = smooth_arm('ur10')
-    plant = Plant(bare, np.array([RIGID] * 3 + [stiffness] * 3))
+    plant = Plant(bare, np.array(stiffness))
     loop = ControlLoop.of_arm(bare.with_reflected_inertia(ROTORS))
     goal = plant.q_m + 0.35 * np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
     pending: deque[tuple[int, FloatArray]] = deque()
     effort, speeds = None, []
-    for k in range(4000):
+    for k in range(round(1000 * seconds)):
         if k == 200:
             loop.follow(make_trajectory(
                 bare.joint_names, [0.0], [goal.tolist()], (), (), bare.joint_names))
@@ -82,4 +103,5 @@ def test_wrists_with_flexible_gearboxes_come_to_rest(
     seen(f'{max(speeds[-1000:]):.2g} rad/s, error {np.abs(plant.q_m - goal).max():.2g} rad')
     assert loop.supervisor.fault_count == 0
     assert max(speeds[-1000:]) < 1e-3
-    assert np.abs(plant.q_m - goal).max() < 1e-3
+    assert np.abs(plant.q_m - goal).max() < error
+    return loop

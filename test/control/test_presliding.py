@@ -119,7 +119,8 @@ def check_calm(case: Case, seen: Any) -> None:
 @pytest.mark.parametrize('case', [
     Case('xarm7', 500, 4, 4e-3), Case('z1', 125, 0, 4e-3), Case('panda', 125, 8, 1e-3),
     Case('ur10', 125, 8, 4e-3, has_rotors=True), Case('default', 100, 8, 5e-3, 1.4),
-    Case('ur10', 500, 4, 4e-3, 1.4), Case('ur5', 100, 20, 5e-3, 1.4)],
+    Case('ur10', 500, 4, 4e-3, 1.4), Case('ur5', 125, 16, 5e-3, 1.4),
+    Case('z1', 100, 20, 5e-3, 1.4)],
     ids=lambda case: f'{case.arm} {case.rate} Hz')
 def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: Any) -> None:
     check_calm(case, seen)

@@ -26,7 +26,6 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
-from robot_dynamics.control.laws.friction_onset import FrictionOnset
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
@@ -46,7 +45,8 @@ class ComputedTorque(ControlLaw):
         self._friction_mode = options.friction_compensation
         self._zero = np.zeros(len(feedback.gains.kp))
         self._zero.setflags(write=False)
-        self._onset = FrictionOnset(len(self._zero))
+        self._stiffness: FloatArray | float = 1.0
+        self._share: FloatArray | float = 1.0
         self._effort_rate = np.full(len(self._zero), np.inf)
         self._free_change = np.inf
         """(K_p + K_d²) ė up to which s is 1 in any pose."""
@@ -66,6 +66,10 @@ class ComputedTorque(ControlLaw):
         """Use the gains at these factors (n,) of their bandwidth, in (0, 1]."""
         self.feedback = self._full_feedback.scaled(scale) if (scale < 1.0).any() else (
             self._full_feedback)
+
+    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
+        """Scale the compensation of dry friction; see `JointFriction.tracking_effort`."""
+        self._stiffness, self._share = stiffness, share
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort that follows the reference."""
@@ -110,6 +114,6 @@ class ComputedTorque(ControlLaw):
         dynamics, rate = state.dynamics, self.feedback.gains.ratio
         if self._friction_mode == 'reference':
             return dynamics.friction.tracking_effort(
-                v_ref, e, rate, load, self._onset.bounds(state, v, v_ref, e, rate))
+                v_ref, e, rate, load, self._stiffness, self._share)
         return dynamics.friction_effort(v, load) if self._friction_mode == 'measured' else (
             self._zero)

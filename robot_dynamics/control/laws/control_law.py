@@ -125,6 +125,15 @@ class ControlLaw:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale
 
+    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
+        """
+        Scale what the law adds to its closed loop against friction, by factors (n,) in (0, 1].
+
+        `stiffness` is that of efforts per position error at rest, `share` that of all efforts
+        against dry friction.
+        """
+        return
+
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """
         Take the rate limit of the effort, which a law may regard for large errors.

@@ -275,6 +275,9 @@ class ControlPath:
         if served.loop.notice:
             self._log.warn('notice', served.loop.notice)
             served.loop.notice = ''
+        oscillation = served.loop.controller.take_notice()
+        if oscillation:
+            self._log.warn('oscillation', f'The control loop has reacted: {oscillation}.')
         for count in self._counts:
             if count():
                 self._publish(state, served, answer)

@@ -361,10 +361,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self._refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
+        oscillation = '' if loop is None else loop.controller.oscillation
         if loop is not None and loop.interruption:
             level, words = WARN, f'ended early: {loop.interruption}'
-        elif missing:
-            level, words = WARN, missing
+        elif missing or oscillation:
+            level, words = WARN, '; '.join(filter(None, (missing, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': 0 if loop is None else loop.paused_streams,

@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Friction that is given too large, at a joint that is so light that its compensation drives it away.
+
+A surplus of effort x acts for a delay T before the loop reacts, and accelerates the joint to
+x T / m. On a wrist with m = 5e-4 kg m², of which the model contains no rotor, 0.4 N·m too much
+reach 8 rad/s in 10 ms: no gain prevents this. After a joint has run away in this way, only SHARE
+of its compensation acts.
+"""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+
+SHARE = 0.75
+"""Share of the compensation after each time that a joint has run away."""
+SURPLUS = 0.3
+"""Share of the given friction that is assumed to be too much."""
+REACTION_TIME = 0.1
+"""[s] in which a surplus acts before the loop reacts, with slow joint states."""
+SPEED_FRACTION, LARGEST_SPEED = 0.8, 4.0
+"""Velocity beyond the expected one at which a joint has run away, by the velocity limit, which
+counts as 4 rad/s or m/s if it is larger."""
+CATCH_UP = 0.6
+"""Velocity that a position error explains, by that beyond it, at most."""
+PAUSE = 0.2
+"""[s] after a reduction, in which its effect is awaited."""
+
+
+class FrictionShare:
+    """The shares of the compensation of dry friction that act, for n joints."""
+
+    def __init__(self, velocity_limit: FloatArray) -> None:
+        self.share: FloatArray = np.ones_like(velocity_limit)
+        """Shares (n,) in (0, 1]."""
+        self._speed = SPEED_FRACTION * np.minimum(velocity_limit, LARGEST_SPEED)
+        self._earliest = np.full_like(velocity_limit, -np.inf)
+        self.least = float(self._speed.min(initial=np.inf))
+        """[rad/s] or [m/s] below which no joint has run away."""
+
+    def take(
+        self, now: float, dynamics: UncheckedArmDynamics, q: FloatArray, ahead: FloatArray,
+        expected: FloatArray, friction: FloatArray,
+    ) -> bool:
+        """
+        Return whether a share has changed at a time [s].
+
+        `ahead` (n,) is the velocity minus that of the reference, `expected` (n,) what the
+        position error explains of it, and `friction` (n,) the compensation that acts.
+        """
+        most = CATCH_UP * self._speed
+        excess = ahead - np.minimum(np.maximum(expected, -most), most)
+        runs = (excess * np.sign(friction) > self._speed) & (now >= self._earliest)
+        if not runs.any():
+            return False
+        m = 1.0 / np.diagonal(np.linalg.pinv(dynamics.rigid_body.mass_matrix(q)))
+        surplus = SURPLUS * dynamics.friction.at_rest.static
+        runs &= surplus * REACTION_TIME > self._speed * m
+        self.share = np.where(runs, SHARE * self.share, self.share)
+        self._earliest = np.where(runs, now + PAUSE, self._earliest)
+        return bool(runs.any())

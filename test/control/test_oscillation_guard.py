@@ -1,0 +1,81 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Oscillations of the velocity error: which lower the gains, and which do not."""
+
+from hypothesis import given, settings, strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.oscillation_guard import (
+    HALF_WAVES,
+    HIGHER,
+    LEAST,
+    OscillationGuard,
+    STEP,
+)
+
+RATES = st.sampled_from([100, 125, 250, 500, 1000])
+SIZES = st.floats(1e-3, 3.0)
+
+
+def scales(signal: FloatArray, rate: int) -> FloatArray:
+    """Return the factor (m,) of a joint after each sample of its velocity error."""
+    guard, found = OscillationGuard(1), []
+    for k, x in enumerate(signal.tolist()):
+        guard.take(100.0 + k / rate, np.array([x]))
+        found.append(guard.scale[0])
+    return np.array(found)
+
+
+@settings(max_examples=60, deadline=None)
+@given(RATES, SIZES, st.floats(9.0, 25.0), st.floats(0.0, 3.0), st.floats(0.0, 6.0))
+def test_an_oscillation_that_does_not_decay_lowers_the_gains_in_time(
+    rate: int, size: float, frequency: float, growth: float, phase: float,
+) -> None:
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    found = scales(size * np.exp(growth * t) * np.sin(2.0 * np.pi * frequency * t + phase), rate)
+    assert found[round(rate * (HALF_WAVES + 4) * 0.5 / frequency) + 10] < 1.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(RATES, SIZES, st.floats(3.0, 25.0), st.floats(0.05, 1.0), st.floats(0.0, 6.0))
+def test_an_oscillation_that_decays_does_not(
+    rate: int, size: float, frequency: float, damping: float, phase: float,
+) -> None:
+    t = np.arange(0.0, 3.0, 1.0 / rate)
+    omega = 2.0 * np.pi * frequency
+    signal = size * np.exp(-damping * omega * t) * np.sin(omega * t + phase)
+    assert scales(signal, rate)[-1] == 1.0
+
+
+@settings(max_examples=20, deadline=None)
+@given(RATES, SIZES, st.integers(0, 2**32 - 1))
+def test_white_noise_does_not(rate: int, size: float, seed: int) -> None:
+    signal = size * np.random.default_rng(seed).standard_normal(10 * rate)
+    assert scales(signal, rate)[-1] == 1.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(RATES, SIZES, st.floats(0.05, 6.0), st.floats(0.05, 6.0))
+def test_smooth_motion_does_not(rate: int, size: float, first: float, second: float) -> None:
+    t = 2.0 * np.pi * np.arange(0.0, 5.0, 1.0 / rate)
+    assert scales(size * (np.sin(first * t) + np.cos(second * t)), rate)[-1] == 1.0
+
+
+def test_only_the_joint_that_oscillates_is_lowered_and_its_frequency_is_known() -> None:
+    guard = OscillationGuard(2)
+    for t in np.arange(0.0, 0.35, 0.002).tolist():
+        guard.take(t, np.array([0.01 * np.sin(2.0 * np.pi * 15.0 * t), 0.0]))
+    assert guard.scale.tolist() == [STEP, 1.0]
+    assert guard.frequency == pytest.approx([15.0, 0.0], rel=0.05)
+
+
+def test_an_oscillation_that_does_not_depend_on_the_gains_restores_them_for_good() -> None:
+    t = np.arange(0.0, 60.0, 0.002)
+    wave = np.sin(2.0 * np.pi * 20.0 * t)
+    found = scales(0.01 * wave, 500)
+    assert LEAST <= found.min() < LEAST / STEP
+    assert (found[-20000:] == 1.0).all()
+    later = scales(np.concatenate((0.01 * wave, 2.0 * HIGHER * 0.01 * wave[:500])), 500)
+    assert later[-1] < 1.0  # a larger one counts
