@@ -61,6 +61,8 @@ HELD_ERROR = 0.03
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
+LastState = tuple[int, FloatArray, FloatArray]
+"""A stamp [ns], and the position and velocity (n,) in use."""
 Prepared = tuple[JointTrajectory, float]
 """A trajectory that the arm can follow, and the factor by which it was slowed down."""
 
@@ -97,7 +99,7 @@ class Controller:
         self._gains = StableGains(arm.joint_kinds)
         self._restore_gains()
         self._velocity = VelocityEstimate(arm.is_continuous)
-        self._state: tuple[int, FloatArray, FloatArray] | None = None
+        self._state: LastState | None = None
         self._is_estimated = False
         """Whether the velocity of the last state was estimated from positions."""
         self._first_stop: ActiveTrajectory | None = None
@@ -256,8 +258,8 @@ class Controller:
         return self._reference.active
 
     @property
-    def state(self) -> tuple[int, FloatArray, FloatArray] | None:
-        """Stamp [ns], position and velocity (n,) of the last state with a velocity, or None."""
+    def state(self) -> LastState | None:
+        """The last state with a velocity, or None."""
         return self._state
 
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
@@ -448,8 +450,17 @@ class Controller:
         self._has_notice = self._has_notice or has_changed
         return has_changed
 
+    def mean_velocity(
+        self, last: LastState | None, stamp_ns: int, q: FloatArray,
+    ) -> FloatArray | None:
+        """Return the mean velocity (n,) since the last state, or None if that is too long ago."""
+        dt = 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
+        if last is None or not 0.0 < dt <= LONGEST_DIFFERENCE:
+            return None
+        return np.asarray((nearest_turn(q, last[1], self.arm.is_continuous) - last[1]) / dt)
+
     def _stop_from(
-        self, last: tuple[int, FloatArray, FloatArray] | None, stamp_ns: int, q: FloatArray,
+        self, last: LastState | None, stamp_ns: int, q: FloatArray,
     ) -> ActiveTrajectory | None:
         """
         Start a stop at q (n,), with the velocity since the last state (stamp, q, v).
@@ -457,12 +468,9 @@ class Controller:
         One sample of a noisy velocity would move the reference. A first state is a stop at rest
         until a state with another stamp.
         """
-        v, dt = np.zeros_like(q), 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
-        if last is not None and 0.0 < dt <= LONGEST_DIFFERENCE:
-            v = nearest_turn(q, last[1], self.arm.is_continuous) - last[1]
-            v = v / dt
+        v = self.mean_velocity(last, stamp_ns, q)
         self._reference.forget()
-        self._reference.stop(stamp_ns, q, v)
+        self._reference.stop(stamp_ns, q, np.zeros_like(q) if v is None else v)
         self._first_stop = self._reference.active if last is None else None
         return self._reference.active
 

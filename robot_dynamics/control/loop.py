@@ -58,8 +58,8 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 CHECK_PERIOD = 0.005
 """[s] between two checks of the velocities; the velocities of slower states are all checked."""
 CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
-AT_REST = 0.002
-"""[rad] or [m] that no joint moves in REST_TIME when it has stopped."""
+AT_REST, SLOW = 0.002, 0.03
+"""[rad] or [m] that no joint moves in REST_TIME when it has stopped, and its velocity then."""
 REST_TIME_NS = 100_000_000
 """[ns]"""
 JUMP = 1.0
@@ -327,6 +327,7 @@ class ControlLoop:
         if not self._is_consistent or self._frozen is not None:
             q, v, frozen = self._judged(verdict.stamp, q, v, dt or 0.0)
             fault = fault or frozen
+        before = controller.state
         output = controller.answer(verdict.stamp, q, v)
         self.states += 1
         if controller.has_lost_velocity:
@@ -362,12 +363,16 @@ class ControlLoop:
             braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
             # The limits are those of the measured joints.
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
+        elif used is not None:  # one noisy velocity is no fault
+            mean = controller.mean_velocity(before, verdict.stamp, q)
+            if mean is not None:
+                used = np.where(np.abs(mean) < np.abs(used), mean, used)
         limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt, braked, fault,
             partial(controller.motion_equation, output))
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
-            self._end_when_stopped(verdict.stamp, q, now)
+            self._end_when_stopped(verdict.stamp, q, used, now)
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
@@ -423,16 +428,17 @@ class ControlLoop:
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
         return (*self._frozen.predict(stamp_ns, dt, q, v), fault)
 
-    def _end_when_stopped(self, stamp: int, q: FloatArray, now: float) -> None:
+    def _end_when_stopped(
+        self, stamp: int, q: FloatArray, v: FloatArray | None, now: float,
+    ) -> None:
         """Begin the ramp to zero if the arm has stopped."""
         if self._rest is None or not 0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS or not bool(
                 (np.abs(q - self._rest[1]) <= AT_REST).all()):
             self._rest = stamp, q
-        elif stamp - self._rest[0] >= REST_TIME_NS:
-            self._rest = stamp, q
-            if self.controller.has_stopped:
-                self.supervisor.deactivate(now)
-                self._follow_faults()
+        elif stamp - self._rest[0] >= REST_TIME_NS and self.controller.has_stopped and (
+                v is None or bool((np.abs(v) <= SLOW).all())):
+            self.supervisor.deactivate(now)
+            self._follow_faults()
 
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""

@@ -69,7 +69,7 @@ def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(
     rate: int, delay: int, stiffness: float, seen: Any,
 ) -> None:
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
-    loop = check_rest([stiffness] * 6, rate, delay, seen, error=0.01, seconds=6.0)
+    loop = check_rest([stiffness] * 6, rate, delay, seen, error=0.01, seconds=8.0)
     assert "'shoulder_lift_joint' oscillated with" in loop.controller.oscillation
     assert loop.controller.take_notice() == loop.controller.oscillation
     assert loop.controller.take_notice() == ''

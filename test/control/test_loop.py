@@ -201,6 +201,18 @@ def test_an_arm_that_swings_is_not_at_rest_when_it_returns() -> None:
         assert k < 250 or loop.supervisor.mode is Mode.BRAKING
 
 
+def test_an_arm_that_begins_to_move_is_not_at_rest() -> None:
+    """It has moved little in 100 ms, and is as fast as at the end of a fall of 30 ms."""
+    loop, q, v = ControlLoop.of_arm(arm_named('default')), Q.copy(), np.zeros(2)
+    for k in range(100):
+        if k == 5:
+            loop.deactivate(1e-9 * (FIRST_STAMP + 2 * k * MS))
+        if k > 40:
+            v = np.full(2, 2.0 * 0.002 * (k - 40))
+        loop.answer(FIRST_STAMP + 2 * k * MS, q + 0.25 * v**2, v)
+        assert k < 5 or loop.supervisor.mode is Mode.BRAKING
+
+
 @ends
 def test_without_states_the_ramp_begins_at_once(end: str) -> None:
     one = in_motion()
@@ -464,6 +476,17 @@ def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate: fl
     assert one.loop.supervisor.fault.name == 'frozen_joint'
     print(f'at most {trace.speed.max():.2g} rad/s')
     assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
+
+
+def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is() -> None:
+    one = LockStep(arm_named('default'), q=Q)
+    one.run(0.1)
+    fast, supervisor = 1.5 * one.arm.limits.velocity, one.loop.supervisor
+    for k in range(5):
+        one.loop.answer(FIRST_STAMP + (one.k + 2 * k) * MS, one.q + 0.002 * k * fast, fast)
+        assert k or supervisor.fault is None
+    assert supervisor.fault is not None
+    assert supervisor.fault.name == 'overspeed'
 
 
 def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:

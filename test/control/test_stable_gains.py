@@ -196,6 +196,22 @@ def test_if_both_are_noisy_the_gains_are_lowered() -> None:
     assert 'velocity noise of up to 0.2' in str(gains)
 
 
+@given(
+    st.sampled_from([30.0, 100.0, 125.0, 500.0]), st.floats(0.3, 1.5), st.floats(0.0, 2.0),
+    st.floats(-3.0, 3.0))
+def test_a_motion_is_no_noise(
+    rate: float, frequency: float, speed: float, phase: float,
+) -> None:
+    """At 30 Hz the second difference of such a velocity is up to 0.19 rad/s."""
+    one, w = StableGains(ARM.joint_kinds), 2.0 * math.pi * frequency
+    one.use(DEFAULT, RATE)
+    for k in range(200):
+        x = w * k / rate + phase
+        take(one, 1.0 / rate if k else 0.0, np.full(2, speed / w * math.sin(x)),
+             np.full(2, speed * math.cos(x)))
+        assert not one.is_known or one.scale == pytest.approx(scale_at(1.0 / rate))
+
+
 def test_until_the_quality_is_known_the_gains_are_low() -> None:
     gains, scale, _ = observe(500.0, noise=0.2, count=4)
     assert not gains.is_known

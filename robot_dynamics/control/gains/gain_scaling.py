@@ -54,6 +54,8 @@ _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
 """Weights of a new state in the estimates: if every state is used, and if only few are."""
 _TURN, _FEW = 16, 6
 """States between two estimates, and before the first evaluation; fewer suffice without noise."""
+_SPARSE = 3
+"""Consecutive states of each turn that are used while the noise does not matter."""
 _QUIET_TURN = 64
 """States between two evaluations while the noise does not matter."""
 PAUSE = 0.5
@@ -115,19 +117,20 @@ class Noise:
     """Running estimate of the standard deviation of white noise on a signal (n,)."""
 
     def __init__(self, n: int) -> None:
-        self._before = self._last = self._variance = np.zeros(n)
+        self._before = self._last = self._variance = self._residual = np.zeros(n)
         self._consecutive = self._updates = 0
 
     def restart(self) -> None:
         """Treat the next sample as not following the last one; keep the estimate."""
         self._consecutive = 0
 
-    def take(self, x: FloatArray, forgetting: float) -> None:
+    def take(self, x: FloatArray, forgetting: float, mean: FloatArray | None = None) -> None:
         """
         Take a sample, which replaces at least the fraction `forgetting` of the estimate.
 
         The second difference of a signal contains six times the variance of its white noise, and
-        almost none of its motion.
+        little of its motion. If the mean of the signal since the last sample is known, the mean of
+        both samples differs from it by half that variance, and a twelfth of that motion.
         """
         before, last, self._before, self._last = self._before, self._last, self._last, x
         self._consecutive += 1
@@ -136,11 +139,19 @@ class Noise:
             d = x - 2.0 * last + before
             weight = max(forgetting, 1.0 / self._updates)
             self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
+            if mean is not None:
+                r = x + last - 2.0 * mean
+                self._residual = self._residual + weight * (0.5 * r * r - self._residual)
 
     @property
     def deviation(self) -> FloatArray:
-        """The standard deviation, (n,)."""
+        """The standard deviation (n,) by second differences."""
         return np.asarray(np.sqrt(self._variance))
+
+    @property
+    def deviation_with_mean(self) -> FloatArray:
+        """The standard deviation (n,), the smaller of both estimates."""
+        return np.asarray(np.sqrt(np.minimum(self._variance, self._residual)))
 
 
 class StableGains:
@@ -203,7 +214,8 @@ class StableGains:
             return v
         self._is_paused = dt >= PAUSE
         self._velocity_delay = velocity_delay
-        difference = self._difference_of(dt, q, last) if self._is_noisy else v
+        is_used = self._is_noisy or (self._count + 1) % _TURN < _SPARSE
+        difference = self._difference_of(dt, q, last) if is_used else v
         self._taken = dt, v, difference
         return difference if self.differs else v
 
@@ -219,18 +231,19 @@ class StableGains:
         self.mean_period += weight * (dt - self.mean_period)
         phase = self._count % _TURN
         if self._is_noisy:
-            self._measured.take(v, _FORGETTING)
+            self._measured.take(v, _FORGETTING, difference)
             self._difference.take(difference, _FORGETTING)
             if not self.is_known:
                 self.differs = bool(
-                    LESS * self._difference.deviation.sum() < self._measured.deviation.sum())
+                    LESS * self._difference.deviation.sum() < (
+                        self._measured.deviation_with_mean.sum()))
             is_due = phase == 2 or not self.is_known
         else:
             is_due = self._count % _QUIET_TURN == 2
-            if phase < 3:  # three consecutive states are enough for one estimate
+            if phase < _SPARSE:  # three consecutive states are enough for one estimate
                 if phase == 0:
                     self._measured.restart()
-                self._measured.take(v, _SPARSE_FORGETTING)
+                self._measured.take(v, _SPARSE_FORGETTING, difference)
         if not (is_due or period > self._free_period and period > _STEP * self._rated_period):
             return False
         self._rated_period = period
@@ -244,7 +257,7 @@ class StableGains:
         return np.asarray(moved / dt)
 
     def __str__(self) -> str:
-        noise = float(self._measured.deviation.max(initial=0.0))
+        noise = float(self._measured.deviation_with_mean.max(initial=0.0))
         source = 'differences of the positions' if self.differs else (
             'estimated velocities' if self._velocity_delay else 'measured velocities')
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
@@ -288,11 +301,11 @@ class StableGains:
 
     def _scale_of_noise(self, gains: LoopGains) -> float:
         """Return the factor s that the noise permits; choose the velocity."""
-        measured = self._measured.deviation
+        measured = self._measured.deviation_with_mean
         if not np.isfinite(measured).all():  # after implausibly large velocities
             self._measured = Noise(len(measured))
             self._count, self.is_known, self.differs = 0, False, False
-            measured = self._measured.deviation
+            measured = self._measured.deviation_with_mean
         scale = self._largest_scale(gains, measured)
         self.is_known = self._count >= (_TURN if scale < _QUIET else _FEW)
         was_noisy, self._is_noisy = self._is_noisy, scale < 1.0 or not self.is_known
