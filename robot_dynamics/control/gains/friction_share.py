@@ -20,7 +20,7 @@ SURPLUS = 0.3
 """Share of the given friction that is assumed to be too much."""
 REACTION_TIME = 0.1
 """[s] in which a surplus acts before the loop reacts, with slow joint states."""
-SPEED_FRACTION, LARGEST_SPEED = 0.8, 4.0
+SPEED_FRACTION, LARGEST_SPEED = 0.4, 4.0
 """Velocity beyond the expected one at which a joint has run away, by the velocity limit, which
 counts as 4 rad/s or m/s if it is larger."""
 CATCH_UP = 0.6
