@@ -180,7 +180,7 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
 
 
 def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:
-    """The compensation grows slowly only at joints that have run away."""
+    """Its share is lowered only at joints that have run away."""
     end = end_of_motion(Case('ur10', 500, 4, 1e-3), seconds=3.0)
     seen(f'{end.farthest:.4f} rad')
     assert end.farthest < 0.015
@@ -200,3 +200,6 @@ def test_the_width_covers_the_presliding_distance(distance: float, width: float)
                 (0.7, 1.0), (3.0, 1.0), (-0.25, 0.75), (-1.0, 0.0), (-3.0, -1.0)):
             effort = friction.tracking_effort(np.array([v]), np.array([sign * share * width]))
             assert effort == pytest.approx([2.0 * sign * expected], abs=1e-6)
+    scaled = friction.tracking_effort(
+        np.zeros(1), np.array([0.8 * width]), stiffness=0.5, share=0.75)
+    assert scaled == pytest.approx([2.0 * 0.75 * 0.4])

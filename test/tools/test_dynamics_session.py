@@ -122,6 +122,18 @@ def test_the_arm_reaches_the_goal(ask: Ask, ros: RosClient, is_conditioned: bool
     assert 'joint   goal [rad]  position [rad]  error [rad]\n' in out
 
 
+def test_a_joint_that_does_not_arrive_is_no_success(ask: Ask) -> None:
+    """The model has a payload that the arm does not have."""
+    try:
+        assert ask('payload', 'tool0', '2')[0] == 0
+        status, out, _ = ask('move', '0.5', '0.3', '--duration', '1')
+        assert status == 1
+        assert ' from its goal, expected at most 0.01' in out
+    finally:
+        ask('payload', '--clear')
+    assert ask('move', '0.4', '0.3', '--duration', '1')[0] == 0
+
+
 def test_the_duration_follows_from_velocities(ask: Ask) -> None:
     ask('move', '0', '0', '--duration', '1')
     by_limits = json.loads(ask('move', '2.5', '0', '--json')[1])['duration']

@@ -365,7 +365,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         if loop is not None and loop.interruption:
             level, words = WARN, f'ended early: {loop.interruption}'
         elif missing or oscillation:
-            level, words = WARN, '; '.join(filter(None, (missing, oscillation)))
+            level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
             'streams that paused': 0 if loop is None else loop.paused_streams,

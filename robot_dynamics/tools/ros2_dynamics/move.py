@@ -36,7 +36,7 @@ _REFERENCE_TIME = 1.0
 """[s] within which a reference that is held is received."""
 _EARLY = 'ended early: '
 _FOLLOWING, _RESTS = 'following', ' from its goal, '
-"""The status `reference`, and a part of it if a joint does not follow."""
+"""The beginning of the status `reference`, and a part of it if a joint does not follow."""
 FAR = 0.01
 """[rad] or [m] from the goal at which the reason is asked for."""
 _STATUS_TIME = 3.0
@@ -175,7 +175,7 @@ class MotionWatch:
                 f'{self._client.timeout:g} s')
 
     def _follows(self) -> bool:
-        return self._status == _FOLLOWING or _RESTS in self._status
+        return self._status.startswith(_FOLLOWING) or _RESTS in self._status
 
     def shortfall(self, goal: Sequence[float]) -> str:
         """Return why a joint rests away from the goal, as the node states it, or nothing."""
@@ -243,7 +243,7 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
             data | columns, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
             + units.table(names, {
                 f'{name} [{units.position}]': values for name, values in columns.items()})
-            + (f'\n{shortfall}' if shortfall else ''))
+            + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
 
 
 def _duration(

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Compensation of friction that drives a light joint away: when its share is lowered."""
+
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.friction_share import (
+    CATCH_UP,
+    FrictionShare,
+    PAUSE,
+    SHARE,
+    SPEED_FRACTION,
+)
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+
+ARM = load_arm(default_arm_urdf())
+Q, LIMIT = np.array([0.8, 0.5]), np.array([2.0, 10.0])
+FAST = SPEED_FRACTION * np.array([2.0, 4.0])
+"""Speeds beyond which the joints run away: 10 rad/s counts as 4."""
+
+
+def dynamics(coulomb: float) -> UncheckedArmDynamics:
+    """Return the default arm, whose joints are light or heavy by their friction [N m]."""
+    return UncheckedArmDynamics(
+        ARM.with_friction(make_friction(ARM.joint_names, coulomb=[coulomb] * 2)))
+
+
+LIGHT, HEAVY = dynamics(1e4), dynamics(1e-3)
+
+
+def take(
+    share: FrictionShare, now: float, ahead: FloatArray, expected: FloatArray | float = 0.0,
+    friction: float = 1.0, arm: UncheckedArmDynamics = LIGHT,
+) -> bool:
+    return share.take(now, arm, Q, ahead, np.full(2, expected), np.full(2, friction))
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+@pytest.mark.parametrize('j', [0, 1])
+def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign: float, j: int) -> None:
+    share, ahead = FrictionShare(LIMIT), np.zeros(2)
+    assert share.least == FAST.min()
+    ahead[j] = sign * 0.99 * FAST[j]
+    assert not take(share, 1.0, ahead, friction=sign)
+    ahead[j] = sign * 1.01 * FAST[j]
+    assert take(share, 1.0, ahead, friction=sign)
+    expected = np.ones(2)
+    expected[j] = SHARE
+    assert share.share == pytest.approx(expected)
+    assert not take(share, 1.0 + 0.9 * PAUSE, ahead, friction=sign)
+    assert take(share, 1.0 + 1.1 * PAUSE, ahead, friction=sign)
+    assert share.share[j] == pytest.approx(SHARE**2)
+
+
+def test_a_joint_that_moves_against_its_compensation_keeps_all_of_it() -> None:
+    share = FrictionShare(LIMIT)
+    assert not take(share, 1.0, -3.0 * FAST)
+    assert share.share.tolist() == [1.0, 1.0]
+
+
+def test_what_the_position_error_explains_does_not_count_up_to_a_bound() -> None:
+    share = FrictionShare(LIMIT)
+    assert not take(share, 1.0, 1.5 * FAST, expected=100.0)
+    assert take(share, 1.0, 1.05 * (1.0 + CATCH_UP) * FAST, expected=100.0)
+
+
+def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() -> None:
+    share = FrictionShare(LIMIT)
+    assert not take(share, 1.0, 10.0 * FAST, arm=HEAVY)
+    assert share.share.tolist() == [1.0, 1.0]
