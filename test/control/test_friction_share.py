@@ -52,6 +52,8 @@ def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign: float, j:
     expected = np.ones(2)
     expected[j] = SHARE
     assert share.share == pytest.approx(expected)
+    assert not take(share, 1.0 + 1.1 * PAUSE, ahead, friction=sign)  # the next one is larger
+    ahead /= SHARE**2
     assert not take(share, 1.0 + 0.9 * PAUSE, ahead, friction=sign)
     assert take(share, 1.0 + 1.1 * PAUSE, ahead, friction=sign)
     assert share.share[j] == pytest.approx(SHARE**2)

@@ -21,8 +21,8 @@ SURPLUS = 0.3
 REACTION_TIME = 0.1
 """[s] in which a surplus acts before the loop reacts, with slow joint states."""
 SPEED_FRACTION, LARGEST_SPEED = 0.4, 4.0
-"""Velocity beyond the expected one at which a joint has run away, by the velocity limit, which
-counts as 4 rad/s or m/s if it is larger."""
+"""Velocity beyond the expected one at which a joint has run away, times its share squared, by the
+velocity limit, which counts as 4 rad/s or m/s if it is larger."""
 CATCH_UP = 0.6
 """Velocity that a position error explains, by that beyond it, at most."""
 PAUSE = 0.2
@@ -52,7 +52,8 @@ class FrictionShare:
         """
         most = CATCH_UP * self._speed
         excess = ahead - np.minimum(np.maximum(expected, -most), most)
-        runs = (excess * np.sign(friction) > self._speed) & (now >= self._earliest)
+        runs = (excess * np.sign(friction) * self.share**2 > self._speed) & (
+            now >= self._earliest)
         if not runs.any():
             return False
         m = 1.0 / np.diagonal(np.linalg.pinv(dynamics.rigid_body.mass_matrix(q)))
