@@ -109,7 +109,7 @@ class OscillationGuard:
         return has_changed
 
     def _lower(self, j: int, now: float) -> bool:
-        """Lower the gains of a joint, or restore them if its oscillation does not depend on them."""
+        """Lower the gains of a joint, or restore them if they do not cause its oscillation."""
         one = self._joints[j]
         amplitude, factor = max(one.peaks), STEP * float(self.scale[j])
         one.largest = max(one.largest, amplitude)
