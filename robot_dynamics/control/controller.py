@@ -35,6 +35,7 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.joints.friction import LEAST_WIDTH
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
@@ -440,13 +441,16 @@ class Controller:
         if self._followed is None or not self._options.softens_gains:
             return False
         (state, answer), self._followed = self._followed, None
-        now, error = 1e-9 * state.stamp_ns, state.velocity_error
-        has_changed = self._guard.take(now, error)
-        share = self._friction_share
-        if error.dot(error) > share.least**2 and self.compensates_friction_at_rest:
-            expected = state.feedback.gains.ratio * state.position_error
-            has_changed = has_changed | share.take(
-                now, state.dynamics, state.q, -error, expected, answer.friction)
+        now, share, e_dot = 1e-9 * state.stamp_ns, self._friction_share, state.velocity_error
+        has_changed = self._guard.take(now, e_dot)
+        e = state.position_error
+        if self.compensates_friction_at_rest and (
+                e_dot.dot(e_dot) > share.least**2 or e.dot(e) > LEAST_WIDTH**2):
+            ran_away = share.take(
+                now, self._gains.period, state.dynamics, state.q, e, -e_dot,
+                state.feedback.gains.ratio * e, answer.friction)
+            self._law_with_reference.scale_compensation(self._guard.scale, share.share)
+            self._has_notice = self._has_notice or ran_away
         self._has_notice = self._has_notice or has_changed
         return has_changed
 

@@ -9,11 +9,14 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.friction_share import (
     CATCH_UP,
     FrictionShare,
+    MOST,
     PAUSE,
+    RATE,
     SHARE,
+    SLOW,
     SPEED_FRACTION,
 )
-from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -30,14 +33,16 @@ def dynamics(coulomb: float) -> UncheckedArmDynamics:
         ARM.with_friction(make_friction(ARM.joint_names, coulomb=[coulomb] * 2)))
 
 
+DT = 0.01
 LIGHT, HEAVY = dynamics(1e4), dynamics(1e-3)
 
 
 def take(
     share: FrictionShare, now: float, ahead: FloatArray, expected: FloatArray | float = 0.0,
-    friction: float = 1.0, arm: UncheckedArmDynamics = LIGHT,
+    friction: float = 1.0, arm: UncheckedArmDynamics = LIGHT, e: FloatArray | float = 0.0,
 ) -> bool:
-    return share.take(now, arm, Q, ahead, np.full(2, expected), np.full(2, friction))
+    return share.take(
+        now, DT, arm, Q, np.full(2, e), ahead, np.full(2, expected), np.full(2, friction))
 
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
@@ -74,4 +79,22 @@ def test_what_the_position_error_explains_does_not_count_up_to_a_bound() -> None
 def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() -> None:
     share = FrictionShare(LIMIT)
     assert not take(share, 1.0, 10.0 * FAST, arm=HEAVY)
+    assert share.share.tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_the_share_of_a_joint_that_stays_behind_grows_up_to_a_bound(sign: float) -> None:
+    share, e = FrictionShare(LIMIT), sign * np.array([1.1, 0.9]) * UNKNOWN_WIDTH
+    assert not take(share, 1.0, np.zeros(2), e=e)
+    assert share.share == pytest.approx([1.0 + RATE * DT, 1.0])
+    take(share, 1.0, 1.1 * SLOW * np.sign(e), e=e)  # it catches up
+    assert share.share == pytest.approx([1.0 + RATE * DT, 1.0])
+    for _ in range(1000):
+        take(share, 1.0, -SLOW * np.sign(e), e=e)
+    assert share.share == pytest.approx([MOST, 1.0])
+
+
+def test_a_heavy_joint_that_stays_behind_keeps_its_share() -> None:
+    share = FrictionShare(LIMIT)
+    assert not take(share, 1.0, np.zeros(2), e=1.0, arm=HEAVY)
     assert share.share.tolist() == [1.0, 1.0]

@@ -3,7 +3,8 @@
 
 """Oscillations of the velocity error: which lower the gains, and which do not."""
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray

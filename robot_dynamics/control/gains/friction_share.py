@@ -27,6 +27,10 @@ CATCH_UP = 0.6
 """Velocity that a position error explains, by that beyond it, at most."""
 PAUSE = 0.2
 """[s] after a reduction, in which its effect is awaited."""
+RATE, MOST = 0.5, 1.6
+"""[1/s] by which the share of a joint grows that stays behind, and the largest share."""
+SLOW = 0.05
+"""[rad/s] or [m/s]: a joint that catches up with its reference at this velocity does not lag."""
 
 
 class FrictionShare:
@@ -41,24 +45,28 @@ class FrictionShare:
         """[rad/s] or [m/s] below which no joint has run away."""
 
     def take(
-        self, now: float, dynamics: UncheckedArmDynamics, q: FloatArray, ahead: FloatArray,
-        expected: FloatArray, friction: FloatArray,
+        self, now: float, dt: float, dynamics: UncheckedArmDynamics, q: FloatArray,
+        e: FloatArray, ahead: FloatArray, expected: FloatArray, friction: FloatArray,
     ) -> bool:
         """
-        Return whether a share has changed at a time [s].
+        Return whether a joint has run away at a time [s], dt [s] after the last state.
 
-        `ahead` (n,) is the velocity minus that of the reference, `expected` (n,) what the
-        position error explains of it, and `friction` (n,) the compensation that acts.
+        `e` (n,) is the position error, `ahead` (n,) the velocity minus that of the reference,
+        `expected` (n,) what the position error explains of it, and `friction` (n,) the
+        compensation that acts.
         """
         most = CATCH_UP * self._speed
         excess = ahead - np.minimum(np.maximum(expected, -most), most)
         runs = (excess * np.sign(friction) * self.share**2 > self._speed) & (
             now >= self._earliest)
-        if not runs.any():
+        lags = (np.abs(e) > dynamics.friction.tracking_width) & (ahead * np.sign(e) < SLOW)
+        if not (runs | lags).any():
             return False
         m = 1.0 / np.diagonal(np.linalg.pinv(dynamics.rigid_body.mass_matrix(q)))
-        surplus = SURPLUS * dynamics.friction.at_rest.static
-        runs &= surplus * REACTION_TIME > self._speed * m
-        self.share = np.where(runs, SHARE * self.share, self.share)
+        is_light = SURPLUS * dynamics.friction.at_rest.static * REACTION_TIME > self._speed * m
+        runs &= is_light
+        learned = np.minimum(self.share + RATE * dt, MOST)
+        self.share = np.where(runs, SHARE * self.share, np.where(
+            lags & is_light, np.maximum(learned, self.share), self.share))
         self._earliest = np.where(runs, now + PAUSE, self._earliest)
         return bool(runs.any())
