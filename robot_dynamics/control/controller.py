@@ -59,6 +59,8 @@ USUAL_FRICTION = 0.1
 """Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
 HELD_ERROR = 0.03
 """[rad] or [m] that a joint may be away from its reference without friction."""
+LEARNED = 1.05
+"""Share of a compensation of friction from which it is reported."""
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
@@ -437,7 +439,7 @@ class Controller:
             self._scale_motion()
 
     def _oscillates(self) -> bool:
-        """Return whether the motion since the last reference has changed gains or compensation."""
+        """Adapt to oscillations and friction; return whether gains have changed."""
         if self._followed is None or not self._options.softens_gains:
             return False
         (state, answer), self._followed = self._followed, None
@@ -568,7 +570,7 @@ class Controller:
 
     @property
     def oscillation(self) -> str:
-        """Which joints have oscillated or run away, and what was lowered; empty for none."""
+        """Which joints have oscillated, run away or stayed behind, and what changed."""
         guard, share, found = self._guard, self._friction_share.share, []
         for name, scale, frequency, friction in zip(
                 self.arm.joint_names, guard.scale, guard.frequency, share):
@@ -580,6 +582,9 @@ class Controller:
                 found.append(
                     f'the friction compensation of {name!r} drove it away: it is at '
                     f'{friction:.2f}')
+            elif friction > LEARNED:
+                found.append(
+                    f'{name!r} stayed behind: its friction compensation is at {friction:.2f}')
         return '; '.join(found)
 
     def take_notice(self) -> str:

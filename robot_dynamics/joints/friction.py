@@ -186,7 +186,7 @@ class JointFriction:
         loop gain of both exceeds 1, and the joint vibrates (small-gain theorem). With w = 5 d the
         gain is below 1 for a resonance of 3.5 and friction that is given 1.4 times too large.
 
-        `stiffness` and `share` in (0, 1] are factors of this spring, and of dry friction.
+        `stiffness` in (0, 1] and `share` are factors of this spring, and of dry friction.
         """
         pull = self.viscous * rate * error
         if self.is_viscous:

@@ -16,7 +16,7 @@ from lock_step_loop import LockStep, smooth_arm, STEP
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
@@ -208,6 +208,26 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
     end = end_of_motion(case, seconds=3.0)
     seen(f'{end.farthest:.4f} rad')
     assert end.farthest < bound
+
+
+@pytest.mark.parametrize(('given', 'words'), [(0.8, 'stayed behind'), (1.2, 'drove it away')])
+def test_light_joints_with_wrong_friction_arrive_and_are_named(
+    given: float, words: str, seen: Any,
+) -> None:
+    """The stiffness of the last wrist is 0.2 N m/rad: it would rest 0.35 rad away."""
+    one = Plant(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, given))
+    one.run(0.2)
+    goal = one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0)
+    one.follow(goal)
+    speed, change = calm(one, 4.0)
+    error = np.abs(one.q - goal).max()
+    seen(f'{speed:.2g} rad/s, {change:.2g} F_c, error {error:.4f} rad')
+    assert speed < 1e-3
+    assert change < 0.05
+    assert error < UNKNOWN_WIDTH
+    assert one.loop.supervisor.fault_count == 0
+    assert words in one.loop.controller.oscillation
+    assert "'wrist_3_joint'" in one.loop.controller.oscillation
 
 
 def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:

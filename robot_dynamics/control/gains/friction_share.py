@@ -2,12 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Friction that is given too large, at a joint that is so light that its compensation drives it away.
+How much of the compensation of dry friction acts at joints whose feedback is weak.
 
 A surplus of effort x acts for a delay T before the loop reacts, and accelerates the joint to
 x T / m. On a wrist with m = 5e-4 kg m², of which the model contains no rotor, 0.4 N·m too much
 reach 8 rad/s in 10 ms: no gain prevents this. After a joint has run away in this way, only SHARE
 of its compensation acts.
+
+If the friction of such a joint is given too small, its stiffness of less than 1 N·m/rad leaves it
+far behind its reference. Beyond the width of the compensation at rest its share then grows, up to
+MOST, until the joint catches up. Within this width nothing changes, so that it comes to rest.
 """
 
 import numpy as np
@@ -34,11 +38,11 @@ SLOW = 0.05
 
 
 class FrictionShare:
-    """The shares of the compensation of dry friction that act, for n joints."""
+    """The shares of the compensation of dry friction that act, for n joints; 1 of heavy ones."""
 
     def __init__(self, velocity_limit: FloatArray) -> None:
         self.share: FloatArray = np.ones_like(velocity_limit)
-        """Shares (n,) in (0, 1]."""
+        """Shares (n,) in (0, MOST]."""
         self._speed = SPEED_FRACTION * np.minimum(velocity_limit, LARGEST_SPEED)
         self._earliest = np.full_like(velocity_limit, -np.inf)
         self.least = float(self._speed.min(initial=np.inf))

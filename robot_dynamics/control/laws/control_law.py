@@ -127,7 +127,7 @@ class ControlLaw:
 
     def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
         """
-        Scale what the law adds to its closed loop against friction, by factors (n,) in (0, 1].
+        Scale what the law adds to its closed loop against friction, by factors (n,).
 
         `stiffness` is that of efforts per position error at rest, `share` that of all efforts
         against dry friction.
