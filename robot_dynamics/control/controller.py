@@ -17,9 +17,8 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
 from robot_dynamics.control.followed_reference import FollowedReference
-from robot_dynamics.control.gains.friction_share import FrictionShare
+from robot_dynamics.control.gains.adaptation import Adaptation
 from robot_dynamics.control.gains.gain_scaling import loop_gains, StableGains
-from robot_dynamics.control.gains.oscillation_guard import OscillationGuard
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -35,7 +34,6 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.joints.friction import LEAST_WIDTH
 from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
@@ -59,8 +57,6 @@ USUAL_FRICTION = 0.1
 """Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
 HELD_ERROR = 0.03
 """[rad] or [m] that a joint may be away from its reference without friction."""
-LEARNED = 1.05
-"""Share of a compensation of friction from which it is reported."""
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
 
@@ -164,18 +160,16 @@ class Controller:
         self._scale_motion()
 
     def _restore_gains(self) -> None:
-        """Restore the gains that oscillations have lowered: the loop changes."""
-        self._guard = OscillationGuard(self.arm.joint_count)
-        self._friction_share = FrictionShare(self.arm.limits.velocity)
+        """Forget what the loop has learned, because it changes."""
+        self.adaptation = Adaptation(self.arm.joint_names, self.arm.limits.velocity)
         self._followed: tuple[LawInput, LawOutput] | None = None
-        self._has_notice = False
 
     def _scale_motion(self) -> None:
         """Scale gains and references to the bandwidth that states and oscillations allow."""
-        law, calm = self._law_with_reference, self._guard.scale
+        law = self._law_with_reference
         self._reference.scale(self._gains.reference_scale)
-        law.scale_gains(self._gains.scale * calm)
-        law.scale_compensation(calm, self._friction_share.share)
+        law.scale_gains(self._gains.scale * self.adaptation.scale)
+        self.adaptation.apply(law)
 
     # ------------------------------------------------------------------ references
 
@@ -435,26 +429,14 @@ class Controller:
 
     def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        if self._gains.evaluate() | self._oscillates():
+        has_changed, followed = self._gains.evaluate(), self._followed
+        if followed is not None and self._options.softens_gains:
+            self._followed, (state, answer) = None, followed
+            friction = answer.friction if self.compensates_friction_at_rest else None
+            has_changed |= self.adaptation.take(
+                state, friction, self._gains.period, self._law_with_reference)
+        if has_changed:
             self._scale_motion()
-
-    def _oscillates(self) -> bool:
-        """Adapt to oscillations and friction; return whether gains have changed."""
-        if self._followed is None or not self._options.softens_gains:
-            return False
-        (state, answer), self._followed = self._followed, None
-        now, share, e_dot = 1e-9 * state.stamp_ns, self._friction_share, state.velocity_error
-        has_changed = self._guard.take(now, e_dot)
-        e = state.position_error
-        if self.compensates_friction_at_rest and (
-                e_dot.dot(e_dot) > share.least**2 or e.dot(e) > LEAST_WIDTH**2):
-            ran_away = share.take(
-                now, self._gains.period, state.dynamics, state.q, e, -e_dot,
-                state.feedback.gains.ratio * e, answer.friction)
-            self._law_with_reference.scale_compensation(self._guard.scale, share.share)
-            self._has_notice = self._has_notice or ran_away
-        self._has_notice = self._has_notice or has_changed
-        return has_changed
 
     def mean_velocity(
         self, last: LastState | None, stamp_ns: int, q: FloatArray,
@@ -548,7 +530,7 @@ class Controller:
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
         """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        s, gains = self._gains.scale * self._guard.scale, self._feedback.gains
+        s, gains = self._gains.scale * self.adaptation.scale, self._feedback.gains
         return s * s * gains.kp, s * gains.kd
 
     # ------------------------------------------------------------------ reports
@@ -567,32 +549,6 @@ class Controller:
     def bandwidth_scale(self) -> float:
         """Fraction of the natural frequency that the rate and the noise of the states allow."""
         return self._gains.least
-
-    @property
-    def oscillation(self) -> str:
-        """Which joints have oscillated, run away or stayed behind, and what changed."""
-        guard, share, found = self._guard, self._friction_share.share, []
-        for name, scale, frequency, friction in zip(
-                self.arm.joint_names, guard.scale, guard.frequency, share):
-            if scale < 1.0:
-                found.append(
-                    f'{name!r} oscillated with {frequency:.0f} Hz: its gains are at {scale:.2f} '
-                    'of their bandwidth')
-            if friction < 1.0:
-                found.append(
-                    f'the friction compensation of {name!r} drove it away: it is at '
-                    f'{friction:.2f}')
-            elif friction > LEARNED:
-                found.append(
-                    f'{name!r} stayed behind: its friction compensation is at {friction:.2f}')
-        return '; '.join(found)
-
-    def take_notice(self) -> str:
-        """Return `oscillation` if it has changed since the last call, else an empty string."""
-        if not self._has_notice:
-            return ''
-        self._has_notice = False
-        return self.oscillation
 
     @property
     def workspace(self) -> WorkspaceInertia:

@@ -226,8 +226,8 @@ def test_light_joints_with_wrong_friction_arrive_and_are_named(
     assert change < 0.05
     assert error < UNKNOWN_WIDTH
     assert one.loop.supervisor.fault_count == 0
-    assert words in one.loop.controller.oscillation
-    assert "'wrist_3_joint'" in one.loop.controller.oscillation
+    assert words in str(one.loop.controller.adaptation)
+    assert "'wrist_3_joint'" in str(one.loop.controller.adaptation)
 
 
 def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:

@@ -275,7 +275,7 @@ class ControlPath:
         if served.loop.notice:
             self._log.warn('notice', served.loop.notice)
             served.loop.notice = ''
-        oscillation = served.loop.controller.take_notice()
+        oscillation = served.loop.controller.adaptation.take_notice()
         if oscillation:
             self._log.warn('oscillation', f'The control loop has reacted: {oscillation}.')
         for count in self._counts:

@@ -361,7 +361,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self._refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
-        oscillation = '' if loop is None else loop.controller.oscillation
+        oscillation = '' if loop is None else str(loop.controller.adaptation)
         if loop is not None and loop.interruption:
             level, words = WARN, f'ended early: {loop.interruption}'
         elif missing or oscillation:
