@@ -98,7 +98,8 @@ class Controller:
         self._gains = StableGains(arm.joint_kinds)
         self._restore_gains()
         self._velocity = VelocityEstimate(arm.is_continuous)
-        self._state: LastState | None = None
+        self.state: LastState | None = None
+        """The last state with a velocity, or None."""
         self._is_estimated = False
         """Whether the velocity of the last state was estimated from positions."""
         self._first_stop: ActiveTrajectory | None = None
@@ -201,26 +202,26 @@ class Controller:
             raise TrajectoryError(
                 f'command is {self._options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')
-        if self._state is None:
+        if self.state is None:
             raise TrajectoryError(
                 'no joint state with velocities has been received, so that there is no state to '
                 'start from')
-        return self._state
+        return self.state
 
     def stop(self) -> str:
         """Stop as early as the limits permit, and hold; return a report."""
         with self.lock:
-            if self._options.command == NO_COMMAND or self._state is None:
+            if self._options.command == NO_COMMAND or self.state is None:
                 return 'nothing to stop: the node does not command the arm'
             start = 'along the reference' if self._reference.active else 'from the measured state'
-            self._reference.stop(*self._state)
+            self._reference.stop(*self.state)
             return f'stopping {start}, then holding the position'
 
     @property
     def has_stopped(self) -> bool:
         """Whether no reference is active, or it has ended at the last state."""
         active = self._reference.active
-        return active is None or self._state is not None and self._state[0] >= active.end_ns
+        return active is None or self.state is not None and self.state[0] >= active.end_ns
 
     def forget_reference(self) -> None:
         """End the reference; a law that follows continues with a stop, if `stops_and_holds`."""
@@ -235,7 +236,7 @@ class Controller:
     def restart_states(self) -> None:
         """Treat the next state as a first one: it need not be consistent with the last state."""
         with self.lock:
-            self._state = None
+            self.state = None
             self._velocity.restart()
 
     def shift_time(self, shift_ns: int) -> None:
@@ -246,18 +247,13 @@ class Controller:
     @property
     def reference(self) -> Reference | None:
         """The reference at the last state, None without one."""
-        active, state = self._reference.active, self._state
+        active, state = self._reference.active, self.state
         return None if active is None or state is None else active.sample(state[0])
 
     @property
     def trajectory(self) -> ActiveTrajectory | None:
         """The trajectory or stop that is followed, or None."""
         return self._reference.active
-
-    @property
-    def state(self) -> LastState | None:
-        """The last state with a velocity, or None."""
-        return self._state
 
     def position_error(self, reference: FloatArray, q: FloatArray) -> FloatArray:
         """Return reference minus q (n,); of continuous joints the shortest angle."""
@@ -375,9 +371,9 @@ class Controller:
         if load.changes:
             load.advance(stamp_ns)
         if v is None and self._options.estimates_velocity:
-            if self._state is not None and not self._is_estimated:
+            if self.state is not None and not self._is_estimated:
                 self._velocity.restart()
-                self._velocity.update(*self._state[:2])
+                self._velocity.update(*self.state[:2])
             v, velocity_delay = self._velocity.update(stamp_ns, q), self._velocity.delay
             self._is_estimated = True
         else:
@@ -386,10 +382,10 @@ class Controller:
         if v is None:
             self._lose_velocity()
         else:
-            last = self._state
+            last = self.state
             v = gains.take(
                 1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, q, v, velocity_delay)
-            self._state = stamp_ns, q, v
+            self.state = stamp_ns, q, v
             trajectory = self._reference.active
             if self.may_hold and (
                     self._stops_now() if trajectory is None else
@@ -427,14 +423,13 @@ class Controller:
             output.command = drive.command(output.command)
         return output
 
-    def evaluate(self) -> None:
+    def evaluate(self, adapts: bool = True) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        has_changed, followed = self._gains.evaluate(), self._followed
-        if followed is not None and self._options.softens_gains:
-            self._followed, (state, answer) = None, followed
+        has_changed = self._gains.evaluate()
+        if adapts and self._followed is not None and self._options.softens_gains:
+            (state, answer), self._followed = self._followed, None
             friction = answer.friction if self.compensates_friction_at_rest else None
-            has_changed |= self.adaptation.take(
-                state, friction, self._gains.period, self._law_with_reference)
+            has_changed |= self.adaptation.take(state, friction, self._law_with_reference)
         if has_changed:
             self._scale_motion()
 
@@ -471,7 +466,7 @@ class Controller:
         if self._reference.active is not None:
             self._reference.stop_from_next(self._options.stops_and_holds)
             self.has_lost_velocity = True
-        self._state = None
+        self.state = None
 
     def motion_equation(
         self, output: ControlOutput, q: FloatArray, v: FloatArray | None,

@@ -56,7 +56,7 @@ from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 CHECK_PERIOD = 0.005
-"""[s] between two checks of the velocities; the velocities of slower states are all checked."""
+"""[s] between two states whose velocity is checked and to which the loop adapts, or longer."""
 CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
 AT_REST, SLOW = 0.002, 0.03
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped, and its velocity then."""
@@ -301,13 +301,15 @@ class ControlLoop:
                     self._follow_time(verdict, now)
                 is_slow = verdict.dt is None or verdict.dt >= CHECK_PERIOD or (
                     v is not None and self._jumps(v))
+                is_due = is_slow or not (
+                    0 <= verdict.stamp - self._checked_ns < CHECK_PERIOD_NS)
                 if is_slow or not self._is_consistent:
                     self._check(verdict.stamp, q, v)
                 answer = self._answer(verdict, q, v, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
-                self.controller.evaluate()
-                if not is_slow and not 0 <= verdict.stamp - self._checked_ns < CHECK_PERIOD_NS:
+                self.controller.evaluate(is_due)
+                if is_due and not is_slow:
                     self._check(verdict.stamp, q, v)
                 return answer
             except ImplausibleStateError as error:

@@ -11,6 +11,8 @@ from robot_dynamics.control.gains.oscillation_guard import OscillationGuard
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.joints.friction import LEAST_WIDTH
 
+LONGEST = 0.05
+"""[s] between two states that count at most."""
 LEARNED = 1.05
 """Share of a compensation of friction above which it is reported."""
 
@@ -22,7 +24,9 @@ class Adaptation:
         self._names = joint_names
         self._guard = OscillationGuard(len(joint_names))
         self._friction = FrictionShare(velocity_limit)
-        self._has_notice = False
+        self.has_notice = False
+        """Whether gains or a compensation were lowered since the last `take_notice`."""
+        self._stamp_ns = 0
 
     @property
     def scale(self) -> FloatArray:
@@ -34,24 +38,30 @@ class Adaptation:
         law.scale_compensation(self._guard.scale, self._friction.share)
 
     def take(
-        self, state: LawInput, friction: FloatArray | None, period: float, law: ControlLaw,
+        self, state: LawInput, friction: FloatArray | None, law: ControlLaw,
     ) -> bool:
         """
         Take a state along a reference; return whether `scale` has changed.
 
         `friction` (n,) is the compensation along the reference that the law has applied, None for
-        none, and `period` [s] that of the states.
+        none.
         """
-        now, e, e_dot = 1e-9 * state.stamp_ns, state.position_error, state.velocity_error
+        if state.v is None:
+            return False
+        now, passed = 1e-9 * state.stamp_ns, 1e-9 * (state.stamp_ns - self._stamp_ns)
+        self._stamp_ns = state.stamp_ns
+        reference = state.reference
+        e, e_dot = state.feedback.position_error(reference.position, state.q), (
+            reference.velocity - state.v)
         has_changed = self._guard.take(now, e_dot)
         if friction is not None and (
                 e_dot.dot(e_dot) > self._friction.least**2 or e.dot(e) > LEAST_WIDTH**2):
             ran_away = self._friction.take(
-                now, period, state.dynamics, state.q, e, -e_dot,
+                now, min(max(passed, 0.0), LONGEST), state.dynamics, state.q, e, -e_dot,
                 state.feedback.gains.ratio * e, friction)
             self.apply(law)
-            self._has_notice = self._has_notice or ran_away
-        self._has_notice = self._has_notice or has_changed
+            self.has_notice = self.has_notice or ran_away
+        self.has_notice = self.has_notice or has_changed
         return has_changed
 
     def __str__(self) -> str:
@@ -73,5 +83,5 @@ class Adaptation:
 
     def take_notice(self) -> str:
         """Return `str` if gains or a compensation were lowered since the last call, else ''."""
-        has_notice, self._has_notice = self._has_notice, False
+        has_notice, self.has_notice = self.has_notice, False
         return str(self) if has_notice else ''

@@ -275,9 +275,10 @@ class ControlPath:
         if served.loop.notice:
             self._log.warn('notice', served.loop.notice)
             served.loop.notice = ''
-        oscillation = served.loop.controller.adaptation.take_notice()
-        if oscillation:
-            self._log.warn('oscillation', f'The control loop has reacted: {oscillation}.')
+        adaptation = served.loop.controller.adaptation
+        if adaptation.has_notice:
+            self._log.warn(
+                'oscillation', f'The control loop has reacted: {adaptation.take_notice()}.')
         for count in self._counts:
             if count():
                 self._publish(state, served, answer)
