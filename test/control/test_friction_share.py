@@ -9,7 +9,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.friction_share import (
     CATCH_UP,
     FrictionShare,
-    MOST,
     PAUSE,
     RATE,
     SHARE,
@@ -83,18 +82,16 @@ def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() ->
 
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
-def test_the_share_of_a_joint_that_stays_behind_grows_up_to_a_bound(sign: float) -> None:
+def test_the_share_of_a_joint_that_stays_behind_grows_again(sign: float) -> None:
     share, e = FrictionShare(LIMIT), sign * np.array([1.1, 0.9]) * UNKNOWN_WIDTH
     assert not take(share, 1.0, np.zeros(2), e=e)
-    assert share.share == pytest.approx([1.0 + RATE * DT, 1.0])
-    take(share, 1.0, 1.1 * SLOW * np.sign(e), e=e)  # it catches up
-    assert share.share == pytest.approx([1.0 + RATE * DT, 1.0])
-    for _ in range(1000):
-        take(share, 1.0, -SLOW * np.sign(e), e=e)
-    assert share.share == pytest.approx([MOST, 1.0])
-
-
-def test_a_heavy_joint_that_stays_behind_keeps_its_share() -> None:
-    share = FrictionShare(LIMIT)
-    assert not take(share, 1.0, np.zeros(2), e=1.0, arm=HEAVY)
     assert share.share.tolist() == [1.0, 1.0]
+    take(share, 1.0, sign * 1.1 * FAST, friction=sign)
+    assert share.share == pytest.approx([SHARE, SHARE])
+    assert not take(share, 1.1, np.zeros(2), e=e)
+    assert share.share == pytest.approx([SHARE + RATE * DT, SHARE])
+    take(share, 1.2, 1.1 * SLOW * np.sign(e), e=e)  # it catches up
+    assert share.share == pytest.approx([SHARE + RATE * DT, SHARE])
+    for _ in range(1000):
+        take(share, 1.3, -SLOW * np.sign(e), e=e)
+    assert share.share == pytest.approx([1.0, SHARE])

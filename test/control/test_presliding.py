@@ -210,12 +210,9 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
     assert end.farthest < bound
 
 
-@pytest.mark.parametrize(('given', 'words'), [(0.8, 'stayed behind'), (1.2, 'drove it away')])
-def test_light_joints_with_wrong_friction_arrive_and_are_named(
-    given: float, words: str, seen: Any,
-) -> None:
-    """The stiffness of the last wrist is 0.2 N m/rad: it would rest 0.35 rad away."""
-    one = Plant(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, given))
+def test_a_light_joint_that_ran_away_arrives_and_is_named(seen: Any) -> None:
+    """The stiffness of the last wrist is 0.2 N m/rad: without friction it would stay behind."""
+    one = Plant(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, 1.1))
     one.run(0.2)
     goal = one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0)
     one.follow(goal)
@@ -226,8 +223,7 @@ def test_light_joints_with_wrong_friction_arrive_and_are_named(
     assert change < 0.05
     assert error < UNKNOWN_WIDTH
     assert one.loop.supervisor.fault_count == 0
-    assert words in str(one.loop.controller.adaptation)
-    assert "'wrist_3_joint'" in str(one.loop.controller.adaptation)
+    assert "'wrist_3_joint' drove it away" in str(one.loop.controller.adaptation)
 
 
 def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:

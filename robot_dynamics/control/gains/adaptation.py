@@ -13,12 +13,10 @@ from robot_dynamics.joints.friction import LEAST_WIDTH
 
 LONGEST = 0.05
 """[s] between two states that count at most."""
-LEARNED = 1.05
-"""Share of a compensation of friction above which it is reported."""
 
 
 class Adaptation:
-    """The factors that oscillations, run-aways and lags of n joints have caused in one loop."""
+    """The factors that oscillations and run-aways of n joints have caused in one loop."""
 
     def __init__(self, joint_names: Sequence[str], velocity_limit: FloatArray) -> None:
         self._names = joint_names
@@ -65,7 +63,7 @@ class Adaptation:
         return has_changed
 
     def __str__(self) -> str:
-        """Return which joints have oscillated, run away or stayed behind, and what changed."""
+        """Return which joints have oscillated or run away, and what was lowered."""
         found = []
         for name, scale, frequency, share in zip(
                 self._names, self.scale, self._guard.frequency, self._friction.share):
@@ -76,9 +74,6 @@ class Adaptation:
             if share < 1.0:
                 found.append(
                     f'the friction compensation of {name!r} drove it away: it is at {share:.2f}')
-            elif share > LEARNED:
-                found.append(
-                    f'{name!r} stayed behind: its friction compensation is at {share:.2f}')
         return '; '.join(found)
 
     def take_notice(self) -> str:

@@ -9,9 +9,9 @@ x T / m. On a wrist with m = 5e-4 kg m², of which the model contains no rotor, 
 reach 8 rad/s in 10 ms: no gain prevents this. After a joint has run away in this way, only SHARE
 of its compensation acts.
 
-If the friction of such a joint is given too small, its stiffness of less than 1 N·m/rad leaves it
-far behind its reference. Beyond the width of the compensation at rest its share then grows, up to
-MOST, until the joint catches up. Within this width nothing changes, so that it comes to rest.
+With a share that is too small the stiffness of such a joint, less than 1 N·m/rad, leaves it far
+behind its reference. Beyond the width of the compensation at rest the share then grows, until
+the joint catches up. Within this width nothing changes, so that the joint comes to rest.
 """
 
 import numpy as np
@@ -31,18 +31,18 @@ CATCH_UP = 0.6
 """Velocity that a position error explains, by that beyond it, at most."""
 PAUSE = 0.2
 """[s] after a reduction, in which its effect is awaited."""
-RATE, MOST = 0.5, 1.6
-"""[1/s] by which the share of a joint grows that stays behind, and the largest share."""
+RATE = 0.5
+"""[1/s] by which the share of a joint grows again that stays behind."""
 SLOW = 0.05
 """[rad/s] or [m/s]: a joint that catches up with its reference at this velocity does not lag."""
 
 
 class FrictionShare:
-    """The shares of the compensation of dry friction that act, for n joints; 1 of heavy ones."""
+    """The shares of the compensation of dry friction that act, for n joints; 1 at heavy ones."""
 
     def __init__(self, velocity_limit: FloatArray) -> None:
         self.share: FloatArray = np.ones_like(velocity_limit)
-        """Shares (n,) in (0, MOST]."""
+        """Shares (n,) in (0, 1]."""
         self._speed = SPEED_FRACTION * np.minimum(velocity_limit, LARGEST_SPEED)
         self._earliest = np.full_like(velocity_limit, -np.inf)
         self.least = float(self._speed.min(initial=np.inf))
@@ -64,13 +64,13 @@ class FrictionShare:
         runs = (excess * np.sign(friction) * self.share**2 > self._speed) & (
             now >= self._earliest)
         lags = (np.abs(e) > dynamics.friction.tracking_width) & (ahead * np.sign(e) < SLOW)
-        if not (runs | lags).any():
+        if not (runs | lags & (self.share < 1.0)).any():
             return False
         m = 1.0 / np.diagonal(np.linalg.pinv(dynamics.rigid_body.mass_matrix(q)))
         is_light = SURPLUS * dynamics.friction.at_rest.static * REACTION_TIME > self._speed * m
         runs &= is_light
-        learned = np.minimum(self.share + RATE * dt, MOST)
+        grown = np.minimum(self.share + RATE * dt, 1.0)
         self.share = np.where(runs, SHARE * self.share, np.where(
-            lags & is_light, np.maximum(learned, self.share), self.share))
+            lags & is_light, grown, self.share))
         self._earliest = np.where(runs, now + PAUSE, self._earliest)
         return bool(runs.any())
