@@ -41,6 +41,7 @@ from robot_dynamics.control.safety.supervisor import (
     Fault,
     Mode,
     SafetyOptions,
+    slower,
 )
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
@@ -365,16 +366,13 @@ class ControlLoop:
             braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
             # The limits are those of the measured joints.
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
-        elif used is not None:  # one noisy velocity is no fault
-            mean = controller.mean_velocity(before, verdict.stamp, q)
-            if mean is not None:
-                used = np.where(np.abs(mean) < np.abs(used), mean, used)
+        mean = controller.mean_velocity(before, verdict.stamp, q)
         limited = supervisor.answer(
             now, q, used, output.command, output.hold, dt, braked, fault,
-            partial(controller.motion_equation, output))
+            partial(controller.motion_equation, output), mean)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:
-            self._end_when_stopped(verdict.stamp, q, used, now)
+            self._end_when_stopped(verdict.stamp, q, slower(used, mean), now)
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
@@ -433,11 +431,12 @@ class ControlLoop:
     def _end_when_stopped(
         self, stamp: int, q: FloatArray, v: FloatArray | None, now: float,
     ) -> None:
-        """Begin the ramp to zero if the arm has stopped."""
-        if self._rest is None or not 0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS or not bool(
+        """Begin the ramp to zero if the arm has stopped, and was held for REST_TIME."""
+        if self._rest is None or not self.controller.has_stopped or not (
+                0 <= stamp - self._rest[0] <= 2 * REST_TIME_NS) or not bool(
                 (np.abs(q - self._rest[1]) <= AT_REST).all()):
             self._rest = stamp, q
-        elif stamp - self._rest[0] >= REST_TIME_NS and self.controller.has_stopped and (
+        elif stamp - self._rest[0] >= REST_TIME_NS and (
                 v is None or bool((np.abs(v) <= SLOW).all())):
             self.supervisor.deactivate(now)
             self._follow_faults()

@@ -83,6 +83,11 @@ class Fault:
     recovery: int = 1
 
 
+def slower(v: FloatArray | None, mean: FloatArray | None) -> FloatArray | None:
+    """Return of each joint the smaller of two velocities (n,); None is unknown."""
+    return v if v is None or mean is None else np.where(np.abs(mean) < np.abs(v), mean, v)
+
+
 class CommandSupervisor:
     """
     Passes the efforts of n joints on, or replaces them with the fault action; for one thread.
@@ -186,15 +191,17 @@ class CommandSupervisor:
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         hold: Hold, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None, equation: MotionEquation | None = None,
+        mean: FloatArray | None = None,
     ) -> FloatArray | None:
         """
         Return the effort for a valid state; `hold` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
         fault that was found with this state. `brake` returns the hold with damping at (q, v); it
-        is used in a fault. `equation` is that of `EffortLimiter.apply`.
+        is used in a fault. `equation` is that of `EffortLimiter.apply`. `mean` (n,) is the mean
+        velocity since the previous state: one noisy velocity v is no overspeed.
         """
-        cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
+        cause = self._beyond_a_limit(q) or self._overspeed(slower(v, mean)) or fault
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
