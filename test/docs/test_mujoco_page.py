@@ -24,7 +24,7 @@ def test_the_panda_moves_and_touches_the_table(tmp_path: Path) -> None:
     files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
     write_files(files, tmp_path)
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
-    printed = run_all(commands, tmp_path, move_status=1)
+    printed = run_all(commands, tmp_path, last_status=1)
     moved, touched = [out for command, out in printed if ' dynamics move ' in command]
     assert len(final_errors(moved)) == len(final_errors(touched)) == 7
     assert max(map(abs, final_errors(moved))) < 0.04
