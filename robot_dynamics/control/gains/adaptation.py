@@ -63,7 +63,7 @@ class Adaptation:
         return has_changed
 
     def __str__(self) -> str:
-        """Return which joints have oscillated or run away, and what was lowered."""
+        """Return which joints have oscillated or run away, and their lowered factors."""
         found = []
         for name, scale, frequency, share in zip(
                 self._names, self.scale, self._guard.frequency, self._friction.share):
