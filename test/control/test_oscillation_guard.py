@@ -13,6 +13,7 @@ from robot_dynamics.control.gains.oscillation_guard import (
     HIGHER,
     LEAST,
     OscillationGuard,
+    RIPPLE,
     STEP,
 )
 
@@ -80,3 +81,13 @@ def test_an_oscillation_that_does_not_depend_on_the_gains_restores_them_for_good
     assert (found[-20000:] == 1.0).all()
     later = scales(np.concatenate((0.01 * wave, 2.0 * HIGHER * 0.01 * wave[:500])), 500)
     assert later[-1] < 1.0  # a larger one counts
+
+
+@pytest.mark.parametrize(('share', 'lowers'), [(0.9, False), (1.1, True)])
+def test_a_ripple_of_the_reference_is_no_oscillation_of_the_loop(
+    share: float, lowers: bool,
+) -> None:
+    guard, size = OscillationGuard(1), share * RIPPLE * 2.0
+    for t in np.arange(0.0, 1.0, 0.002).tolist():
+        guard.take(t, np.array([size * np.sin(2.0 * np.pi * 25.0 * t)]), 2.0)
+    assert (guard.scale[0] < 1.0) == lowers

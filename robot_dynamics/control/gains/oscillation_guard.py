@@ -27,8 +27,8 @@ SUSTAINED = 0.9
 """Largest peak of the second half of an event, by that of the first half, at least."""
 REGULAR = 0.5
 """Smallest peak of the second half, by its largest, at least: peaks of noise differ more."""
-FLOOR = 2.5e-4
-"""[rad/s] or [m/s] that a half-wave must exceed."""
+FLOOR, RIPPLE = 2.5e-4, 0.05
+"""[rad/s] or [m/s] that a half-wave must exceed, and share of the velocity of the reference."""
 NOISE_FACTOR = 3.0
 """Standard deviations of the noise of the velocity that a half-wave must exceed."""
 STEP, LEAST = 0.7, 0.1
@@ -86,8 +86,14 @@ class OscillationGuard:
         self._last: list[float] = []
         self._time = self._changed = 0.0
 
-    def take(self, now: float, error: FloatArray) -> bool:
-        """Take the velocity errors (n,) at a time [s]; return whether a factor has changed."""
+    def take(self, now: float, error: FloatArray, speed: float = 0.0) -> bool:
+        """
+        Take the velocity errors (n,) at a time [s]; return whether a factor has changed.
+
+        `speed` [rad/s] or [m/s] is the largest velocity of the reference. A stream of set-points
+        causes a ripple of this velocity at its own rate, which is no oscillation of the loop.
+        """
+        ripple = RIPPLE * speed
         x: list[float] = error.tolist()
         before, last, self._before, self._last = self._before, self._last, self._last, x
         dt, self._time = now - self._time, now
@@ -101,7 +107,7 @@ class OscillationGuard:
             one.xy += weight * (x_1 * y - one.xy)
             one.yy += weight * (y * y - one.yy)
             size = abs(x_2)
-            if size < one.least or x_2 * one.sign > 0.0:
+            if size < one.least or size < ripple or x_2 * one.sign > 0.0:
                 if size > one.peak:
                     one.peak = size
             elif not one.is_noise(x_2) and one.begin_half_wave(now, x_2):
