@@ -31,14 +31,17 @@ def ends_in_time(seconds: float = LONGEST_END) -> Iterator[None]:
     Fast DDS may block indefinitely while it ends if another process ends at the same moment
     (eProsima/Fast-DDS issue 6513); no Python thread runs then.
     """
-    if sys.__stderr__ is None:
-        yield
-        return
-    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__)
+    end_later(seconds)
     try:
         yield
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+def end_later(seconds: float = LONGEST_END) -> None:
+    """End the process with status 1 and tracebacks on stderr after this time [s]."""
+    if sys.__stderr__ is not None:
+        faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__)
 
 
 def leave(status: int) -> NoReturn:

@@ -91,7 +91,7 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     import rclpy
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
-    from robot_dynamics.ros.middleware.shutdown import ends_in_time
+    from robot_dynamics.ros.middleware.shutdown import end_later, ends_in_time, ShutdownRequest
     from robot_dynamics.ros.running import MiddlewareError
     from robot_dynamics.tools.viewer.app import Viewer
     from robot_dynamics.tools.viewer.node import ViewerNode
@@ -103,17 +103,20 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         stop_server(server)
         rclpy.try_shutdown()
         raise InvalidInputError(' '.join(str(error).split())) from None
-    try:
-        viewer = Viewer(server, node, arguments.robot, arguments.mesh_path)
-        server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
-        print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
-        if not is_loopback(arguments.host):
-            print('viewer: other computers can reach this page and move the arm', file=sys.stderr)
-        viewer.run(is_over.is_set)
-        viewer.close()
-    finally:
-        with ends_in_time():
-            stop_server(server)
-            node.close()
-            rclpy.try_shutdown()
+    with ShutdownRequest() as end:
+        end.when_asked(end_later)  # also if this thread waits without end
+        try:
+            viewer = Viewer(server, node, arguments.robot, arguments.mesh_path)
+            server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
+            print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
+            if not is_loopback(arguments.host):
+                print('viewer: other computers can reach this page and move the arm',
+                      file=sys.stderr)
+            viewer.run(lambda: is_over.is_set() or end.is_made)
+            viewer.close()
+        finally:
+            with ends_in_time():
+                stop_server(server)
+                node.close()
+                rclpy.try_shutdown()
     return DONE
