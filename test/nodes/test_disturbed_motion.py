@@ -41,7 +41,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 Array = npt.NDArray[np.float64]
 Measure = Callable[[Array, Array], tuple[Array, Array]]
 NUMBERS = count()
-PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0}
+PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0, 'hold_time': 30.0}
 """Without the checks of timing, which a slow machine could fail."""
 FIRST_STAMP = NANOSECONDS
 PERIOD = 2_000_000
@@ -204,7 +204,7 @@ class DisturbedArm:
     def reference_excess(self, *corners: Array) -> float:
         """Return how far the published reference has left the hull of these and its start."""
         q = np.array([message.position for message in self._references.messages])
-        corners = (*corners, q[0])  # dry friction holds the arm beside its reference
+        corners = (*corners, q[0])  # dry friction holds the arm away from its reference
         return float(np.maximum(
             q - np.max(corners, axis=0), np.min(corners, axis=0) - q).max())
 
