@@ -255,7 +255,7 @@ class Scene:
         workspace = controller.workspace
         if self._limits is None or workspace is not self._limits[0]:
             self._limits = workspace, workspace.motion_limits(
-                controller.options.effort_scale * self.arm.limits.effort,
+                controller.options.effort_limit_fraction * self.arm.limits.effort,
                 np.asarray(controller.options.effort_rate))
         return self._limits[1]
 

@@ -122,7 +122,7 @@ class Controller:
         gravity = GravityCompensation(feedback, options)
         law = gravity if options.command == NO_COMMAND else self._make_law(feedback, options)
         bounds = EffortBounds(
-            self.arm.limits.effort, options.effort_scale, self.arm.drive)
+            self.arm.limits.effort, options.effort_limit_fraction, self.arm.drive)
         robot = None if options.semantics.robot_gravity is None else (
             UncheckedArmDynamics(self.arm.with_gravity(options.semantics.robot_gravity)))
         with self.lock:
@@ -155,8 +155,8 @@ class Controller:
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
             options.stream_timeout)
         self.loop_gains = loop_gains(self._law_with_reference.closed_loop, workspace.matrices)
-        self._gains.use(self.loop_gains if options.softens_gains else None, rate)
-        if options.softens_gains:
+        self._gains.use(self.loop_gains if options.scales_gains else None, rate)
+        if options.scales_gains:
             self._law_with_reference.limit_rate(rate, workspace.row_sums())
         self._scale_motion()
 
@@ -296,7 +296,7 @@ class Controller:
         """Whether dry friction is compensated at joints that rest away from their goal."""
         friction = self.arm.friction
         return self._follows and self._options.friction_compensation == 'reference' and bool(
-            (friction.at_rest.static + friction.load).any())
+            (friction.at_rest.static + friction.load_coefficient).any())
 
     @property
     def has_reference(self) -> bool:
@@ -426,7 +426,7 @@ class Controller:
     def evaluate(self, adapts: bool = True) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
         has_changed = self._gains.evaluate()
-        if adapts and self._followed is not None and self._options.softens_gains:
+        if adapts and self._followed is not None and self._options.scales_gains:
             (state, answer), self._followed = self._followed, None
             friction = answer.friction if self.compensates_friction_at_rest else None
             has_changed |= self.adaptation.take(state, friction, self._law_with_reference)

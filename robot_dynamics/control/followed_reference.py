@@ -69,7 +69,8 @@ class FollowedReference:
         if limits is None or trajectory.is_set_point:
             return trajectory, 1.0
         return feasible_trajectory(
-            planning, trajectory, limits.lowered, options.effort_scale, options.slows_down)
+            planning, trajectory, limits.lowered, options.effort_limit_fraction,
+            options.slows_down)
 
     def _within_limits(
         self, trajectory: JointTrajectory, options: ControllerOptions,

@@ -142,7 +142,7 @@ class ControlLoop:
         defaults: dict[str, Any] = {
             'gains': make_gains(arm.joint_names), 'effort_rate': (
                 rates if arm.drive is None else arm.drive.scale * rates),
-            'softens_gains': True, 'conditions_references': True, 'stops_and_holds': True,
+            'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
             'estimates_velocity': True, 'checks_goals': True}
         limits = arm.limits
         loop = cls(

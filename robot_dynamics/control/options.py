@@ -34,7 +34,7 @@ class ControllerOptions:
     gains: Gains
     command: str = 'computed_torque'
     """A name of `controller.LAWS`, or `none`."""
-    effort_scale: float = 1.0
+    effort_limit_fraction: float = 1.0
     """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
     """The velocity at which computed torque compensates friction; see `error_feedback`."""
@@ -42,7 +42,7 @@ class ControllerOptions:
     """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
     semantics: EffortConvention = EffortConvention()
     """States which efforts the robot adds to the command on its own; the command omits them."""
-    softens_gains: bool = False
+    scales_gains: bool = False
     """Scale the feedback down to what rate and noise of the states allow (`gain_scaling`)."""
     conditions_references: bool = False
     """Follow references within the limits of the arm; see `reference_generator`."""

@@ -72,11 +72,11 @@ def file_notes(identification: Identification, urdf: str) -> list[str]:
     notes = ['With command: none, the node publishes no effort until another command is set.']
     offsets = [
         f'{name} {offset:.3g}' for name, offset in zip(
-            arm.joint_names, fitted_friction(arm, fit).effort_offset) if offset]
+            arm.joint_names, fitted_friction(arm, fit).effort_bias) if offset]
     if offsets:
         notes.append(
             f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
-            'If it is a bias of the effort sensor, set friction.effort_offset to 0.')
+            'If it is a bias of the effort sensor, set friction.effort_bias to 0.')
     kept = kept_fractions(urdf, arm, fit.parameters)
     if kept:
         listed = ', '.join(f'{link} {100.0 * share:.3g} %' for link, share in kept.items())

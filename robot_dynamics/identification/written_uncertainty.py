@@ -37,7 +37,7 @@ def uncertainty_values(identification: Identification) -> dict[str, Any]:
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
         # of single states, because the node knows no motion before a state
-        'uncertainty.effort_noise':
+        'uncertainty.noise_deviation':
             identification.tests['consistent'].rms('test_by_sample').tolist(),
         'uncertainty.noise_bandwidth': min(
             0.5 * facts.rate_hz / samples_per_independent_sample(facts.cutoff_hz, facts.rate_hz)

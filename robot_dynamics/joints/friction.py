@@ -91,7 +91,7 @@ class JointFriction:
     @cached_property
     def has_gear_terms(self) -> bool:
         """Whether any joint has friction of gears and drives."""
-        return bool(self.sigmoid.any() or self.load.any() or self.effort_offset.any())
+        return bool(self.sigmoid.any() or self.load_coefficient.any() or self.effort_bias.any())
 
     @cached_property
     def breakaway(self) -> FloatArray:
@@ -197,7 +197,7 @@ class JointFriction:
         if not self.has_gear_terms:
             return effort
         sign = share * _tracking_sign(v / self.sigmoid_velocity, offset)
-        return effort + (self._gear_size(load) * sign + self.effort_offset)
+        return effort + (self._gear_size(load) * sign + self.effort_bias)
 
     @cached_property
     def tracking_width(self) -> FloatArray:
@@ -260,14 +260,15 @@ class JointFriction:
 
     @cached_property
     def _at_joint(self) -> 'JointFriction':
-        return self.replaced(sigmoid=self._rest, load=self._rest, effort_offset=self._rest)
+        return self.replaced(
+            sigmoid=self._rest, load_coefficient=self._rest, effort_bias=self._rest)
 
     def _joint_effort(self, v: FloatArray, sign: FloatArray | None) -> FloatArray:
         """Return the effort without friction of gears and drives."""
         return self._at_joint.effort(v, 0.0, sign)
 
     def _gear_size(self, load: FloatArray | float) -> FloatArray:
-        return np.asarray(self.sigmoid + self.load * np.abs(load))
+        return np.asarray(self.sigmoid + self.load_coefficient * np.abs(load))
 
     def _behind_smooth(self, v: FloatArray, effort: FloatArray) -> FloatArray:
         """Return the load that an effort leaves after smooth friction."""

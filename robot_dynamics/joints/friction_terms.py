@@ -99,18 +99,20 @@ GEARS = FrictionTerm(DRY_FRICTION, (
     ParameterField(  # 9 v_a: 1 − tanh 9 is 3e-8
         'sigmoid_velocity', _VELOCITY, 0.03, 1e-6, 1e3,
         'Velocity v_a {unit} over which the friction F_a changes its sign',
-        'sigmoid velocity', ('sigmoid', 'load'), range=9.0, candidates=(0.01, 0.03, 0.1, 0.3)),
+        'sigmoid velocity', ('sigmoid', 'load_coefficient'), range=9.0,
+        candidates=(0.01, 0.03, 0.1, 0.3)),
     ParameterField(
-        'load', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
+        'load_coefficient', '', 0.0, 0.0, LARGEST_LOAD_FRACTION,
         'Load-dependent friction coefficient: friction effort per unit of load effort, with the '
         'same smooth sign', 'load', omitted='the load-dependent friction'),
-), shape=lambda f, v: smooth_sign(v, f.sigmoid_velocity), size='sigmoid', per_load='load')
+), shape=lambda f, v: smooth_sign(v, f.sigmoid_velocity), size='sigmoid',
+    per_load='load_coefficient')
 
-EFFORT_OFFSET = FrictionTerm(OFFSET_EFFORT, (
+EFFORT_BIAS = FrictionTerm(OFFSET_EFFORT, (
     ParameterField(
-        'effort_offset', _EFFORT, 0.0, -1e6, 1e6,
+        'effort_bias', _EFFORT, 0.0, -1e6, 1e6,
         'Constant offset {unit} of the measured effort (sensor or drive bias)', 'offset',
         omitted='the effort offset F_b'),
-), constant='effort_offset')
+), constant='effort_bias')
 
-TERMS = (VISCOUS, DRY, GEARS, EFFORT_OFFSET)
+TERMS = (VISCOUS, DRY, GEARS, EFFORT_BIAS)

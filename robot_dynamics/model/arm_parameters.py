@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
+import warnings
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -32,6 +33,16 @@ from robot_dynamics.validation import check_vector, covariance_root, LARGEST_VAL
 from robot_dynamics.yaml_text import load_yaml
 
 NODE = 'dynamics'
+FORMER_NAMES = {
+    'effort_scale': 'effort_limit_fraction',
+    'friction.effort_offset': 'friction.effort_bias',
+    'friction.load': 'friction.load_coefficient',
+    'position_fault_margin': 'position_limit_tolerance',
+    'position_margin': 'position_limit_margin',
+    'soften_gains': 'scale_gains',
+    'uncertainty.effort_noise': 'uncertainty.noise_deviation',
+}
+"""Former names of parameters, which are still accepted, and the names that replace them."""
 
 
 def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
@@ -57,7 +68,15 @@ def read_parameter_file(path: Path, node: str = NODE) -> dict[str, Any]:
         raise InvalidInputError(
             f'parameter file {str(path)!r} has no parameters for the node {node!r}, expected '
             f"'{node}:' or '/**:' with ros__parameters; it has {list(sections)}")
+    for former in FORMER_NAMES.keys() & values.keys():
+        warnings.warn(f'parameter file {str(path)!r}: {former_name(former)}', stacklevel=2)
+        values.setdefault(FORMER_NAMES[former], values.pop(former))
     return values
+
+
+def former_name(name: str) -> str:
+    """Return the warning of a former name of a parameter."""
+    return f'parameter {name!r} is now {FORMER_NAMES[name]!r}; the next version ignores {name!r}'
 
 
 def _flat(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
@@ -96,8 +115,8 @@ def arm_from_parameters(
         _drive_covariance(values, whole, names)))
     if set(names) == set(whole.joint_names):
         arm = replace(arm, uncertainty=make_uncertainty(
-            arm, values.get('uncertainty.parameters', ()),
-            values.get('uncertainty.covariance', ()), of_joints('uncertainty.effort_noise'),
+            arm, [_current(name) for name in values.get('uncertainty.parameters', ())],
+            values.get('uncertainty.covariance', ()), of_joints('uncertainty.noise_deviation'),
             values.get('uncertainty.noise_bandwidth', 0.0)))
     reflected = of_joints('actuator.reflected_inertia')
     if _has_no_motor_data(motors, values):
@@ -107,6 +126,13 @@ def arm_from_parameters(
     if len(motors['torque_constant']) and not len(motors['gear_ratio']):
         motors['gear_ratio'] = _described_gear_ratios(arm)
     return arm.with_actuators(make_actuators(names, **motors, reflected_inertia=reflected))
+
+
+def _current(quantity: str) -> str:
+    """Return a quantity, such as effort_bias(JOINT), whose file may have a former name."""
+    name, bracket, joint = quantity.partition('(')
+    current = FORMER_NAMES.get(f'friction.{name}', name).removeprefix('friction.')
+    return f'{current}{bracket}{joint}'
 
 
 def _has_no_motor_data(motors: Mapping[str, Sequence[float]], values: Mapping[str, Any]) -> bool:

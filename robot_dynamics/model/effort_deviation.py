@@ -44,23 +44,23 @@ def uncertain_names(arm: ArmModel) -> tuple[str, ...]:
 
 def make_uncertainty(
     arm: ArmModel, parameters: Sequence[str] = (), covariance: Sequence[float] = (),
-    effort_noise: npt.ArrayLike = (), noise_bandwidth: float = 0.0,
+    noise_deviation: npt.ArrayLike = (), noise_bandwidth: float = 0.0,
 ) -> ModelUncertainty | None:
     """
     Return the checked uncertainty of an arm, None if nothing is given.
 
     `covariance` is the lower triangle, row by row, of the covariance of the named parameters.
-    `effort_noise` [N·m] or [N] is one number for all joints or one value per joint; it needs a
+    `noise_deviation` [N·m] or [N] is one number for all joints or one value per joint; it needs a
     `noise_bandwidth` [Hz] > 0. Raises InvalidInputError for an unknown name, another number of
     values, a value that is not finite, or a matrix that is not positive semidefinite.
     """
-    if is_empty(parameters) and is_empty(covariance) and is_empty(effort_noise):
+    if is_empty(parameters) and is_empty(covariance) and is_empty(noise_deviation):
         return None
     noise = np.zeros(arm.joint_count)
-    if not is_empty(effort_noise):
-        noise = check_per_joint(f'{_FIELD}.effort_noise', effort_noise, arm.joint_names)
+    if not is_empty(noise_deviation):
+        noise = check_per_joint(f'{_FIELD}.noise_deviation', noise_deviation, arm.joint_names)
         for joint, value in zip(arm.joint_names, noise.tolist()):
-            check_scalar(f'{_FIELD}.effort_noise of {joint!r}', value, 0.0)
+            check_scalar(f'{_FIELD}.noise_deviation of {joint!r}', value, 0.0)
         check_scalar(
             f'{_FIELD}.noise_bandwidth', noise_bandwidth, 0.0, exclusive_minimum=True)
     return ModelUncertainty(

@@ -16,13 +16,14 @@ class ModelUncertainty:
     The covariance of k parameters of an arm with n joints, and the noise of its measured effort.
 
     `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
-    B with the covariance B Bᵀ. `effort_noise` (n,) [N·m] or [N] is the standard deviation of the
-    measured effort about the model, after a filter that passes the band of `noise_bandwidth` [Hz].
+    B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
+    the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
+    [Hz].
     """
 
     columns: IntArray
     root: FloatArray
-    effort_noise: FloatArray
+    noise_deviation: FloatArray
     noise_bandwidth: float
 
     @property
@@ -39,4 +40,4 @@ class ModelUncertainty:
         power.
         """
         band = min(bandwidth, 0.5 / dt)
-        return np.asarray(self.effort_noise * math.sqrt(max(1.0, band / self.noise_bandwidth)))
+        return np.asarray(self.noise_deviation * math.sqrt(max(1.0, band / self.noise_bandwidth)))

@@ -182,7 +182,7 @@ def _check_friction(arm: ArmModel) -> list[Finding]:
             f'limit, {limit[i]:.4g}: no permitted effort would move the joint')
         for title, effort in (
             ('dry friction F_c + F_a', friction.counterpart('friction')),
-            ('effort offset F_b', np.abs(friction.effort_offset)))
+            ('effort offset F_b', np.abs(friction.effort_bias)))
         for i, name in enumerate(arm.joint_names) if effort[i] > limit[i]]
 
 

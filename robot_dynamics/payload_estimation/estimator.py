@@ -114,7 +114,7 @@ class PayloadEstimator:
         scale = np.where(np.isfinite(limit) & (limit > 0.0), limit, np.maximum(
             self._largest_effort, 1.0))
         friction = self.arm.friction
-        band = friction.at_rest.static + friction.load * self._largest_effort
+        band = friction.at_rest.static + friction.load_coefficient * self._largest_effort
         solution = solve(
             rows, rests, band, scale, self.arm.given_drive.torque_error_covariance())
         return make_result(

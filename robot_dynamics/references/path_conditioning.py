@@ -60,7 +60,7 @@ class Excess(NamedTuple):
 
 def feasible_trajectory(
     dynamics: ArmDynamics, trajectory: JointTrajectory, limits: MotionLimits,
-    effort_scale: float = 1.0, slows_down: bool = False,
+    effort_limit_fraction: float = 1.0, slows_down: bool = False,
 ) -> tuple[JointTrajectory, float]:
     """
     Return a trajectory of several points that the arm can follow, and its slow-down factor.
@@ -72,7 +72,7 @@ def feasible_trajectory(
     if any(point.velocity is None for point in trajectory.points):
         return _with_velocities(trajectory, limits)
     slowness = 1.0
-    slower, excess = trajectory, _excess(dynamics, trajectory, effort_scale)
+    slower, excess = trajectory, _excess(dynamics, trajectory, effort_limit_fraction)
     while excess.ratio > 1.0 + _TOLERANCE:
         if not slows_down:
             raise TrajectoryError(
@@ -83,17 +83,20 @@ def feasible_trajectory(
         if slowness > SLOWEST:
             raise TrajectoryError(f'the trajectory is not feasible at any speed: {excess}')
         slower = _slower(trajectory, slowness)
-        excess = _excess(dynamics, slower, effort_scale)
+        excess = _excess(dynamics, slower, effort_limit_fraction)
     return slower, slowness
 
 
-def _excess(dynamics: ArmDynamics, trajectory: JointTrajectory, effort_scale: float) -> Excess:
+def _excess(
+    dynamics: ArmDynamics, trajectory: JointTrajectory, effort_limit_fraction: float,
+) -> Excess:
     fastest = _fastest(dynamics, trajectory)
     if fastest.ratio > 1.0 + _TOLERANCE:
         return fastest
     efforts = efforts_along(dynamics, trajectory)
     of_effort = Excess(
-        efforts.worst_ratio / max(effort_scale, 1e-9), efforts.worst_limit, efforts.worst_joint,
+        efforts.worst_ratio / max(effort_limit_fraction, 1e-9), efforts.worst_limit,
+        efforts.worst_joint,
         efforts.worst_time)
     return max(fastest, of_effort, key=lambda excess: excess.ratio)
 

@@ -102,12 +102,12 @@ class JointForces:
 
     def friction_with(self, opened: BoolArray) -> JointFriction:
         """Return the friction, without its load-dependent part for separated motors."""
-        if not (opened & (self.friction.load > 0.0)).any():
+        if not (opened & (self.friction.load_coefficient > 0.0)).any():
             return self.friction
         key = opened.tobytes()
         if key not in self._frictions:
             self._frictions[key] = self.friction.replaced(
-                load=np.where(opened, 0.0, self.friction.load))
+                load_coefficient=np.where(opened, 0.0, self.friction.load_coefficient))
         return self._frictions[key]
 
     def effort(

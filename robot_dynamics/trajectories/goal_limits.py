@@ -25,7 +25,7 @@ START_TOLERANCE = 0.0087
 Distance [rad] or [m] by which the first of several points may be beyond a position limit.
 
 The first point is usually the present position of the arm, which may be that far beyond a limit:
-this is the default of `position_fault_margin`.
+this is the default of `position_limit_tolerance`.
 """
 _TOLERANCE = 1e-6
 """Tolerance [rad] or [m], and of velocity limits, for rounding of limits and points."""

@@ -61,7 +61,7 @@ def feedback_of(
     error: float, speed: float, rate: float, softens: bool = True,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Return K_p e and K_d ė of the feedback (2,) [1/s²], as in full, and s."""
-    one = Controller(ARM, ControllerOptions(GAINS, effort_rate=rate, softens_gains=softens))
+    one = Controller(ARM, ControllerOptions(GAINS, effort_rate=rate, scales_gains=softens))
     q, body = np.zeros(2), ArmDynamics(ARM).rigid_body
     for k in range(20):
         one.update(START + 2 * k * MS, q, q)
@@ -111,7 +111,7 @@ def test_without_softening_or_a_rate_limit_nothing_is_limited() -> None:
     Gains(np.zeros(2), np.zeros(2)), Gains(np.zeros(2), np.array([5e-324, 1e-310])),
     Gains(np.full(2, 1e8), np.full(2, 1e8))])
 def test_gains_of_any_size_give_finite_efforts(gains: Gains) -> None:
-    one = Controller(ARM, ControllerOptions(gains, effort_rate=1e3, softens_gains=True))
+    one = Controller(ARM, ControllerOptions(gains, effort_rate=1e3, scales_gains=True))
     zero = np.zeros(2)
     one.update(START, zero, zero)
     one.stop()
@@ -128,7 +128,7 @@ def final_error(
     """Return the final distance [rad] of the arm from its goal; infinite if the arm diverged."""
     plant, period = ArmDynamics(ARM), 0.002
     one = Controller(ARM, ControllerOptions(
-        make_gains(NAMES, [frequency]), effort_rate=rate, softens_gains=softens))
+        make_gains(NAMES, [frequency]), effort_rate=rate, scales_gains=softens))
     free = np.full(2, np.inf)
     guard = EffortLimiter(EffortLimits(-free, free, free, 0.0, rate))
     q, v, now = np.zeros(2), np.zeros(2), START
@@ -186,7 +186,7 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
     period: float, is_slow: bool,
 ) -> None:
     """M, C and g are those of the position half of the delay ahead, but not at fast rates."""
-    one = Controller(ARM, ControllerOptions(GAINS, softens_gains=True))
+    one = Controller(ARM, ControllerOptions(GAINS, scales_gains=True))
     q, v = np.array([0.8, 0.5]), np.array([0.4, -0.3])
     for k in range(20):
         one.update(START + round(1e9 * period) * k, q, v)

@@ -108,7 +108,7 @@ def test_another_command_ends_the_reference(mode: str) -> None:
 
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
 def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> None:
-    controller = make_controller(effort_scale=scale)
+    controller = make_controller(effort_limit_fraction=scale)
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([3.0, -2.0]), 0)
     output = controller.update(NOW, Q, ZERO)
@@ -123,7 +123,7 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
 def test_a_joint_without_a_limit_is_never_clamped(scale: float) -> None:
     urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
-    controller = make_controller(urdf, effort_scale=scale)
+    controller = make_controller(urdf, effort_limit_fraction=scale)
     q = np.array([1.0])
     output = controller.update(NOW, q, np.zeros(1))
     assert output.clamped is None

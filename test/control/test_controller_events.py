@@ -210,7 +210,7 @@ def test_after_a_restart_the_next_state_is_a_first_one() -> None:
 
 
 def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
-    one = make(softens_gains=True)
+    one = make(scales_gains=True)
     for k in range(20):
         one.update(NOW + 2 * k * MS, Q, ZERO)
     one.restart_states()
@@ -288,7 +288,7 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> Non
 
 
 def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow() -> None:
-    one = make(softens_gains=True)
+    one = make(scales_gains=True)
     for k in range(20):
         one.update(NOW + 50 * k * MS, Q, ZERO)
     assert one.bandwidth_scale < 0.5

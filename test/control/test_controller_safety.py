@@ -61,7 +61,7 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(
 def test_without_a_reference_the_command_is_the_hold(
     q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
 ) -> None:
-    one = controller(command=mode, effort_scale=scale, semantics=semantics)
+    one = controller(command=mode, effort_limit_fraction=scale, semantics=semantics)
     output = one.update(NOW, q, ZERO)
     assert output.command.tolist() == output.hold().tolist()
 
@@ -71,7 +71,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,
 ) -> None:
     one = controller(
-        effort_scale=scale,
+        effort_limit_fraction=scale,
         semantics=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
     one.set_payloads([] if load is None else [load], 0.0, lambda _: None)
     one.update(NOW, q, ZERO)
@@ -93,7 +93,7 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
     gravity = body.gravity(Q)
     assert (np.abs(gravity) > LIMIT).all()
     goal = Q + np.linalg.solve(body.mass_matrix(Q), -0.75 * gravity) / make_gains(NAMES).kp
-    one = controller(softens_gains=True)
+    one = controller(scales_gains=True)
     one.set_payloads([load], 0.0, lambda _: None)
     for k in range(21):
         one.update(NOW + round(k * period * SECOND), Q, ZERO)

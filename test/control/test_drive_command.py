@@ -56,7 +56,7 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
     scale: Any, offset: Any, goal: np.ndarray, share: float, robot: tuple[str, ...],
 ) -> None:
     arm, drive = driven(FRICTION, scale, offset)
-    one = controller(arm, robot, effort_scale=share)
+    one = controller(arm, robot, effort_limit_fraction=share)
     follow(one, goal)
     output = one.update(NOW + 1, Q, ZERO)
     for effort in (output.command, output.hold(), one.braked(Q, V, output.hold())):

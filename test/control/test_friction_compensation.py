@@ -32,7 +32,7 @@ def answer(arm: ArmModel, mode: str, q: list[float], v: list[float]) -> ControlO
 
 def compensated(mode: str, q: list[float], v: list[float]) -> tuple[np.ndarray, np.ndarray]:
     """Return the friction that is compensated, and the effort of the rigid bodies, (2,) each."""
-    friction = make_friction(NAMES, viscous=[VISCOUS], coulomb=[COULOMB], load=[LOAD])
+    friction = make_friction(NAMES, viscous=[VISCOUS], coulomb=[COULOMB], load_coefficient=[LOAD])
     effort = answer(ARM.with_friction(friction), mode, q, v).computed_torque
     rigid = answer(ARM.with_friction(make_friction(NAMES)), mode, q, v).computed_torque
     return effort - rigid, rigid

@@ -99,7 +99,7 @@ def test_the_terms_sum_to_the_command(
 def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
     arm: ArmModel, name: str,
 ) -> None:
-    one = make(arm, name, softens_gains=True, effort_rate=500.0)
+    one = make(arm, name, scales_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)
     follow(one, arm, with_reference=FOLLOWS[name])
@@ -303,7 +303,7 @@ def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
     """Friction is no term of it, not even an offset of the measured effort."""
     arm = load_arm(robot_urdf('ur5'))
     n = arm.joint_count
-    arm = arm.with_friction(make_friction(arm.joint_names, effort_offset=[3.0] * n))
+    arm = arm.with_friction(make_friction(arm.joint_names, effort_bias=[3.0] * n))
     dynamics, q = UncheckedArmDynamics(arm), np.full(n, 0.4)
     gravity, options = dynamics.rigid_body.gravity(q), ControllerOptions(make_gains(
         arm.joint_names))

@@ -119,7 +119,7 @@ def test_low_damping_ratios_are_stable_with_a_delay(
 def test_the_scale_of_the_gains_makes_the_difference(scales: bool) -> None:
     """Without it the impedance shakes a UR5 that starts at rest."""
     law = PAGE['Impedance'](np.full(6, 400.0), np.full(6, 40.0))
-    one = LockStep(arm_named('ur5'), law, rate=100.0, delay=10, softens_gains=scales)
+    one = LockStep(arm_named('ur5'), law, rate=100.0, delay=10, scales_gains=scales)
     one.v = np.full(6, 1e-4)
     speed = one.run(3.0).speed.max()
     assert (speed < AT_REST) if scales else (speed > 1.0)

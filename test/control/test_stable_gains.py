@@ -450,17 +450,17 @@ def warnings_of(**options: object) -> list[str]:
 
 def test_the_default_parameters_are_no_reason_to_warn() -> None:
     assert not warnings_of(
-        gains=GAINS, softens_gains=True, conditions_references=True, effort_rate=RATE)
+        gains=GAINS, scales_gains=True, conditions_references=True, effort_rate=RATE)
 
 
 def test_settings_that_can_oscillate_are_named_with_numbers() -> None:
     weak = make_gains(ARM.joint_names, damping_ratio=[1.0, 0.1])
-    safe = {'softens_gains': True, 'conditions_references': True, 'effort_rate': RATE}
+    safe = {'scales_gains': True, 'conditions_references': True, 'effort_rate': RATE}
     damping, = warnings_of(gains=weak, **safe)
     assert damping.startswith("The damping ratio of 'joint2' is 0.1")
     unconditioned, = warnings_of(gains=GAINS, **{**safe, 'conditions_references': False})
     assert unconditioned.startswith('condition_references is false')
-    slow, = warnings_of(gains=GAINS, **{**safe, 'softens_gains': False})
+    slow, = warnings_of(gains=GAINS, **{**safe, 'scales_gains': False})
     assert f'below {slowest_rate(DEFAULT):.0f} Hz' in slow
 
 

@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 GROUP = 'Clocks'
 RATE = 200.0
 """`effort_rate_limit` of these nodes [N·m/s]: a step of the command would far exceed it."""
-SIMULATED = {'use_sim_time': True, 'soften_gains': False}
+SIMULATED = {'use_sim_time': True, 'scale_gains': False}
 """At this rate limit, gain scaling would reduce the feedback below what the tests detect."""
 JUMP = 50.0
 """Jump of /clock, forwards or backwards [s]."""

@@ -31,8 +31,8 @@ from std_srvs.srv import Trigger
 
 GROUP = 'Lifecycle'
 RAMP_TIME = 0.3
-PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6, 'soften_gains': False}
-"""Without `soften_gains` even an implausible measured velocity is used, as `latch` needs."""
+PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6, 'scale_gains': False}
+"""Without `scale_gains` even an implausible measured velocity is used, as `latch` needs."""
 NOT_CHANGED = '`success` false immediately; no change, commands continue'
 
 

@@ -31,7 +31,7 @@ URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replac
     '<limit ', f'<limit lower="{LOWER}" upper="{UPPER}" ')
 BODY = ArmDynamics(load_arm(URDF)).rigid_body
 MARGIN = 0.0087
-"""The default of `position_fault_margin` [rad]."""
+"""The default of `position_limit_tolerance` [rad]."""
 
 
 BENCH = {'parameters': {**NO_STREAM, **DIRECT, 'robot_description': URDF}}
@@ -42,7 +42,7 @@ def bench(bench: FaultBench) -> Iterator[FaultBench]:
     """Return the node with the arm at rest at `Q`; check afterwards that it holds `Q` again."""
     bench.check_alive()
     yield bench
-    bench.set_parameters(effort_scale=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
+    bench.set_parameters(effort_limit_fraction=1.0, effort_rate_limit=0.0, **DEFAULT_GAINS)
     bench.hold = G
     bench.driver.go_on()
     bench.driver.q, bench.driver.v = list(Q), [0.0, 0.0]
@@ -199,11 +199,13 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
 
 @pytest.mark.parametrize('scale', [
     pytest.param(scale, marks=fault(
-        GROUP, f'a reference that needs more than the effort limit, `effort_scale` {scale}',
-        'clamped to the URDF limit × `effort_scale`, counted; changes within the rate limit'))
+        GROUP,
+        f'a reference that needs more than the effort limit, `effort_limit_fraction` {scale}',
+        'clamped to the URDF limit × `effort_limit_fraction`, counted; changes within the rate '
+        'limit'))
     for scale in (1.0, 0.5)])
 def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
-    bench.set_parameters(effort_scale=scale, **STIFF)
+    bench.set_parameters(effort_limit_fraction=scale, **STIFF)
     limits = scale * np.array(EFFORT)
     before = bench.known('command', 'held back by effort limit')
     for sign in (1.0, -1.0):
@@ -216,13 +218,13 @@ def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
     check_rate(bench.efforts)
 
 
-@fault(GROUP, '`effort_scale` is lowered while the command is at its limit',
+@fault(GROUP, '`effort_limit_fraction` is lowered while the command is at its limit',
        'the command changes to the new limit within the rate limit')
 def test_a_limit_that_falls(bench: FaultBench) -> None:
     bench.set_parameters(**STIFF)
     bench.set_point([Q[0] + 0.2, Q[1] + 0.2])
     wait_first(bench, 0, EFFORT[0])
-    bench.set_parameters(effort_scale=0.5)
+    bench.set_parameters(effort_limit_fraction=0.5)
     wait_effort(bench, [75.0, 30.0])
     check_rate(bench.efforts)
 

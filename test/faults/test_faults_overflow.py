@@ -12,7 +12,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 GROUP = 'Non-finite commands'
-BENCH = {'parameters': {**NO_STREAM, 'soften_gains': False}}
+BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False}}
 """The node uses the measured velocity."""
 
 

@@ -122,7 +122,7 @@ def test_unknown_names(control: ControlContinues, before: Any) -> None:
         'control continues'))
     for service in ('set_parameters', 'set_parameters_atomically')])
 def test_an_unknown_type(control: ControlContinues, service: str, before: Any) -> None:
-    good = Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg()
+    good = Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg()
     bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
     kind = SetParameters if service == 'set_parameters' else SetParametersAtomically
     with control.checked():
@@ -141,7 +141,7 @@ def test_all_or_none(control: ControlContinues, before: Any) -> None:
     with control.checked():
         result = control.ask(
             'set_parameters_atomically', SetParametersAtomically, parameters=[
-                Parameter('effort_scale', Type.DOUBLE, 0.5).to_parameter_msg(),
+                Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg(),
                 Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()]).result
     assert not result.successful
     assert 'gains.kp[0] is nan' in result.reason

@@ -33,8 +33,8 @@ LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
 """The default arm with position limits."""
 TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
 """Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
-# Without `soften_gains` the torque does not depend on the rate of states, and so on the load.
-BENCH = {'parameters': {**NO_STREAM, 'soften_gains': False, 'robot_description': LIMITED}}
+# Without `scale_gains` the torque does not depend on the rate of states, and so on the load.
+BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False, 'robot_description': LIMITED}}
 
 
 def point(q: Any = Q, seconds: float = 0.0, **more: Any) -> JointTrajectoryPoint:

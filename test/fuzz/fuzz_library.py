@@ -139,7 +139,7 @@ def take_trajectories(arm: ArmModel, cases: list[FollowedTrajectory]) -> None:
 def take_states(arm: ArmModel, events: list[Any]) -> None:
     """Make a controller answer states, trajectories and payloads, as the control path does."""
     controller = Controller(arm, ControllerOptions(
-        make_gains(arm.joint_names), effort_rate=1e3, softens_gains=True,
+        make_gains(arm.joint_names), effort_rate=1e3, scales_gains=True,
         conditions_references=True, stops_and_holds=True))
     reader = JointStateReader(arm.joint_names)
     payloads_done: list[Any] = []

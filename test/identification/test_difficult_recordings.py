@@ -65,7 +65,7 @@ def test_a_joint_that_moves_in_one_direction(joint, seed):
     largest = np.abs(effort[:, joint]).max()
     dry = friction.counterpart('friction')[joint]
     assert 0.0 < dry < 0.6 * largest
-    assert friction.effort_offset[joint] == 0.0
+    assert friction.effort_bias[joint] == 0.0
     assert not_separable(found) == {name: ('offset',)}
     assert any(line.startswith(f'{name}: the joint moves in one direction only (0 % of its motion '
                                'forward, 100 % backward)') for line in warnings(found))
@@ -115,7 +115,8 @@ def test_a_joint_at_rest_has_no_friction():
     assert not_separable(found) == {
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     friction = fitted_friction(UR5, found.models.consistent)
-    for values in (friction.viscous, friction.coulomb, friction.sigmoid, friction.load):
+    for values in (
+            friction.viscous, friction.coulomb, friction.sigmoid, friction.load_coefficient):
         assert values[joint] == 0.0
 
 

@@ -74,7 +74,7 @@ def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):
         cutoff = found.recordings[0].facts.cutoff_hz
         assert band == pytest.approx(0.898 * cutoff, rel=0.01)
         # white noise at 100 Hz has a band of 50 Hz; the errors of the model add to it
-        ratio = values['uncertainty.effort_noise'] / (NOISE * np.sqrt(band / 50.0))
+        ratio = values['uncertainty.noise_deviation'] / (NOISE * np.sqrt(band / 50.0))
         assert ((ratio > 0.9) & (ratio < 1.5)).all()
 
 
@@ -89,7 +89,7 @@ def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):
     a, b = (loaded(found, each).uncertainty for each in (values, read))
     assert a.root.tolist() == b.root.tolist()
     # the names are those of the joints' friction, and of base parameters
-    assert {'viscous(joint1)', 'effort_offset(joint2)', 'sigmoid(joint2)'} <= set(
+    assert {'viscous(joint1)', 'effort_bias(joint2)', 'sigmoid(joint2)'} <= set(
         read['uncertainty.parameters'])
 
 

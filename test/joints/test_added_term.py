@@ -100,7 +100,8 @@ def test_names_are_unique() -> None:
 
 
 @pytest.mark.parametrize(('changes', 'lacking'), [
-    ({'heading': ''}, ['column']), ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load'])])
+    ({'heading': ''}, ['column']),
+    ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load_coefficient'])])
 def test_an_incomplete_term_is_found(
     changes: dict[str, str], lacking: Sequence[str],
 ) -> None:

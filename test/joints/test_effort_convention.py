@@ -185,7 +185,7 @@ def test_joint_and_command_keep_within_their_limits(
 
     A share that is below the gravity torque is raised to it, so that the arm does not fall.
     """
-    output = update(make_controller(compensates, effort_scale=scale), target)
+    output = update(make_controller(compensates, effort_limit_fraction=scale), target)
     assert output.command is not None
     assert output.terms is not None
     added = G if compensates else ZERO

@@ -123,7 +123,7 @@ def test_an_unknown_parameter_is_refused_by_name() -> None:
 
 EVERY_TERM = make_friction(
     NAMES, [0.5, 0.2], [2.0, 1.0], [3.0, 1.5], [0.1, 0.2], [0.3, -0.2], sigmoid=[1.5, 0.5],
-    sigmoid_velocity=[0.05, 0.1], load=[0.1, 0.3], effort_offset=[0.4, -2.0])
+    sigmoid_velocity=[0.05, 0.1], load_coefficient=[0.1, 0.3], effort_bias=[0.4, -2.0])
 signed = st.floats(1e-3, 3.0).flatmap(lambda x: st.sampled_from([-x, x]))
 
 
@@ -149,7 +149,7 @@ def test_the_damping_is_the_slope_of_the_smooth_terms(
     v1: float, v2: float, load1: float, load2: float,
 ) -> None:
     v, load = np.array([v1, v2]), np.array([load1, load2])
-    smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_offset
+    smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_bias
     assert EVERY_TERM.damping(v, load) * v == pytest.approx(smooth, rel=1e-9, abs=1e-12)
 
 

@@ -26,8 +26,8 @@ values = st.floats(-5.0, 5.0)
 
 def gears(**changes):
     return make_friction(NAMES, **{
-        'sigmoid': [1.5, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.3],
-        'effort_offset': [0.4, -2.0], 'presliding_distance': [0.01, 0.0], **changes})
+        'sigmoid': [1.5, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load_coefficient': [0.1, 0.3],
+        'effort_bias': [0.4, -2.0], 'presliding_distance': [0.01, 0.0], **changes})
 
 
 def arm_with_gears(**changes):
@@ -44,7 +44,7 @@ def test_the_law_by_hand():
 @given(values, values, values, values)
 def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
     v = np.array([v1, v2])
-    friction = gears(effort_offset=[0.0])
+    friction = gears(effort_bias=[0.0])
     assert (friction.effort(v, 10.0 * np.array([load1, load2])) * v >= 0.0).all()
 
 
@@ -81,9 +81,10 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
 @pytest.mark.parametrize(('field', 'value', 'words'), [
     ('sigmoid', [-1.0], "friction.sigmoid of 'joint1' is -1, expected a number >= 0"),
     ('sigmoid_velocity', [0.1, 0.0], "friction.sigmoid_velocity of 'joint2' is 0, expected"),
-    ('load', [0.96], r"friction.load of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
+    ('load_coefficient', [0.96],
+     r"friction.load_coefficient of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
     ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
-    ('effort_offset', [1.0, 2.0, 3.0], 'friction.effort_offset has 3 values, expected 2'),
+    ('effort_bias', [1.0, 2.0, 3.0], 'friction.effort_bias has 3 values, expected 2'),
 ])
 def test_invalid_values_are_rejected_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
@@ -96,8 +97,9 @@ def tracked_friction(friction, v, error, rate, load):
         return np.clip(np.tanh(v / width) + error / 0.025, -1.0, 1.0)
 
     return (friction.viscous * (v + rate * error) + friction.dry(v) * sign(0.01) + friction.offset
-            + (friction.sigmoid + friction.load * np.abs(load)) * sign(friction.sigmoid_velocity)
-            + friction.effort_offset)
+            + (friction.sigmoid + friction.load_coefficient * np.abs(load))
+            * sign(friction.sigmoid_velocity)
+            + friction.effort_bias)
 
 
 @pytest.mark.parametrize('mode', ['reference', 'measured'])

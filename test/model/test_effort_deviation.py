@@ -29,8 +29,8 @@ ARM = load_arm(default_arm_urdf())
 NAMES = ('mz(link2)', 'viscous(joint1)', 'coulomb(joint2)')
 COVARIANCE = (0.04, 0.003, 0.01, 0.0, 0.0, 0.09)
 """The lower triangle for NAMES."""
-FRICTION = {'viscous': 1.5, 'sigmoid': 2.0, 'sigmoid_velocity': 0.1, 'load': 0.1,
-            'effort_offset': -0.3, 'coulomb': 0.7}
+FRICTION = {'viscous': 1.5, 'sigmoid': 2.0, 'sigmoid_velocity': 0.1, 'load_coefficient': 0.1,
+            'effort_bias': -0.3, 'coulomb': 0.7}
 
 
 def arm_with(bare, phi, rotors, friction):
@@ -95,19 +95,19 @@ def test_without_parameters_an_arm_has_no_uncertainty():
     uncertainty = arm_from_parameters(urdf, values).uncertainty
     assert uncertainty.root @ uncertainty.root.T == pytest.approx(np.array(
         [[0.04, 0.003, 0.0], [0.003, 0.01, 0.0], [0.0, 0.0, 0.09]]), abs=1e-15)
-    assert not uncertainty.effort_noise.any()
+    assert not uncertainty.noise_deviation.any()
     # names of joints that are locked have no meaning
     assert arm_from_parameters(urdf, values, ['joint1']).uncertainty is None
-    noise = {'uncertainty.effort_noise': [0.3], 'uncertainty.noise_bandwidth': 5.0}
+    noise = {'uncertainty.noise_deviation': [0.3], 'uncertainty.noise_bandwidth': 5.0}
     only_noise = arm_from_parameters(urdf, noise).uncertainty
-    assert only_noise.effort_noise.tolist() == [0.3, 0.3]
+    assert only_noise.noise_deviation.tolist() == [0.3, 0.3]
     assert not only_noise.has_covariance
 
 
 @pytest.mark.parametrize(('changes', 'words'), [
     ({'parameters': ['mz(link3)']},
      "uncertainty.parameters has 'mz(link3)', expected names such as 'm(link1)' or "
-     "'effort_offset(joint2)'"),
+     "'effort_bias(joint2)'"),
     ({'parameters': ['mz(link2)'] * 3}, "uncertainty.parameters has 'mz(link2)' twice"),
     ({'covariance': COVARIANCE[:5]},
      'uncertainty.covariance has 5 values, expected 6: the lower triangle for the 3 parameters'),
@@ -118,9 +118,10 @@ def test_without_parameters_an_arm_has_no_uncertainty():
     ({'covariance': (0.04, 0.03, *COVARIANCE[2:])},
      'uncertainty.covariance has the eigenvalue -0.5 after scaling to unit variances, expected a '
      'positive semidefinite matrix'),
-    ({'effort_noise': [0.1, 0.1, 0.1]}, 'uncertainty.effort_noise has 3 values, expected 2'),
-    ({'effort_noise': [0.1, -0.1]}, "uncertainty.effort_noise of 'joint2' is -0.1, expected"),
-    ({'effort_noise': [0.1], 'noise_bandwidth': 0.0},
+    ({'noise_deviation': [0.1, 0.1, 0.1]}, 'uncertainty.noise_deviation has 3 values, expected 2'),
+    ({'noise_deviation': [0.1, -0.1]},
+     "uncertainty.noise_deviation of 'joint2' is -0.1, expected"),
+    ({'noise_deviation': [0.1], 'noise_bandwidth': 0.0},
      'uncertainty.noise_bandwidth is 0, expected a number > 0'),
 ])
 def test_a_bad_uncertainty_is_rejected(changes, words):
@@ -137,7 +138,7 @@ def test_the_noise_of_an_estimate_is_that_of_its_bandwidth(estimator):
     # effort noise of 2 N·m in each sample at 200 Hz, which is 100 Hz of bandwidth
     rate, band = 200.0, 20.0
     uncertainty = make_uncertainty(
-        ARM, effort_noise=[2.0 * np.sqrt(band / (0.5 * rate))], noise_bandwidth=band)
+        ARM, noise_deviation=[2.0 * np.sqrt(band / (0.5 * rate))], noise_bandwidth=band)
     dynamics = ArmDynamics(replace(ARM, uncertainty=uncertainty))
     estimate = estimator(dynamics, 25.0)
     q, rest = np.array([0.4, 0.3]), np.zeros(2)
@@ -149,7 +150,7 @@ def test_the_noise_of_an_estimate_is_that_of_its_bandwidth(estimator):
     expected = uncertainty.noise(estimate.noise_bandwidth, 1.0 / rate)
     assert measured == pytest.approx(expected[0], rel=0.1)
     # noise of a narrower band has all its power, that of a wider one ends at the sampling rate
-    assert uncertainty.noise(1.0, 1.0 / rate) == pytest.approx(uncertainty.effort_noise)
+    assert uncertainty.noise(1.0, 1.0 / rate) == pytest.approx(uncertainty.noise_deviation)
     assert uncertainty.noise(1e6, 1.0 / rate) == pytest.approx([2.0, 2.0])
 
 

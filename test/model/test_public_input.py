@@ -29,7 +29,7 @@ from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
 _BARE = load_arm(default_arm_urdf())
 ARM = _BARE.with_friction(make_friction(
-    _BARE.joint_names, [0.5], [1.0], load=[0.1, 0.3], presliding_distance=[0.01]))
+    _BARE.joint_names, [0.5], [1.0], load_coefficient=[0.1, 0.3], presliding_distance=[0.01]))
 STATE = {
     'q': (1, -2), 'v': (3, 2), 'a': (-4, 5), 'tau': (20, -6), 'load': (7, -8),
     'friction': (2, 1), 'state': (1, -1)}
@@ -152,7 +152,8 @@ def test_an_entry_that_is_no_number_is_named(
 @pytest.mark.parametrize('bad', ['a', '1.0', None, True])
 @pytest.mark.parametrize(('field', 'make'), [
     ('friction.viscous', lambda values: make_friction(_BARE.joint_names, values)),
-    ('friction.load', lambda values: make_friction(_BARE.joint_names, load=values)),
+    ('friction.load_coefficient',
+     lambda values: make_friction(_BARE.joint_names, load_coefficient=values)),
     ('actuator.torque_constant', lambda values: make_actuators(
         _BARE.joint_names, values, [100.0])),
     ('gains.kp', lambda values: make_gains(_BARE.joint_names, kp=values)),
@@ -193,8 +194,8 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
     'effort.scale': lambda x: fields_of(make_drive_effort(_BARE.joint_names, x)),
     'effort.offset': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, x)),
     'effort limit': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, 0.0, x)),
-    'uncertainty.effort_noise': lambda x: fields_of(make_uncertainty(
-        _BARE, effort_noise=x, noise_bandwidth=1.0)),
+    'uncertainty.noise_deviation': lambda x: fields_of(make_uncertainty(
+        _BARE, noise_deviation=x, noise_bandwidth=1.0)),
     **{f'gains.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]
         make_gains(_BARE.joint_names, **{name: x}))
        for name in ('natural_frequency', 'damping_ratio', 'kp', 'kd')},

@@ -96,7 +96,7 @@ def test_a_pause_or_a_step_back_in_time_resets_the_estimate() -> None:
 
 def controller(**changes: object) -> Controller:
     return Controller(ARM, ControllerOptions(
-        make_gains(ARM.joint_names), effort_rate=10.0 * ARM.limits.effort, softens_gains=True,
+        make_gains(ARM.joint_names), effort_rate=10.0 * ARM.limits.effort, scales_gains=True,
         **changes))
 
 

@@ -172,7 +172,7 @@ def reference_at(path: JointTrajectory, t: float) -> np.ndarray:
 
 
 # Velocity and acceleration of the trajectory are feasible: the reference follows it exactly.
-DEFAULTS = {'condition_references': True, 'soften_gains': True, 'effort_rate_limit': 0.0,
+DEFAULTS = {'condition_references': True, 'scale_gains': True, 'effort_rate_limit': 0.0,
             'overspeed_factor': 1.2, 'following_error_limit': []}
 
 

@@ -201,7 +201,7 @@ def test_the_noise_of_the_estimates_is_the_published_deviation(client: RosClient
     uncertainty = {
         'joints': NAMES, 'uncertainty.parameters': ['mx(link2)', 'viscous(joint1)'],
         'uncertainty.covariance': [1e-6, 0.0, 1.0], 'uncertainty.noise_bandwidth': band,
-        'uncertainty.effort_noise': (noise * math.sqrt(2.0 * band * STEP)).tolist()}
+        'uncertainty.noise_deviation': (noise * math.sqrt(2.0 * band * STEP)).tolist()}
     rng = np.random.default_rng(0)
     with NodeProcess(DYNAMICS, uncertainty, namespace='/noisy'):
         robot, topic = Held(client, '/noisy'), '/noisy/dynamics'

@@ -129,10 +129,10 @@ def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
         set_parameter('command', 'gravity_compensation')
         assert efforts.wait_count(1, LONG)[0].effort == pytest.approx(gravity)
         for scale in (0.5, 0.05):
-            set_parameter('effort_scale', scale)
+            set_parameter('effort_limit_fraction', scale)
             hold_for(states, 1.0)
             assert states.messages[-1].position == pytest.approx(start, abs=1e-6)
-        set_parameter('effort_scale', 0.5)
+        set_parameter('effort_limit_fraction', 0.5)
         set_parameter('command', 'computed_torque')
         send(client, namespace, (0.0, goal))
         wait_arrived(states, goal)

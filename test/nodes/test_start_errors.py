@@ -59,8 +59,8 @@ CASES = {
     'two descriptions': Case(
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),
-    'out of range': Case({'effort_scale': 2.0}, r'effort_scale.* 2'),
-    'not a number': Case({'effort_scale': NAN}, r'effort_scale.* nan'),
+    'out of range': Case({'effort_limit_fraction': 2.0}, r'effort_limit_fraction.* 2'),
+    'not a number': Case({'effort_limit_fraction': NAN}, r'effort_limit_fraction.* nan'),
     'zero time': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
     'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
     'unknown fault action': Case({'fault_action': 'pray'}, "fault_action is 'pray', expected"),
@@ -71,8 +71,10 @@ CASES = {
     'text for a boolean': Case(
         {'start_type_description_service': 'no'}, r"description_service' .*expecting type 'BOOL'"),
     'text for a number': Case(
-        {'effort_scale': 'half'}, r'effort_scale.*a number with a decimal point'),
-    'integer': Case({'effort_scale': 1}, r'effort_scale.*a number with a decimal point'),
+        {'effort_limit_fraction': 'half'},
+        r'effort_limit_fraction.*a number with a decimal point'),
+    'integer': Case(
+        {'effort_limit_fraction': 1}, r'effort_limit_fraction.*a number with a decimal point'),
     'negative gain': Case({'gains.kp': [-1.0]}, r'gains\.kp\[0\] is -1'),
     'several gains without an order of the joints': Case(
         {'gains.kp': [1.0, 2.0]}, r'gains\.kp has 2 values, .*but the parameter joints'),
@@ -171,7 +173,8 @@ def test_its_process_ends_with_status_1(name: str) -> None:
         'one line with the error, status 1'))
     for arguments, words in (
         (['--params-file', 'nowhere.yaml'], "Couldn't parse params file: .*nowhere.yaml"),
-        (['-p', 'effort_scale'], "Couldn't parse parameter override rule: '-p effort_scale'"),
+        (['-p', 'effort_limit_fraction'],
+         "Couldn't parse parameter override rule: '-p effort_limit_fraction'"),
         (['-r', '__node:=a name'], "Couldn't parse remap rule: '-r __node:=a name'"),
         (['--scale', '1'], r"unknown ROS arguments \['--scale'"))])
 def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> None:
@@ -226,12 +229,13 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
     assert joints.description in ' '.join(lines)
 
 
-@fault('Parameters at the start', 'unknown parameter: `efort_scale: 0.3`',
+@fault('Parameters at the start', 'unknown parameter: `efort_limit_fraction: 0.3`',
        'a warning that the value is ignored, with the similar name')
 def test_an_unknown_parameter_is_reported() -> None:
-    with NodeProcess(DYNAMICS, {'efort_scale': 0.3}) as node:
+    with NodeProcess(DYNAMICS, {'efort_limit_fraction': 0.3}) as node:
         assert '[WARN]' in node.wait_for_log(
-            "Unknown parameter 'efort_scale': its value is ignored; did you mean 'effort_scale'?")
+            "Unknown parameter 'efort_limit_fraction': its value is ignored; did you mean "
+            "'effort_limit_fraction'?")
         node.wait_for_log("Model 'planar_arm'")
 
 

@@ -288,13 +288,13 @@ def test_it_is_not_slowed_down_more_than_needed(
 def test_a_lower_effort_scale_leaves_less() -> None:
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
     ratio = efforts_along(dynamics(), sent).worst_ratio
-    assert conditioned(sent, effort_scale=1.01 * ratio)[0] is sent
+    assert conditioned(sent, effort_limit_fraction=1.01 * ratio)[0] is sent
     with pytest.raises(TrajectoryError, match='effort'):
-        conditioned(sent, effort_scale=0.99 * ratio)
+        conditioned(sent, effort_limit_fraction=0.99 * ratio)
 
 
 def test_what_no_speed_makes_feasible_is_rejected() -> None:
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
     with pytest.raises(TrajectoryError, match='not feasible at any speed'):
-        conditioned(sent, effort_scale=0.01, slows_down=True)
+        conditioned(sent, effort_limit_fraction=0.01, slows_down=True)
     assert SLOWEST >= 10.0

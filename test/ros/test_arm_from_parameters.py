@@ -25,7 +25,7 @@ GEARED = default_arm_urdf().replace(
 FRICTION = {
     'viscous': [0.2, 0.1], 'coulomb': [2.0, 1.0], 'static': [3.0, 1.5],
     'stribeck_velocity': [0.04, 0.05], 'offset': [0.5, -0.25], 'sigmoid': [0.5, 0.2],
-    'sigmoid_velocity': [0.02, 0.03], 'load': [0.05, 0.02], 'effort_offset': [0.1, -0.2],
+    'sigmoid_velocity': [0.02, 0.03], 'load_coefficient': [0.05, 0.02], 'effort_bias': [0.1, -0.2],
     'presliding_distance': [0.01, 0.02]}
 MOTORS = {
     'torque_constant': [0.1, 0.2], 'gear_ratio': [100.0, -50.0], 'back_emf_constant': [0.11, 0.21],
@@ -36,7 +36,7 @@ EVERYTHING = {
     'joints': ['joint2', 'joint1'], 'gravity': [0.0, 1.0, -9.0],
     'friction': FRICTION, 'actuator': MOTORS, 'uncertainty': {
         'parameters': ['viscous(joint1)', 'm(link2)'], 'covariance': [0.04, 0.01, 0.09],
-        'effort_noise': [0.5, 0.3], 'noise_bandwidth': 5.0}}
+        'noise_deviation': [0.5, 0.3], 'noise_bandwidth': 5.0}}
 
 
 def values_of_node(path: Path) -> dict[str, Any]:
@@ -83,7 +83,7 @@ def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
     for part, given in (('friction', FRICTION), ('motors', MOTORS)):
         for name, value in given.items():
             assert offline[f'{part}.{name}'] == value
-    assert offline['uncertainty.effort_noise'] == [0.5, 0.3]
+    assert offline['uncertainty.noise_deviation'] == [0.5, 0.3]
     assert np.array(offline['uncertainty.root']).shape == (2, 2)
     assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
 
@@ -147,7 +147,9 @@ REFUSED = {
     'three reflected inertias': (
         {'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
         r'actuator\.reflected_inertia has 3 values, expected 2'),
-    'no order': ({'friction': {'load': [0.1, 0.2]}}, r'friction\.load has 2 values, .* joints'),
+    'no order': (
+        {'friction': {'load_coefficient': [0.1, 0.2]}},
+        r'friction\.load_coefficient has 2 values, .* joints'),
     'another number of values': (
         {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
         r'friction\.sigmoid has 3 values, expected 2'),
@@ -183,5 +185,6 @@ def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
 
 
 def test_a_number_in_place_of_an_array_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match=r'friction\.load is 0\.1, expected an array'):
-        arm_from_parameters(GEARED, {'friction.load': 0.1})
+    with pytest.raises(
+            InvalidInputError, match=r'friction\.load_coefficient is 0\.1, expected an array'):
+        arm_from_parameters(GEARED, {'friction.load_coefficient': 0.1})

@@ -246,7 +246,7 @@ def test_the_loops_of_two_arms_close(by: str, client: RosClient, tmp_path: Path)
         f'/**: {{ros__parameters: {{{ARM}, rate: 50.0, gravity: [0.0, 0.0, -1.62]}}}}'))
     right = write(tmp_path / 'right.yaml', (
         f'/**: {{ros__parameters: {{{ARM}, rate: 50.0}}}}\n'
-        '/right/dynamics: {ros__parameters: {effort_scale: 0.5}}'))
+        '/right/dynamics: {ros__parameters: {effort_limit_fraction: 0.5}}'))
     arms = nodes_of({'left': left, 'right': right}) if by == 'nodes' else launched(
         'several_arms', f'params:={left},{right}', 'tf:=false')
     with arms:
@@ -255,8 +255,8 @@ def test_the_loops_of_two_arms_close(by: str, client: RosClient, tmp_path: Path)
             client.wait_for(JointState, f'/{arm}/joint_states')
         assert list(client.get_parameter('/left/simulated_arm', 'gravity')) == [0.0, 0.0, -1.62]
         assert list(client.get_parameter('/right/dynamics', 'gravity')) == [0.0, 0.0, -9.81]
-        assert client.get_parameter('/left/dynamics', 'effort_scale') == 1.0
-        assert client.get_parameter('/right/dynamics', 'effort_scale') == 0.5
+        assert client.get_parameter('/left/dynamics', 'effort_limit_fraction') == 1.0
+        assert client.get_parameter('/right/dynamics', 'effort_limit_fraction') == 0.5
         client.forget('/left')
         client.forget('/right')
 

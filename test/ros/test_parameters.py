@@ -4,6 +4,7 @@
 """Parameters through their services: descriptions, rejections, and effects."""
 
 from collections.abc import Iterator
+from pathlib import Path
 import re
 from typing import Any
 
@@ -13,6 +14,12 @@ from rclpy.parameter import Parameter
 from robot_dynamics.control.controller import LAWS
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import (
+    arm_from_parameters,
+    FORMER_NAMES,
+    read_parameter_file,
+)
+from robot_dynamics.model.effort_deviation import uncertain_names
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
@@ -20,10 +27,17 @@ from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+import yaml
 
 NAN = float('nan')
 NODE, ARM_NODE = '/parameters/dynamics', '/parameters/simulated_arm'
 NAMES = ['joint1', 'joint2']
+FORMER = {
+    'joints': NAMES, 'effort_scale': 0.5, 'position_margin': 0.02, 'position_fault_margin': 0.01,
+    'soften_gains': False, 'friction.load': [0.1], 'friction.effort_offset': [0.2, 0.3],
+    'uncertainty.parameters': ['effort_offset(joint2)'], 'uncertainty.covariance': [0.04],
+    'uncertainty.effort_noise': [0.5], 'uncertainty.noise_bandwidth': 10.0}
+"""Parameters of an earlier version."""
 SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
 
 
@@ -34,6 +48,29 @@ def nodes(client: RosClient) -> Iterator[None]:
             NodeProcess(SIMULATED_ARM, namespace='/parameters',
                         remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
         yield
+
+
+# --- former names ----------------------------------------------------------------------------
+
+def test_parameters_by_their_former_names(client: RosClient, tmp_path: Path) -> None:
+    file = tmp_path / 'former.yaml'
+    file.write_text(yaml.safe_dump({'/**': {'ros__parameters': FORMER}}), encoding='utf-8')
+    with pytest.warns(UserWarning, match="'effort_scale' is now 'effort_limit_fraction'"):
+        expected = read_parameter_file(file)
+    assert FORMER_NAMES.keys() <= FORMER.keys()
+    assert not FORMER_NAMES.keys() & expected.keys()
+    arm = arm_from_parameters(default_arm_urdf(), expected)
+    assert arm.uncertainty is not None
+    assert [uncertain_names(arm)[k] for k in arm.uncertainty.columns] == ['effort_bias(joint2)']
+    node = '/former/dynamics'
+    with NodeProcess(DYNAMICS, FORMER, namespace='/former', patient=False) as process:
+        for former, name in FORMER_NAMES.items():
+            process.wait_for_log(f"parameter '{former}' is now '{name}'")
+            value = client.get_parameter(node, name)
+            assert (value if isinstance(value, (bool, float)) else list(value)) == expected[name]
+        result, = client.set_parameters(node, {'effort_scale': 0.25})
+        assert result.successful, result.reason
+        assert client.get_parameter(node, 'effort_limit_fraction') == 0.25
 
 
 # --- descriptions --------------------------------------------------------------------------------
@@ -95,11 +132,11 @@ def another_value(spec: ParameterSpec) -> Any:
 # --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('node', 'name', 'value', 'words'), [
-    (NODE, 'effort_scale', 1.5, 'effort_scale.*1.5'),
-    (NODE, 'effort_scale', -0.1, 'effort_scale.*-0.1'),
-    (NODE, 'effort_scale', NAN, 'effort_scale.*nan'),
-    (NODE, 'effort_scale', 'half', 'expected .*DOUBLE.* got .*STRING'),
-    (NODE, 'effort_scale', 1, 'expected .*DOUBLE.* got .*INTEGER'),
+    (NODE, 'effort_limit_fraction', 1.5, 'effort_limit_fraction.*1.5'),
+    (NODE, 'effort_limit_fraction', -0.1, 'effort_limit_fraction.*-0.1'),
+    (NODE, 'effort_limit_fraction', NAN, 'effort_limit_fraction.*nan'),
+    (NODE, 'effort_limit_fraction', 'half', 'expected .*DOUBLE.* got .*STRING'),
+    (NODE, 'effort_limit_fraction', 1, 'expected .*DOUBLE.* got .*INTEGER'),
     (NODE, 'command', 'fly', "command is 'fly', expected one of"),
     (NODE, 'command', 1.0, 'expected .*STRING.* got .*DOUBLE'),
     (NODE, 'gains.kp', [1.0, 2.0, 3.0], r'gains\.kp has 3 values, expected 2'),

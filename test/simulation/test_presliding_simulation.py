@@ -215,7 +215,8 @@ def test_two_links_move_as_small_steps_of_the_law_say(distance: list[float]) -> 
 frictions = st.fixed_dictionaries({
     'viscous': st.sampled_from([0.0, 0.01, 1.0]), 'coulomb': ranges['coulomb'],
     'static': st.sampled_from([1.0, 1.6]), 'offset': st.sampled_from([0.0, -0.4, 0.3]),
-    'sigmoid': st.sampled_from([0.0, 0.0, 0.5]), 'load': st.sampled_from([0.0, 0.0, 0.1]),
+    'sigmoid': st.sampled_from([0.0, 0.0, 0.5]),
+    'load_coefficient': st.sampled_from([0.0, 0.0, 0.1]),
     'presliding_distance': st.one_of(st.just(0.0), ranges['distance'])})
 
 

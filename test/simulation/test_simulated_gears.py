@@ -31,16 +31,16 @@ def lift(sigmoid: float, width: float, load_fraction: float, offset: float = 0.0
          viscous: float = 0.0) -> ArmModel:
     arm = load_arm(LIFT)
     return arm.with_friction(make_friction(
-        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width], load=[load_fraction],
-        effort_offset=[offset]))
+        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width],
+        load_coefficient=[load_fraction], effort_bias=[offset]))
 
 
 def geared(**changes: Any) -> ArmModel:
     """Return the arm of two links with every kind of friction."""
     return ARM.with_friction(make_friction(
         NAMES, [0.5, 0.2], [1.0, 0.5], [1.5, 0.5], [0.05], [0.3, -0.1], **{
-        'sigmoid': [2.0, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load': [0.1, 0.2],
-        'effort_offset': [0.4, -0.2], 'presliding_distance': [0.01, 0.0], **changes}))
+        'sigmoid': [2.0, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load_coefficient': [0.1, 0.2],
+        'effort_bias': [0.4, -0.2], 'presliding_distance': [0.01, 0.0], **changes}))
 
 
 def released(arm: ArmModel, q: Any, v: Any = None, max_step: float = 2e-3) -> ArmSimulation:
@@ -53,7 +53,8 @@ def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:
     """Solve m a + m g + (F_a + μ |m a + m g|) tanh(v / v_a) + F_b + F_v v = effort for a."""
     gears = arm.friction
     F_a, v_a, mu, F_b, F_v = (float(x[0]) for x in (
-        gears.sigmoid, gears.sigmoid_velocity, gears.load, gears.effort_offset, gears.viscous))
+        gears.sigmoid, gears.sigmoid_velocity, gears.load_coefficient, gears.effort_bias,
+        gears.viscous))
     direction = np.tanh(v / v_a)
     for sign in (1.0, -1.0):
         load = (effort - F_v * v - F_b - F_a * direction) / (1.0 + sign * mu * direction)
@@ -113,7 +114,7 @@ def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound:
 @pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
 @pytest.mark.parametrize('width', [[0.05, 0.1], [0.002, 0.001]])
 def test_the_energy_balance_closes(width: list[float], backlash: float | None) -> None:
-    arm = geared(sigmoid_velocity=width, **({'load': [0.0]} if backlash else {}))
+    arm = geared(sigmoid_velocity=width, **({'load_coefficient': [0.0]} if backlash else {}))
     if backlash is not None:
         arm = arm.with_actuators(make_actuators(
             NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
@@ -131,7 +132,7 @@ def test_the_energy_balance_closes(width: list[float], backlash: float | None) -
 
 
 def test_friction_of_gears_without_an_offset_takes_energy_only() -> None:
-    arm = geared(effort_offset=[0.0])
+    arm = geared(effort_bias=[0.0])
     simulation = released(arm, [2.5, 0.5], [1.0, -1.0])
     heat = 0.0
     for _ in range(1000):
@@ -154,7 +155,7 @@ def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> N
 
 def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest() -> None:
     """Joint 2 sticks, joint 1 slides: the load of joint 2 is its effort less dry friction."""
-    arm = geared(load=[0.5, 0.5])
+    arm = geared(load_coefficient=[0.5, 0.5])
     q, v, a = np.array([0.4, -0.3]), np.array([0.2, 0.0]), np.array([3.0, 0.0])
     dynamics = ArmDynamics(arm)
     tau = dynamics.inverse_dynamics(q, v, a)
@@ -172,7 +173,7 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> No
 
 def test_load_dependent_friction_acts_where_teeth_touch() -> None:
     motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[2e-3])
-    arm = geared(load=[0.1, 0.2]).with_actuators(motors)
+    arm = geared(load_coefficient=[0.1, 0.2]).with_actuators(motors)
 
     def error_of_energy(step: float) -> float:
         simulation = released(arm, [0.4, -0.3], [1.0, -2.0], step)

@@ -29,7 +29,7 @@ from sensor_msgs.msg import JointState
 RATE = np.array([1500.0, 600.0])
 """`effort_rate_limit` of the default arm by default [N m/s]: its effort limits in 0.1 s."""
 DIRECT = {
-    'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0]}
+    'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0]}
 """
 Parameters with which a distant set-point immediately exceeds the limits of the command.
 

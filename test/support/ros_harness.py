@@ -42,7 +42,7 @@ SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics.ros.simulated_arm.mujoco_arm'
 
 EXACT = {
-    'condition_references': False, 'soften_gains': False, 'following_error_limit': [0.0],
+    'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0],
     'overspeed_factor': 0.0}
 """
 Parameters with which the command is the control law for the reference as sent, at any state rate.

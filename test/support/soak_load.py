@@ -29,6 +29,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 SAMPLES, POINTS = 3000, 100
 """Samples of a batch, and points of a trajectory."""
 NAN = float('nan')
+FRACTION = 'effort_limit_fraction'
 
 
 class Call(NamedTuple):
@@ -86,7 +87,7 @@ def calls() -> list[Call]:
     many = floats_to_ros(np.tile(Q, SAMPLES))
     times = np.linspace(0.1, 3.0, POINTS)
     request = InverseDynamicsTrajectory.Request
-    parameters = ['effort_scale', 'gains.natural_frequency', 'robot_description']
+    parameters = [FRACTION, 'gains.natural_frequency', 'robot_description']
     return [
         Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(position=Q), succeeds),
         Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
@@ -110,8 +111,8 @@ def calls() -> list[Call]:
         Call(SetPayload, 'set_payload', payload(0.5, 'no_link'), refuses),
         Call(SetPayload, 'set_payload', payload(0.0, transition_time=0.0), succeeds),
         Call(SetPayload, 'set_payload', payload(-1.0), refuses),
-        Call(SetParameters, 'set_parameters', setting('effort_scale', 0.9), set_is(True)),
-        Call(SetParameters, 'set_parameters', setting('effort_scale', NAN), set_is(False)),
+        Call(SetParameters, 'set_parameters', setting(FRACTION, 0.9), set_is(True)),
+        Call(SetParameters, 'set_parameters', setting(FRACTION, NAN), set_is(False)),
         Call(SetParameters, 'set_parameters', setting('gains.kp', [1.0] * 7), set_is(False)),
         Call(SetParameters, 'set_parameters', setting('no_such', 1), set_is(False)),
         Call(GetParameters, 'get_parameters', GetParameters.Request(names=parameters),

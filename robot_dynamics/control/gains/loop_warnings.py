@@ -27,6 +27,6 @@ def loop_warnings(controller: Controller) -> Iterator[str]:
         yield ('condition_references is false: a step of a reference causes a step of the effort, '
                'and references may exceed the limits of the arm.')
     rate = slowest_rate(controller.loop_gains)
-    if not options.softens_gains and rate > 0.0:
-        yield (f'soften_gains is false: the loop can oscillate at joint state rates below '
+    if not options.scales_gains and rate > 0.0:
+        yield (f'scale_gains is false: the loop can oscillate at joint state rates below '
                f'{rate:.0f} Hz.')

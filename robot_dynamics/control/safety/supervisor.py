@@ -350,7 +350,7 @@ class CommandSupervisor:
             return None
         return Fault(
             'position_limit', f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
-            f'limit, expected at most {margin:g} (position_fault_margin)', recovery=5)
+            f'limit, expected at most {margin:g} (position_limit_tolerance)', recovery=5)
 
     def _overspeed(self, v: FloatArray | None) -> Fault | None:
         if v is None:

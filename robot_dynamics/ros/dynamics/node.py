@@ -71,7 +71,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
-LOOP_PARAMETERS = (*GAINS, 'soften_gains', 'condition_references', 'effort_rate_limit')
+LOOP_PARAMETERS = (*GAINS, 'scale_gains', 'condition_references', 'effort_rate_limit')
 """Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -88,7 +88,7 @@ USAGE = NodeUsage(
       'Read the parameters from arm.yaml, and the joint states from another topic.')),
     SPECS,
     ('robot_description_file', 'joints', 'gravity', 'command', 'gains.natural_frequency',
-     'gains.damping_ratio', 'effort_scale', 'measured_effort', 'robot_compensates',
+     'gains.damping_ratio', 'effort_limit_fraction', 'measured_effort', 'robot_compensates',
      'fault_action', 'state_timeout', 'state_max_age', 'autostart'),
     (('joint_states', 'Subscribed, sensor_msgs/msg/JointState: measured positions, velocities '
       'and efforts, matched by joint name.'),

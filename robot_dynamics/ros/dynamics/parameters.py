@@ -91,10 +91,10 @@ SAFETY_SPECS = (
     number('effort_rate_limit', 0.0, 0.0, 1e9, (
         'Largest rate of change [N m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.')),
-    number('position_margin', POSITION_MARGIN, 0.0, 10.0, (
+    number('position_limit_margin', POSITION_MARGIN, 0.0, 10.0, (
         'Distance [rad] or [m] before a position limit from which no effort may accelerate the '
         'joint toward the limit.')),
-    number('position_fault_margin', 0.0087, 0.0, 1e9, (
+    number('position_limit_tolerance', 0.0087, 0.0, 1e9, (
         'Distance [rad] or [m] beyond a position limit at which a fault occurs.')),
 )
 
@@ -125,7 +125,7 @@ SPECS = (
     numbers('gains.kd', 0.0, 1e8, (
         'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all joints '
         'or one per joint.')),
-    flag('soften_gains', True, (
+    flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
         'false, the arm can oscillate.')),
     text('friction_compensation', 'reference', (
@@ -133,7 +133,7 @@ SPECS = (
         'the reference, corrected by the tracking error (robust); measured uses the measured '
         'velocity (exact linearisation, for stiff gears without delay); none disables the '
         'compensation.'), choices=FRICTION_MODES),
-    number('effort_scale', 1.0, 0.0, 1.0, (
+    number('effort_limit_fraction', 1.0, 0.0, 1.0, (
         'Fraction of the URDF effort limits to which effort_command is clamped.')),
     text('measured_effort', 'joint_torque', (
         'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
@@ -173,8 +173,8 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     optional_limits('external_effort_limit', values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
-        gains, values['command'], values['effort_scale'], values['friction_compensation'],
-        torque_rates(values, arm), convention_from_parameters(values), values['soften_gains'],
+        gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
+        torque_rates(values, arm), convention_from_parameters(values), values['scale_gains'],
         values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
         optional_limits('following_error_limit', values, arm), values['reference_timeout'],
         not values['require_measured_velocities'], checks_goals=True,
@@ -202,7 +202,7 @@ def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
     """Return the effort limits of this arm."""
     limits = arm.limits
     return EffortLimits(
-        limits.lower, limits.upper, limits.velocity, values['position_margin'],
+        limits.lower, limits.upper, limits.velocity, values['position_limit_margin'],
         effort_rates(values, arm), arm.given_drive.limit)
 
 
@@ -210,5 +210,5 @@ def safety_options(values: Values) -> SafetyOptions:
     """Return the options of the supervisor."""
     return SafetyOptions(
         values['state_timeout'], values['fault_action'], values['hold_time'],
-        values['ramp_time'], values['position_fault_margin'],
+        values['ramp_time'], values['position_limit_tolerance'],
         values['overspeed_factor'] or math.inf)

@@ -99,13 +99,13 @@ UNCERTAINTY_SPECS = (
     numbers('uncertainty.covariance', -1e12, 1e12, (
         'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, row '
         'by row.'), read_only=True),
-    numbers('uncertainty.effort_noise', 0.0, 1e9, (
+    numbers('uncertainty.noise_deviation', 0.0, 1e9, (
         'Standard deviation [N m] or [N] of the measured effort about the model, after a filter '
         'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. If '
         'empty, 0.'), read_only=True),
     number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
-        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.effort_noise refers. '
-        'It must be above 0 if uncertainty.effort_noise is set.'), read_only=True),
+        'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
+        'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
 )
 
 DRIVE_SPECS = (
