@@ -103,15 +103,15 @@ def joint_effort(
     motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, object],
 ) -> tuple[FloatArray | None, str]:
     """Return the measured effort on the joint side, with gravity, and a remark on the method."""
-    semantics = convention_from_parameters(parameters)
-    kind = semantics.measured_effort
+    convention = convention_from_parameters(parameters)
+    kind = convention.measured_effort
     if motion.effort is None or kind == 'none':
         return None, '' if motion.effort is None else (
             "measured_effort is 'none': the recorded effort is not compared")
     effort, remarks = joint_effort_at_rest(kind, motion.effort, arm.actuators), []
     if kind in MOTOR_SIDE:
         remarks.append(f'measured_effort is {kind!r}: converted by torque constant and gear ratio')
-    if semantics.lacks_gravity:
+    if convention.lacks_gravity:
         effort = effort + gravity
         remarks.append(f"measured_effort is {kind!r}: the model's gravity is added")
     if arm.drive is not None:

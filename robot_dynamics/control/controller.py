@@ -34,7 +34,7 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.joints.whole_turns import nearest_turn
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
@@ -123,8 +123,8 @@ class Controller:
         law = gravity if options.command == NO_COMMAND else self._make_law(feedback, options)
         bounds = EffortBounds(
             self.arm.limits.effort, options.effort_limit_fraction, self.arm.drive)
-        robot = None if options.semantics.robot_gravity is None else (
-            UncheckedArmDynamics(self.arm.with_gravity(options.semantics.robot_gravity)))
+        robot = None if options.effort_convention.robot_gravity is None else (
+            UncheckedArmDynamics(self.arm.with_gravity(options.effort_convention.robot_gravity)))
         with self.lock:
             if options.command != self._options.command:
                 self._reference.clear()
@@ -155,7 +155,7 @@ class Controller:
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
             options.stream_timeout)
         self.loop_gains = loop_gains(self._law_with_reference.closed_loop, workspace.matrices)
-        self._gains.use(self.loop_gains if options.scales_gains else None, rate)
+        self._gains.set_loop_gains(self.loop_gains if options.scales_gains else None, rate)
         if options.scales_gains:
             self._law_with_reference.limit_rate(rate, workspace.row_sums())
         self._scale_motion()
@@ -405,9 +405,9 @@ class Controller:
             raise non_finite_effort(q, state.gravity, effort)
         own = self._robot if self._robot is not None else load.unloaded
         robot = NOTHING
-        if options.semantics.robot_compensates:
+        if options.effort_convention.robot_compensates:
             robot = robot_effort(
-                options.semantics, own.rigid_body.gravity(state.q),
+                options.effort_convention, own.rigid_body.gravity(state.q),
                 None if effort is answer.gravity else answer.friction, drive)
         output = ControlOutput(
             state, answer, v, gains.least * answer.scale, robot, own, bounds, drive, self.lock)

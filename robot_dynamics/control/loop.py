@@ -50,7 +50,7 @@ from robot_dynamics.monitoring.motion_consistency import MotionConsistency
 from robot_dynamics.monitoring.state_plausibility import (
     CONTRADICTION,
     ImplausibleStateError,
-    StateMonitor,
+    StatePlausibility,
     StateVerdict,
 )
 from robot_dynamics.trajectories.interpolation import Reference
@@ -92,7 +92,7 @@ class ControlLoop:
 
     def __init__(
         self, controller: Controller, limits: EffortLimits, safety: SafetyOptions,
-        monitor: StateMonitor | None = None, before: 'ControlLoop | None' = None,
+        monitor: StatePlausibility | None = None, before: 'ControlLoop | None' = None,
     ) -> None:
         """
         Control the arm of a controller, whose lock the loop shares; `activate` begins.
@@ -102,7 +102,7 @@ class ControlLoop:
         """
         arm = controller.arm
         self.controller, self.lock = controller, controller.lock
-        self.monitor = StateMonitor(
+        self.monitor = StatePlausibility(
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
         self.consistency = MotionConsistency(
@@ -239,7 +239,7 @@ class ControlLoop:
             if not self.is_active:
                 return 'the node is not active'
             if mode is Mode.FAULT and fault is not None:
-                return f'fault {fault.name}: {fault.words}'
+                return f'fault {fault.name}: {fault.message}'
             if mode is Mode.BRAKING:
                 return 'the arm is being stopped, because the command ends'
             return 'the command is being ramped to zero' if mode is Mode.STOPPING else ''
@@ -341,7 +341,7 @@ class ControlLoop:
             return LoopAnswer(None, output, verdict)
         if not verdict.is_new and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), output, verdict)
-        if output.law.is_far:
+        if output.law.exceeds_limit:
             fault = fault or Fault('following_error', controller.following_error(output, q))
         used, limiter = output.velocity, supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
@@ -481,7 +481,7 @@ class ControlLoop:
         supervisor, controller = self.supervisor, self.controller
         if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
             self._fault_count = supervisor.fault_count
-            reason = f'fault {supervisor.fault.name}: {supervisor.fault.words}'
+            reason = f'fault {supervisor.fault.name}: {supervisor.fault.message}'
             if self._frozen is None:
                 self._interrupt(reason)
             else:

@@ -40,7 +40,7 @@ class ControllerOptions:
     """The velocity at which computed torque compensates friction; see `error_feedback`."""
     effort_rate: FloatArray | float = math.inf
     """Largest rate of change of the torque [N·m/s] or [N/s], (n,) or one for all joints."""
-    semantics: EffortConvention = EffortConvention()
+    effort_convention: EffortConvention = EffortConvention()
     """States which efforts the robot adds to the command on its own; the command omits them."""
     scales_gains: bool = False
     """Scale the feedback down to what rate and noise of the states allow (`gain_scaling`)."""

@@ -25,7 +25,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.excitation.evolution_strategy import minimize_by_rank
-from robot_dynamics.excitation.excitation_limits import MotionLimits
+from robot_dynamics.excitation.excitation_limits import ExcitationLimits
 from robot_dynamics.excitation.fourier_series import free_coefficients, series_basis, SeriesBasis
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel
@@ -80,7 +80,7 @@ class Excitation:
     """
 
     coefficients: FloatArray
-    limits: MotionLimits
+    limits: ExcitationLimits
     harmonics: int
     duration: float
     parameter_count: int
@@ -132,7 +132,7 @@ class _Search:
     """Maps unbounded vectors x, 2 N − 2 numbers per joint, to motions within the limits."""
 
     def __init__(
-        self, dynamics: ArmDynamics, limits: MotionLimits, harmonics: int, duration: float,
+        self, dynamics: ArmDynamics, limits: ExcitationLimits, harmonics: int, duration: float,
     ) -> None:
         self._dynamics, self._limits = dynamics, limits
         self._shape = free_coefficients(harmonics), dynamics.arm.joint_count
@@ -177,7 +177,8 @@ class _Search:
 
 
 def find_excitation(
-    dynamics: ArmDynamics, limits: MotionLimits, harmonics: int, duration: float, seed: int = 0,
+    dynamics: ArmDynamics, limits: ExcitationLimits, harmonics: int, duration: float,
+    seed: int = 0,
     when_done: Callable[[float], None] = lambda _: None,
 ) -> Excitation:
     """

@@ -40,7 +40,7 @@ class LimitFractions:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionLimits:
+class ExcitationLimits:
     """
     The limits of a motion from `start`, each (n,), infinite for no limit.
 
@@ -73,7 +73,7 @@ class MotionLimits:
 
 def motion_limits(
     dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
-) -> MotionLimits:
+) -> ExcitationLimits:
     """
     Return the limits of a motion from `start` (n,), or from a default pose without `start`.
 
@@ -105,7 +105,7 @@ def motion_limits(
             f'joint {arm.joint_names[j]!r} needs {holding[j]:.4g} to hold the arm at the start, '
             f'expected less than the allowed effort of {allowed[j]:.4g}: another start, or a '
             'larger effort_scale')
-    return MotionLimits(
+    return ExcitationLimits(
         q0, np.minimum(q0 - limits.lower - kept, LARGEST_SWING),
         np.minimum(limits.upper - kept - q0, LARGEST_SWING),
         velocity * limits.velocity, np.full(n, acceleration), allowed)

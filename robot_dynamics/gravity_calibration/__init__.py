@@ -3,7 +3,11 @@
 
 """Calibration of effort scale and offset of each joint from static holds."""
 
-from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration, Reference
+from robot_dynamics.gravity_calibration.calibration import (
+    calibrate_holds,
+    Calibration,
+    ScaleReference,
+)
 from robot_dynamics.gravity_calibration.holds import find_holds, Hold
 from robot_dynamics.gravity_calibration.poses import CalibrationPoses, select_poses
 from robot_dynamics.gravity_calibration.recorded_holds import (
@@ -20,7 +24,7 @@ __all__ = [
     'find_holds',
     'Hold',
     'RecordedCalibration',
-    'Reference',
+    'ScaleReference',
     'select_poses',
     'Tool',
     'ToolEstimate',

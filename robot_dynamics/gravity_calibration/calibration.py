@@ -48,7 +48,7 @@ _SAME = 1e-9
 """Relative singular value below which gravity parameters have no effect on the poses."""
 
 
-class Reference(Enum):
+class ScaleReference(Enum):
     """What determines the effort scales; the value states the assumption."""
 
     WEIGHT = ('The known weight determines the scales. Scales and offsets do not depend on the '
@@ -84,7 +84,7 @@ class Calibration:
     """
 
     arm: ArmModel
-    reference: Reference
+    reference: ScaleReference
     sets: tuple[HoldSet, ...]
     tool: ToolEstimate | None
     scale: FloatArray
@@ -136,8 +136,8 @@ def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Cal
         raise InvalidInputError(
             'the mass of the tool is not given, expected it, or holds with a known weight: effort '
             'scale and mass are confounded')
-    reference = Reference.WEIGHT if has_weight else (
-        Reference.TOOL if tool is not None else Reference.URDF)
+    reference = ScaleReference.WEIGHT if has_weight else (
+        ScaleReference.TOOL if tool is not None else ScaleReference.URDF)
     counts = sum((one.paired.is_paired.sum(axis=0) for one in sets),
                  start=np.zeros(arm.joint_count, dtype=np.int64))
     seen, basis = _observations(arm, sets, tool, reference)
@@ -195,7 +195,7 @@ def _check_poses(one: HoldSet) -> None:
 
 
 def _observations(
-    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: Reference,
+    arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None, reference: ScaleReference,
 ) -> tuple[Observations, FloatArray]:
     """Return the equations of all sets, and the gravity parameters (4 × bodies, k) of β."""
     Y = np.concatenate([
@@ -205,7 +205,7 @@ def _observations(
     loads = np.concatenate([
         np.tile(_weight_parameters(arm, one.weight), (len(one.paired.times), 1)) for one in sets])
     known = np.einsum('pjk,pk->pj', Y, loads)
-    if reference is Reference.WEIGHT:
+    if reference is ScaleReference.WEIGHT:
         return Observations(effort, known, Y @ (basis := _basis(Y[is_used])), is_used), basis
     known += np.concatenate([
         one.paired.mean(gravity_torque(arm, one.paired.positions)) for one in sets])

@@ -4,7 +4,7 @@
 """The results of a calibration of gravity: verdicts, rows of text, and the HTML report."""
 
 import numpy as np
-from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_POSES, Reference
+from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_POSES, ScaleReference
 from robot_dynamics.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration, RecordedHolds
 from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
@@ -167,7 +167,7 @@ def _unobservable(found: Calibration, j: int, at_zero: str) -> Verdict:
 
 
 def _more(found: Calibration) -> str:
-    return WEIGHT if found.reference is Reference.WEIGHT else POSES
+    return WEIGHT if found.reference is ScaleReference.WEIGHT else POSES
 
 
 def effort_unit(found: Calibration, j: int) -> str:

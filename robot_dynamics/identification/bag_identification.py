@@ -23,10 +23,10 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.pipeline import Identification, identify_recordings
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.steps import (
-    ArmMotion,
     evaluate_recording,
     EvaluatedRecording,
     Evaluation,
+    FilteredArmMotion,
     recording_facts,
     reduce_recording,
     Reduction,
@@ -63,7 +63,7 @@ class IdentificationSettings:
         return arm.with_payloads(payloads)
 
 
-def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
+def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotion:
     """
     Return the filtered motion of a recording, with the effort at the joints.
 
@@ -75,7 +75,7 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> ArmMotion:
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks
-    return ArmMotion(arm, motion, recording_facts(motion, read.losses, remarks))
+    return FilteredArmMotion(arm, motion, recording_facts(motion, read.losses, remarks))
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, Reduction]) -> QrInformation:

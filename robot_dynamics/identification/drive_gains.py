@@ -35,7 +35,7 @@ _ITERATIONS = 3
 _FRICTION = structure('sigmoid 0.03').columns
 
 
-class DriveGains(NamedTuple):
+class GainEstimate(NamedTuple):
     """
     Gains K (n,) and their standard deviations (n,), in joint effort per unit of recorded effort.
 
@@ -72,7 +72,7 @@ class DriveGains(NamedTuple):
         return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
 
 
-def drive_gains(information: QrInformation, prior: Prior) -> DriveGains:
+def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
     """
     Return the gains for which the efforts fit the bodies of the URDF and the known payloads.
 
@@ -104,7 +104,7 @@ def drive_gains(information: QrInformation, prior: Prior) -> DriveGains:
         if inverse:
             gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
     known = (gain > LEAST_CERTAINTY * noise) & (gain > LEAST_TOTAL_CERTAINTY * deviation)
-    return DriveGains(gain, deviation, known, noise)
+    return GainEstimate(gain, deviation, known, noise)
 
 
 class _Estimate(NamedTuple):

@@ -16,18 +16,18 @@ from typing import Protocol
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
+from robot_dynamics.identification.drive_gains import drive_gains, GainEstimate
 from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.model_selection import choose_model, fit_models, FittedModels
 from robot_dynamics.identification.qr_information import merge, QrInformation
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import make_prior, Prior
 from robot_dynamics.identification.steps import (
-    ArmMotion,
     cross_validated_tests,
     evaluate_recording,
     EvaluatedRecording,
     Evaluation,
+    FilteredArmMotion,
     merge_tests,
     ModelTest,
     recording_facts,
@@ -68,8 +68,8 @@ class Identification:
     estimate: ParameterEstimate
     information: QrInformation
     tests: dict[str, ModelTest]
-    gains: DriveGains | None
-    seeming_gains: DriveGains
+    gains: GainEstimate | None
+    seeming_gains: GainEstimate
     recordings: tuple[EvaluatedRecording, ...]
     is_cross_validated: bool = False
 
@@ -98,7 +98,7 @@ class MotionRecordings:
         self._arm, self._train_fraction = arm, train_fraction
         arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
         self._motions = [
-            ArmMotion(loaded, motion, recording_facts(motion))
+            FilteredArmMotion(loaded, motion, recording_facts(motion))
             for loaded, motion in zip(arms, motions)]
 
     def arm(self, joint_names: Sequence[str]) -> ArmModel:
@@ -218,7 +218,7 @@ def identify_recordings(
 
 def _first_pass(
     recordings: Recordings, effort_is_current: bool | None,
-) -> tuple[QrInformation, DriveGains | None]:
+) -> tuple[QrInformation, GainEstimate | None]:
     """Return the information with the load of the URDF, and gains if the effort is a current."""
     if not effort_is_current:
         first = merge(recordings.reduce(Reduction()))

@@ -50,7 +50,7 @@ class MotionParts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class RegressionRows:
     """
     A regression: `X` (m, n, p + own) and `y` (m, n), with τ = X θ.
 
@@ -80,7 +80,7 @@ def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
 def regression_rows(
     arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
     is_filtered: bool = False, step: int = 1, keeps_payload: bool = False,
-) -> Rows:
+) -> RegressionRows:
     """
     Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
 
@@ -102,7 +102,7 @@ def regression_rows(
         efforts = efforts - of_payload
     Y = TorqueRegressor(arm)(
         motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
-    return Rows(np.concatenate([Y, own[::step]], axis=2), efforts[::step], Y.shape[2])
+    return RegressionRows(np.concatenate([Y, own[::step]], axis=2), efforts[::step], Y.shape[2])
 
 
 def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[

@@ -128,7 +128,7 @@ class RecordingFacts:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmMotion:
+class FilteredArmMotion:
     """A filtered motion of an arm with its payloads, joints in the order of the arm."""
 
     arm: ArmModel
@@ -206,7 +206,7 @@ def recording_facts(
 
 
 def reduce_recording(
-    recording: ArmMotion, train_fraction: float, step: Reduction,
+    recording: FilteredArmMotion, train_fraction: float, step: Reduction,
 ) -> QrInformation:
     """
     Return the information in the training samples of a recording.
@@ -219,7 +219,7 @@ def reduce_recording(
 
 
 def evaluate_recording(
-    recording: ArmMotion, train_fraction: float, step: Evaluation,
+    recording: FilteredArmMotion, train_fraction: float, step: Evaluation,
 ) -> EvaluatedRecording:
     """Return the tests of models on a recording."""
     motion = _with_gain(recording.motion, step.drive_gain)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.identification.bag_identification import BagIdentification
-from robot_dynamics.identification.drive_gains import DriveGains, MASS_ERROR
+from robot_dynamics.identification.drive_gains import GainEstimate, MASS_ERROR
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
     DRY,
@@ -133,7 +133,7 @@ def parameter_rows(identification: Identification) -> Rows:
     return rows
 
 
-def gain_rows(identification: Identification, gains: DriveGains) -> Rows:
+def gain_rows(identification: Identification, gains: GainEstimate) -> Rows:
     """Return the drive gains."""
     rows: Rows = [('joint', 'gain K', 'deviation', 'by noise only', '')]
     for j, name in enumerate(identification.arm.joint_names):

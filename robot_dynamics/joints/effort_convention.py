@@ -67,7 +67,7 @@ def make_effort_convention(
     robot_gravity: Sequence[float] = (),
 ) -> EffortConvention:
     """
-    Return checked semantics.
+    Return a checked convention.
 
     Raises InvalidInputError for an unknown choice, for a repeated one, and for a motor-side effort
     without actuators, because K_t and N are then unknown. `robot_gravity` has 3 values, or none if

@@ -6,11 +6,11 @@
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.gravity_check import GravityCheck
 from robot_dynamics.monitoring.live_residual import LiveResidual
-from robot_dynamics.monitoring.state_plausibility import StateMonitor
+from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 
 __all__ = [
     'ExternalEffort',
     'GravityCheck',
     'LiveResidual',
-    'StateMonitor',
+    'StatePlausibility',
 ]

@@ -69,7 +69,7 @@ class ExternalEffort:
         self._acceleration.restart()
         self._before = None
 
-    def use(self, dynamics: ArmDynamics) -> None:
+    def set_dynamics(self, dynamics: ArmDynamics) -> None:
         """
         Continue with another model of the same joints, for example with an attached load.
 

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
@@ -27,7 +28,6 @@ from robot_dynamics.joints.effort_convention import (
     MOTOR_SIDE,
 )
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.joints.whole_turns import nearest_turn
 
 STILL_VELOCITY = 0.05
 """Velocity [rad/s] or [m/s] that no joint may exceed in any sample; allows for noise."""
@@ -101,7 +101,7 @@ class GravityCheck:
     """
 
     def __init__(
-        self, semantics: EffortConvention, friction: JointFriction, actuators: Actuators | None,
+        self, convention: EffortConvention, friction: JointFriction, actuators: Actuators | None,
         is_continuous: BoolArray, drive: DriveEffort | None = None,
     ) -> None:
         """
@@ -112,9 +112,9 @@ class GravityCheck:
         """
         self._drive = drive
         self._is_continuous = is_continuous
-        self._semantics, self._actuators = semantics, actuators
+        self._convention, self._actuators = convention, actuators
         self._friction = sum(friction.at_rest, start=np.zeros(len(is_continuous)))
-        gears = actuators is not None and semantics.measured_effort in MOTOR_SIDE
+        gears = actuators is not None and convention.measured_effort in MOTOR_SIDE
         self._gear_loss = 1.0 / actuators.efficiency - 1.0 if actuators is not None and gears \
             else np.zeros_like(self._friction)
         self.waiting = STILL
@@ -174,12 +174,12 @@ class GravityCheck:
             np.array([getattr(sample, name) for sample in self._samples])
             for name in ('effort', 'command', 'gravity'))
         measured = joint_effort_at_rest(
-            self._semantics.measured_effort, efforts, self._actuators)
+            self._convention.measured_effort, efforts, self._actuators)
         if self._drive is not None:
             measured = _as_torque(
-                self._drive, measured, self._semantics.lacks_gravity * gravities)
+                self._drive, measured, self._convention.lacks_gravity * gravities)
             commands = _as_torque(
-                self._drive, commands, self._semantics.compensates_gravity * gravities)
+                self._drive, commands, self._convention.compensates_gravity * gravities)
         finite = np.isfinite(measured).all(axis=0)
         if not finite.any():
             self.waiting = NO_EFFORT
@@ -204,7 +204,7 @@ class GravityCheck:
         band = (band + self._gear_loss * np.abs(g))[used]
         widened = float(np.abs(g[used]) @ band / (g[used] @ g[used]))
         return GravityVerdict(
-            _gravity_ratio(g, beyond, used), self._semantics.expected_ratio,
+            _gravity_ratio(g, beyond, used), self._convention.expected_ratio,
             TOLERANCE + min(widened, MAX_BAND),
             np.where(finite, _median(measured), np.nan),
             _median(commands), g, used)
@@ -213,7 +213,7 @@ class GravityCheck:
         self, g: FloatArray, measured: FloatArray, used: BoolArray,
     ) -> bool:
         """Return whether the measured effort carries the arm, or a command was active for long."""
-        missing = g if self._semantics.lacks_gravity else np.zeros_like(g)
+        missing = g if self._convention.lacks_gravity else np.zeros_like(g)
         if _gravity_ratio(g, measured + missing, used) >= UNLOADED:
             self._unloaded_since = None
             return True
@@ -254,14 +254,14 @@ def _median(samples: FloatArray) -> FloatArray:
 
 
 def verdict_in_words(
-    verdict: GravityVerdict, joint_names: tuple[str, ...], semantics: EffortConvention,
+    verdict: GravityVerdict, joint_names: tuple[str, ...], convention: EffortConvention,
 ) -> str:
     """Return one line with the numbers, their interpretation, and the parameters to change."""
     comparison = (
         f'in a static hold the measured effort exceeds the command by {verdict.ratio:.2f} times '
         f'g(q), expected {verdict.expected:.0f} (within {verdict.tolerance:.2f}) from '
-        f'measured_effort {semantics.measured_effort!r} and robot_compensates '
-        f'{list(semantics.robot_compensates)}')
+        f'measured_effort {convention.measured_effort!r} and robot_compensates '
+        f'{list(convention.robot_compensates)}')
     if verdict.agrees:
         return comparison
     numbers = '; '.join(
@@ -270,29 +270,29 @@ def verdict_in_words(
         for name, measured, command, gravity, used in zip(
             joint_names, verdict.measured.tolist(), verdict.command.tolist(),
             verdict.gravity.tolist(), verdict.used.tolist()))
-    return f'{comparison}. {numbers}. {_advice(verdict, semantics)}'
+    return f'{comparison}. {numbers}. {_advice(verdict, convention)}'
 
 
-def _advice(verdict: GravityVerdict, semantics: EffortConvention) -> str:
+def _advice(verdict: GravityVerdict, convention: EffortConvention) -> str:
     reasons = []
     if verdict.excess > 0.0:
-        if not semantics.compensates_gravity:
+        if not convention.compensates_gravity:
             reasons.append(
                 'the robot compensates gravity on its own, or another controller holds it, and '
                 'gravity would be compensated twice: set robot_compensates: [gravity], or keep '
                 'command: none')
-        if semantics.lacks_gravity:
+        if convention.lacks_gravity:
             reasons.append(
                 'the measured effort contains gravity: set measured_effort: joint_torque')
     else:
-        if not semantics.lacks_gravity:
+        if not convention.lacks_gravity:
             reasons.append(
                 'gravity is not in the measured effort: set measured_effort: '
                 'joint_torque_without_gravity')
             reasons.append(
                 'brakes carry the arm, or the effort is not measured: release the brakes, or set '
                 'measured_effort: none')
-        if semantics.compensates_gravity:
+        if convention.compensates_gravity:
             reasons.append(
                 'the robot does not compensate gravity: remove it from robot_compensates')
     reasons.append('load, URDF or measured_effort do not describe this robot')

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.whole_turns import nearest_turn
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robot_dynamics.monitoring.low_pass import LowPass
 
@@ -51,7 +51,7 @@ class LiveResidual:
         q, v = self._position.value, self._velocity.value
         return None if q is None or v is None else (q, v, self._velocity.rate)
 
-    def use(self, dynamics: ArmDynamics) -> None:
+    def set_dynamics(self, dynamics: ArmDynamics) -> None:
         """Continue with another model of the same joints, for example with an attached load."""
         self._dynamics = dynamics
 

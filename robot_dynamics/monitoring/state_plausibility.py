@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.whole_turns import nearest_turn
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 
 SAME_CLOCK = 3600.0
 """[s] within which a stamp is assumed to be of the clock of this computer."""
@@ -74,7 +74,7 @@ class StateVerdict(NamedTuple):
     time_shift: int = 0
 
 
-class StateMonitor:
+class StatePlausibility:
     """Judges the states of n joints one after the other; stamps and times in [ns]."""
 
     def __init__(

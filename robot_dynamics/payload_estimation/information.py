@@ -22,7 +22,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.payload_estimation.pairing import RestRows
-from robot_dynamics.payload_estimation.rows import EFFORT, RESIDUAL, Rows
+from robot_dynamics.payload_estimation.rows import EFFORT, LoadRows, RESIDUAL
 from robot_dynamics.payload_estimation.variance_groups import (
     ASSUMED_NOISE,
     BAND_VARIANCE,
@@ -74,7 +74,7 @@ class Solution:
 
 
 def solve(
-    rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
     drive_covariance: FloatArray,
 ) -> Solution:
     """

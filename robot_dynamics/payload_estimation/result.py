@@ -16,7 +16,7 @@ from robot_dynamics.model.regressor import LoadRegressor, random_states
 from robot_dynamics.payload_estimation.advice import advise, Knowledge
 from robot_dynamics.payload_estimation.information import inverse_of, Solution
 from robot_dynamics.payload_estimation.pairing import RestRows
-from robot_dynamics.payload_estimation.rows import Rows
+from robot_dynamics.payload_estimation.rows import LoadRows
 
 UNITS = ('kg', *('kg·m',) * 3, *('kg·m²',) * 6)
 OBSERVABLE, UNOBSERVABLE = 'observable', 'not observable'
@@ -130,7 +130,8 @@ def tensor(values: FloatArray) -> FloatArray:
 
 
 def make_result(
-    arm: ArmModel, link: str, solution: Solution, rows: Rows, rests: RestRows, band: FloatArray,
+    arm: ArmModel, link: str, solution: Solution, rows: LoadRows, rests: RestRows,
+    band: FloatArray,
     block: float, position: FloatArray | None, with_advice: bool,
 ) -> PayloadEstimate:
     """Return the result of a solution; `position` (n,) is the present one, None without data."""

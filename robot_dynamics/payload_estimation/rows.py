@@ -65,7 +65,7 @@ class Rest:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class LoadRows:
     """
     All observations: sums over the blocks of motion, and the rests.
 
@@ -151,10 +151,10 @@ class RowBuilder:
         done = is_done & is_rest & (t - begin >= self._block)
         self._settled[done], self._recent[done] = self._recent[done], self._sums[done]
 
-    def rows(self) -> Rows:
+    def rows(self) -> LoadRows:
         """Return all observations, with those of the current rest."""
         current = [self._rest(j) for j in np.flatnonzero(self._is_complete()).tolist()]
-        return Rows(
+        return LoadRows(
             self._gram.copy(), self._lagged.copy(), self._count.copy(), self._pairs.copy(),
             (*chain(*self._rests), *current), self._duration, self._holds + self._is_held())
 

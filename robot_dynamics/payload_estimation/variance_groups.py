@@ -19,10 +19,10 @@ from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.payload_estimation.pairing import RestRows
 from robot_dynamics.payload_estimation.rows import (
     EFFORT,
+    LoadRows,
     ONE,
     RATE,
     RESIDUAL,
-    Rows,
     SIGN,
     VELOCITY,
 )
@@ -59,7 +59,7 @@ class Group:
 
 
 def make_groups(
-    rows: Rows, rests: RestRows, band: FloatArray, scale: FloatArray,
+    rows: LoadRows, rests: RestRows, band: FloatArray, scale: FloatArray,
 ) -> list[Group]:
     groups = []
     for j in range(len(scale)):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.joints.whole_turns import unwrapped
+from robot_dynamics.joints.angle_wrapping import unwrapped
 from robot_dynamics.recordings.joint_state_decoding import (
     DecodedJointStates,
     FIELDS,

@@ -4,10 +4,10 @@
 """Forward dynamics in time: integration, backlash contacts, motors, the simulated arm."""
 
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import SimulatedRobot
 
 __all__ = [
     'ArmSimulation',
     'ArmState',
-    'Plant',
+    'SimulatedRobot',
 ]

@@ -22,7 +22,7 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.bristles import Bristles
-from robot_dynamics.simulation.current_loop import Drive
+from robot_dynamics.simulation.current_loop import CurrentLoop
 from robot_dynamics.simulation.integrator import MotionIntegrator
 from robot_dynamics.simulation.joint_forces import MotionState
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
@@ -107,7 +107,7 @@ class ArmSimulation:
         self.braked = True
         self.effort = np.zeros_like(self._now.q)
         """The last effort (n,) [N·m] or [N] of the actuators."""
-        self._drive = None if self.arm.actuators is None else Drive(self.arm.actuators)
+        self._drive = None if self.arm.actuators is None else CurrentLoop(self.arm.actuators)
         self._motor_acceleration = np.zeros_like(self._now.q)
 
     def place(self, position: FloatArray, velocity: FloatArray) -> None:

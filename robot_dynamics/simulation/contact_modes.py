@@ -41,7 +41,7 @@ class ContactModeSolver:
         self._none, self._nowhere = np.zeros(n, dtype=bool), np.zeros(n)
         yields = self._none if forces.bristles is None else forces.bristles.yields
         self._rigid = np.where(yields, 0.0, friction.breakaway)
-        self._rubs = self._rigid > 0.0
+        self._has_dry_friction = self._rigid > 0.0
         self._dry_limit, self._smooth_limit = friction.steep_below
         self.can_be_steep = bool(self._dry_limit.any() or self._smooth_limit.any())
         """Whether friction of some joint changes fast with speed, at some speed."""
@@ -107,16 +107,16 @@ class ContactModeSolver:
         v = state.v
         if not self._forces.friction.is_dry:
             return self.free.joints
-        if v.all() or v[self._rubs].all():
-            return Modes(np.where(self._rubs, np.sign(v), slides), self._none)
+        if v.all() or v[self._has_dry_friction].all():
+            return Modes(np.where(self._has_dry_friction, np.sign(v), slides), self._none)
         forces = self._forces
         sliding = forces.friction.dry(v)
         effort = forces.effort(
-            state.q, v, opened, springs, np.where(self._rubs, np.sign(v), slides))
+            state.q, v, opened, springs, np.where(self._has_dry_friction, np.sign(v), slides))
         modes = choose_modes(
             forces.body_with(opened).mass_matrix(state.q), v, effort - slides * sliding, sliding,
             self._rigid)
-        return modes._replace(direction=np.where(self._rubs, modes.direction, slides))
+        return modes._replace(direction=np.where(self._has_dry_friction, modes.direction, slides))
 
     def undisturbed(self, state: MotionState, modes: GearModes) -> float:
         """Return the time [s] after which events of the bristles must be looked for, or ∞."""

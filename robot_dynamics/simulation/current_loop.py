@@ -14,7 +14,7 @@ Both equations are linear. With ω at the middle of a step, current and mean cur
 have a closed form, for any ratio of L/R and T_c to the step (an exponential integrator; M.
 Hochbruck and A. Ostermann, Acta Numerica 19, 2010, section 2). If the voltage is at its limit, the
 back-EMF brakes the motor like viscous friction, which may be stiff relative to the step:
-`DriveStep.implicit` handles this case.
+`CurrentLoopStep.implicit` handles this case.
 """
 
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.actuator import Actuators
 
 
-class DriveStep(NamedTuple):
+class CurrentLoopStep(NamedTuple):
     """The mean joint effort over a step, and its decrease per [rad/s] of velocity, (n,)."""
 
     effort: FloatArray
@@ -44,7 +44,7 @@ class DriveStep(NamedTuple):
         return np.asarray(before + change, dtype=np.float64)
 
 
-class Drive:
+class CurrentLoop:
     """The motors of n joints with their current (n,) [A]; starts without current."""
 
     def __init__(self, actuators: Actuators) -> None:
@@ -56,7 +56,7 @@ class Drive:
 
     def effort_over_step(
         self, effort: FloatArray, v: FloatArray, h: float,
-    ) -> DriveStep:
+    ) -> CurrentLoopStep:
         """
         Return the mean joint effort (n,) over a step of h [s], and advance the current.
 
@@ -74,7 +74,7 @@ class Drive:
             per_ampere = np.where(mean == 0.0, 0.0, effort / mean)
             damping = np.where(fraction > 0.0, fraction * per_ampere * self._back_emf / (
                 motors.resistance), 0.0)
-        return DriveStep(effort, damping)
+        return CurrentLoopStep(effort, damping)
 
     def _settle(
         self, wanted: FloatArray, v: FloatArray, h: float,

@@ -163,7 +163,8 @@ class EventFinder:
         state = MotionState(
             q + v * dt + 0.5 * dt * dt * end.a, v + end.a * dt,
             theta + omega * dt + 0.5 * dt * dt * spin_up, omega + spin_up * dt, z)
-        return StepEnd(state, end.heat + dt * float(self._forces.rubbing(q, v, modes) @ v), end.a)
+        friction = self._forces.dry_friction(q, v, modes)
+        return StepEnd(state, end.heat + dt * float(friction @ v), end.a)
 
     def _margins(self, end: StepEnd, modes: GearModes) -> FloatArray:
         """

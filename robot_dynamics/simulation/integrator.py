@@ -276,7 +276,7 @@ class MotionIntegrator:
         v = step.velocities[:, :n]
         if modes.springs is not None:
             q = step.positions(q, h)
-        friction = self._forces.rubbing(q[..., :n], v, modes)
+        friction = self._forces.dry_friction(q[..., :n], v, modes)
         return StepEnd(after, h * float(WEIGHTS @ (friction * v).sum(axis=1)), a_end)
 
     def _lost(self, before: MotionState, after: MotionState) -> float:

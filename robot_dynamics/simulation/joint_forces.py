@@ -148,7 +148,7 @@ class JointForces:
                 v, self.after_friction(modes)(q, v))
         return damping if modes.springs is None else damping + modes.springs.damping_at(v)
 
-    def rubbing(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
+    def dry_friction(self, q: FloatArray, v: FloatArray, modes: GearModes) -> FloatArray:
         """Return the friction (..., n) at q and v that is not stored in springs."""
         friction = np.where(modes.open, 0.0, self.tau) - self.after_friction(modes)(q, v)
         if modes.springs is None:

@@ -23,10 +23,10 @@ class InnerController:
     All arrays are (n,) in the order of `arm.joint_names`.
     """
 
-    def __init__(self, arm: ArmModel, semantics: EffortConvention) -> None:
-        self.semantics = semantics
+    def __init__(self, arm: ArmModel, convention: EffortConvention) -> None:
+        self.convention = convention
         self.drive = arm.drive
-        gravity = semantics.robot_gravity
+        gravity = convention.robot_gravity
         self._dynamics = UncheckedArmDynamics(
             arm if gravity is None else arm.with_gravity(gravity))
 
@@ -38,16 +38,16 @@ class InnerController:
 
     def set_gravity(self, gravity: FloatArray) -> None:
         """Use another gravity (3,) [m/s²], unless the robot assumes another one."""
-        if self.semantics.robot_gravity is None:
+        if self.convention.robot_gravity is None:
             self._dynamics = UncheckedArmDynamics(self._dynamics.arm.with_gravity(gravity))
 
     def with_own_compensation(
         self, effort: FloatArray, q: FloatArray, v: FloatArray,
     ) -> FloatArray:
         """Return the torque at the joints for a commanded effort at the state (q, v)."""
-        if self.semantics.compensates_gravity:
+        if self.convention.compensates_gravity:
             effort = effort + self._dynamics.rigid_body.gravity(q)
-        if self.semantics.compensates_friction:
+        if self.convention.compensates_friction:
             # smooth around rest, where the sign of a measured velocity would chatter
             effort = effort + self._dynamics.friction_effort(v, effort, smooth=True)
         return effort if self.drive is None else self.drive.torque(effort)
@@ -61,12 +61,12 @@ class InnerController:
         The result is empty if the robot measures no effort, and zero while the brakes hold the
         arm.
         """
-        lacks_gravity = self.semantics.lacks_gravity and not braked
+        lacks_gravity = self.convention.lacks_gravity and not braked
         if self.drive is not None and not braked:
             effort = self.drive.effort(effort)
         gravity = self._dynamics.rigid_body.gravity(q) if lacks_gravity else np.zeros_like(q)
         return measured_from_joint(
-            self.semantics.measured_effort, effort, v, gravity, self._dynamics.arm.actuators)
+            self.convention.measured_effort, effort, v, gravity, self._dynamics.arm.actuators)
 
 
 class Measured(NamedTuple):
@@ -84,7 +84,7 @@ Drives = InnerController | DirectDrives
 """The drives of a robot."""
 
 
-class Plant:
+class SimulatedRobot:
     """
     The simulated robot with the efforts and wrenches on it. Not for two threads at a time.
 

@@ -30,7 +30,7 @@ from robot_dynamics.validation import (
     LARGEST_VALUE,
 )
 
-Rows = Sequence[npt.ArrayLike | None] | FloatArray
+Points = Sequence[npt.ArrayLike | None] | FloatArray
 """One row (n,) per point; None or an empty row for a point without the field."""
 
 # The range of the seconds in builtin_interfaces/Duration.
@@ -86,9 +86,9 @@ class JointTrajectory:
 def make_trajectory(
     joint_names: Sequence[str],
     times: Sequence[float],
-    positions: Rows,
-    velocities: Rows = (),
-    accelerations: Rows = (),
+    positions: Points,
+    velocities: Points = (),
+    accelerations: Points = (),
     expected_joints: Sequence[str] = (),
 ) -> JointTrajectory:
     """
@@ -185,7 +185,7 @@ def _check_times(times: Sequence[float]) -> list[float]:
 
 
 def _check_field(
-    field: str, rows: Rows, count: int, names: list[str], expected: tuple[str, ...],
+    field: str, rows: Points, count: int, names: list[str], expected: tuple[str, ...],
 ) -> list[FloatArray | None]:
     """Return the rows in the order of `expected`, with None for each omitted field."""
     if len(rows) == 0:

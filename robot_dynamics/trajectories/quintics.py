@@ -10,7 +10,7 @@ import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.trajectories.interpolation import QUINTIC
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory, Rows
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory, Points
 
 
 def quintic_point_to_point(
@@ -29,7 +29,7 @@ def quintic_point_to_point(
 
 
 def quintic_via_points(
-    joint_names: Sequence[str], times: Sequence[float], positions: Rows,
+    joint_names: Sequence[str], times: Sequence[float], positions: Points,
 ) -> JointTrajectory:
     """
     Return the smoothest motion through `positions` at `times`, from rest to rest.

@@ -173,7 +173,8 @@ def test_friction_that_the_robot_compensates_is_not_commanded(
     compensates: tuple[str, ...],
 ) -> None:
     rubbing = ARM.with_friction(make_friction(NAMES, viscous=[3.0], coulomb=[2.0]))
-    commands = along_a_path(rubbing, semantics=EffortConvention(robot_compensates=compensates))
+    commands = along_a_path(
+        rubbing, effort_convention=EffortConvention(robot_compensates=compensates))
     bare = along_a_path(ARM)
     differences = [
         np.abs(np.subtract(one.command, other.command)).max()  # type: ignore[arg-type]

@@ -153,10 +153,10 @@ def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
     reference, q = np.array([3.0, 3.0, 0.0]), np.array([3.0, -3.0, 0.0])
     assert scaled.position_error(reference, q) == pytest.approx([0.0, 6.0 - 2.0 * np.pi, 0.0])
     for error in ([0.1, 0.2, -0.3], [0.11, 0.0, 0.0], [0.0, -0.21, 0.0], [0.0, 0.0, 0.31]):
-        is_far = bool((np.abs(error) > [0.1, 0.2, 0.3]).any())
+        exceeds_limit = bool((np.abs(error) > [0.1, 0.2, 0.3]).any())
         for one in (scaled, full):
             found = tracked(one, at_rest(np.array(error)), np.zeros(3), np.zeros(3))
-            assert found.is_far == is_far
+            assert found.exceeds_limit == exceeds_limit
     each = full.scaled(np.array([0.2, 0.5, 1.0])).gains
     expected = make_gains(NAMES, [1.0, 5.0, 20.0], [0.5, 1.0, 2.0])
     assert each.kp == pytest.approx(expected.kp)
@@ -174,7 +174,7 @@ def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
 
 def test_no_limit_of_the_error_by_default() -> None:
     feedback = ErrorFeedback(make_gains(NAMES), ('revolute',) * 3)
-    assert not tracked(feedback, at_rest(np.full(3, 1e9)), np.zeros(3), np.zeros(3)).is_far
+    assert not tracked(feedback, at_rest(np.full(3, 1e9)), np.zeros(3), np.zeros(3)).exceeds_limit
 
 
 # --- along a trajectory --------------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
         reference.acceleration + gains.kd * (reference.velocity - v) + kp * e, rel=1e-9, abs=1e-8)
     assert found.velocity == pytest.approx(reference.velocity, rel=1e-9, abs=1e-8)
     assert found.error == pytest.approx(e, rel=1e-9, abs=1e-8)
-    assert found.is_far == bool((np.abs(e) > limit).any())
+    assert found.exceeds_limit == bool((np.abs(e) > limit).any())
 
 
 def test_each_segment_is_followed_also_if_the_time_goes_back() -> None:

@@ -61,7 +61,7 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(
 def test_without_a_reference_the_command_is_the_hold(
     q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
 ) -> None:
-    one = controller(command=mode, effort_limit_fraction=scale, semantics=semantics)
+    one = controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
     output = one.update(NOW, q, ZERO)
     assert output.command.tolist() == output.hold().tolist()
 
@@ -72,7 +72,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
 ) -> None:
     one = controller(
         effort_limit_fraction=scale,
-        semantics=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
+        effort_convention=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
     one.set_payloads([] if load is None else [load], 0.0, lambda _: None)
     one.update(NOW, q, ZERO)
     one.follow(set_point(goal), 0)
@@ -120,7 +120,7 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
 
 
 def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
-    one = controller(semantics=COMPENSATES_GRAVITY)
+    one = controller(effort_convention=COMPENSATES_GRAVITY)
     assert one.update(NOW, Q, ZERO).hold().tolist() == [0.0, 0.0]
     one.set_payloads([LOAD], 0.0, lambda _: None)
     weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (

@@ -42,7 +42,8 @@ def driven(arm: ArmModel, scale: Any, offset: Any) -> tuple[ArmModel, DriveEffor
 
 def controller(arm: ArmModel, robot: tuple[str, ...], **options: Any) -> Controller:
     return Controller(arm, ControllerOptions(
-        make_gains(NAMES, [8.0]), semantics=EffortConvention(robot_compensates=robot), **options))
+        make_gains(NAMES, [8.0]), effort_convention=EffortConvention(robot_compensates=robot),
+        **options))
 
 
 def follow(one: Controller, goal: Any, v: Any = ZERO) -> None:

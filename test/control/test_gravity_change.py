@@ -32,7 +32,8 @@ LOAD = make_payload('tool0', 3.0, (0.0, 0.05, 0.1))
 def controller(**semantics: Sequence[float]) -> Controller:
     convention = make_effort_convention('joint_torque', ['gravity'], False, **semantics) if (
         semantics) else make_effort_convention('joint_torque', [], False)
-    return Controller(UR10, ControllerOptions(make_gains(UR10.joint_names), semantics=convention))
+    return Controller(UR10, ControllerOptions(
+        make_gains(UR10.joint_names), effort_convention=convention))
 
 
 def gravity_torque(gravity: Sequence[float], loads: Sequence[object] = ()) -> np.ndarray:

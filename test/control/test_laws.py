@@ -91,7 +91,7 @@ def test_the_terms_sum_to_the_command(
     arm: ArmModel, name: str, robot_compensates: tuple[str, ...],
 ) -> None:
     convention = make_effort_convention('joint_torque', robot_compensates, False)
-    one = make(arm, name, semantics=convention)
+    one = make(arm, name, effort_convention=convention)
     follow(one, arm, with_reference=FOLLOWS[name])
 
 
@@ -175,7 +175,7 @@ def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
     one.update(START, q, v)
     if not has_reference:
         state, = seen
-        assert not state.is_far
+        assert not state.exceeds_limit
         for name, missing in (('reference', 'a reference'), ('position_error', 'a reference'),
                               ('velocity_error', 'a velocity|a reference')):
             with pytest.raises(ValueError, match=missing):
@@ -188,8 +188,8 @@ def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
     assert near.position_error == pytest.approx(np.full(n, -0.05))
     assert near.velocity_error == pytest.approx(-v)
     assert near.gravity.tolist() == ArmDynamics(arm).rigid_body.gravity(q + 0.05).tolist()
-    assert not near.is_far
-    assert far.is_far
+    assert not near.exceeds_limit
+    assert far.exceeds_limit
     with pytest.raises(ValueError, match='needs a velocity'):
         _ = near._replace(v=None).velocity_error
 
@@ -312,7 +312,7 @@ def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
     output = law(LawInput(dynamics, START, q, None, q, None, feedback))
     assert output.effort.tolist() == gravity.tolist()
     assert output.gravity is output.effort
-    assert not output.is_far
+    assert not output.exceeds_limit
     assert output.friction.tolist() == [0.0] * n
     terms = output.terms()
     assert terms.effort.tolist() == gravity.tolist()

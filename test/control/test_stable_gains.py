@@ -93,7 +93,7 @@ def test_a_stiffness_without_damping_has_no_margin() -> None:
     assert found.lag.tolist() == [0.0, 0.0]
     assert longest_period(found) == 0.0
     one = StableGains(KINDS)
-    one.use(found, NO_LIMIT)
+    one.set_loop_gains(found, NO_LIMIT)
     assert one.scale.tolist() == [0.0, 0.0]
 
 
@@ -150,7 +150,7 @@ def observe(
     The error is the standard deviation [rad/s] of the velocity in use.
     """
     rng, gains = np.random.default_rng(1), StableGains(ARM.joint_kinds)
-    gains.use(DEFAULT, RATE)
+    gains.set_loop_gains(DEFAULT, RATE)
     errors, dt = [], 1.0 / rate
     for k in range(count):
         t = k * dt
@@ -204,7 +204,7 @@ def test_a_motion_is_no_noise(
 ) -> None:
     """At 30 Hz the second difference of such a velocity is up to 0.19 rad/s."""
     one, w = StableGains(ARM.joint_kinds), 2.0 * math.pi * frequency
-    one.use(DEFAULT, RATE)
+    one.set_loop_gains(DEFAULT, RATE)
     for k in range(200):
         x = w * k / rate + phase
         take(one, 1.0 / rate if k else 0.0, np.full(2, speed / w * math.sin(x)),
@@ -243,7 +243,7 @@ def test_a_single_pause_is_no_period_and_two_in_a_row_are() -> None:
 
 def test_a_continuous_joint_may_wrap() -> None:
     gains = StableGains(('continuous',))
-    gains.use(loop_of(make_gains(['a']), np.ones((1, 1, 1))), np.array([10.0]))
+    gains.set_loop_gains(loop_of(make_gains(['a']), np.ones((1, 1, 1))), np.array([10.0]))
     rng, used = np.random.default_rng(0), np.zeros(1)
     for k in range(200):
         q = np.array([math.pi - (math.pi - 0.02 * k) % (2.0 * math.pi)])
@@ -276,7 +276,7 @@ def scale_at(period: float, omega: float = OMEGA) -> float:
 def after(period: float, count: int = 100, omega: float = OMEGA) -> StableGains:
     """Return the gains after `count` states at rest with this period [s]."""
     one = StableGains(KINDS)
-    one.use(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
+    one.set_loop_gains(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
     for k in range(count):
         take(one, period if k else 0.0, Q, np.zeros(2))
     return one
@@ -297,7 +297,7 @@ def changes(one: StableGains, period: float, count: int) -> list[int]:
 def test_without_gains_the_scale_is_1_and_no_state_changes_it(is_used: bool) -> None:
     one = StableGains(KINDS)
     if is_used:
-        one.use(None, NO_LIMIT)
+        one.set_loop_gains(None, NO_LIMIT)
     for k in range(20):
         assert take(one, SLOW if k else 0.0, Q, V) is V
     assert one.least == 1.0
@@ -316,7 +316,7 @@ def test_the_scale_is_that_of_the_period(period: float) -> None:
 
 def test_each_joint_has_the_scale_of_its_own_bandwidth() -> None:
     one = StableGains(KINDS)
-    one.use(loop_of(make_gains(KINDS, [20.0, 5.0]), MASS), NO_LIMIT)
+    one.set_loop_gains(loop_of(make_gains(KINDS, [20.0, 5.0]), MASS), NO_LIMIT)
     for k in range(100):
         take(one, SLOW if k else 0.0, Q, np.zeros(2))
     assert one.scale == pytest.approx([scale_at(SLOW), scale_at(SLOW, 5.0)])
@@ -328,7 +328,7 @@ def test_a_low_damping_ratio_has_a_smaller_margin_and_scale(ratio: float) -> Non
     """The phase lag of the delay stays below the same fraction of the margin."""
     loop = loop_of(make_gains(KINDS, [OMEGA], [ratio]), MASS)
     one = StableGains(KINDS)
-    one.use(loop, NO_LIMIT)
+    one.set_loop_gains(loop, NO_LIMIT)
     for k in range(100):
         take(one, SLOW if k else 0.0, Q, np.zeros(2))
     lag = one.least * loop.crossover[0] * (0.5 * SLOW + LOOP_DELAY)
@@ -386,9 +386,9 @@ def test_full_gains_begin_and_end_with_any_change(scale: float) -> None:
 def test_other_gains_are_scaled_at_once_for_any_change() -> None:
     one = after(SLOW)
     omega = 1.02 * OMEGA
-    one.use(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
+    one.set_loop_gains(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
     assert one.least == pytest.approx(scale_at(SLOW, omega))
-    one.use(None, NO_LIMIT)
+    one.set_loop_gains(None, NO_LIMIT)
     assert one.least == one.reference_scale == 1.0
     assert one.scale.tolist() == [1.0, 1.0]
 
@@ -422,7 +422,7 @@ def test_references_follow_a_lower_rate_within_the_time_of_the_mean() -> None:
 def noisy(effort_rate: float) -> tuple[StableGains, float, float]:
     """Take states until their noise is known; return the last scales that were reported."""
     one, rng = StableGains(KINDS), np.random.default_rng(1)
-    one.use(loop_of(make_gains(KINDS, [OMEGA]), MASS), np.full(2, effort_rate))
+    one.set_loop_gains(loop_of(make_gains(KINDS, [OMEGA]), MASS), np.full(2, effort_rate))
     for k in range(17):
         q, v = (Q + rng.normal(0.0, 0.002, 2), rng.normal(0.0, 0.5, 2)) if k < 16 else (
             Q, np.zeros(2))

@@ -77,7 +77,7 @@ def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
     assert one.tick(np.nextafter(START + timeout, np.inf)) is not None
     assert one.mode is Mode.FAULT
     assert (one.fault.name, one.fault_count) == ('state_timeout', 1)
-    assert '0.0625 s (state_timeout)' in one.fault.words
+    assert '0.0625 s (state_timeout)' in one.fault.message
 
 
 def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is() -> None:

@@ -17,7 +17,7 @@ def test_overspeed_is_a_fault_that_ends_with_it() -> None:
     answer(one, START + PERIOD, v=(0.0, -2.5))
     assert one.mode is Mode.FAULT
     assert one.fault.name == 'overspeed'
-    assert "velocity of 'elbow' is -2.5, 1.25 times its limit" in one.fault.words
+    assert "velocity of 'elbow' is -2.5, 1.25 times its limit" in one.fault.message
     answer(one, START + 2 * PERIOD, v=(0.0, -2.0))
     assert one.mode is Mode.RUNNING
 
@@ -29,7 +29,7 @@ def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states() ->
     answer(one, START + 0.02, q=(0.0, -1.00871))
     assert one.mode is Mode.FAULT
     assert one.fault.name == 'position_limit'
-    assert "'elbow' is -1.00871, 0.00871 past its limit" in one.fault.words
+    assert "'elbow' is -1.00871, 0.00871 past its limit" in one.fault.message
     for k in range(4):
         answer(one, START + 0.03 + k * PERIOD)
     answer(one, START + 0.05, q=(1.1, 0.0))

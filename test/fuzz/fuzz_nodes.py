@@ -64,7 +64,8 @@ class RunningNodes:
         assert self.simulated_arm.get_namespace() == '/apart'
         self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
         for arm in ARMS:
-            self._services_of(arm.name).use(Controller(arm, options_from(DEFAULTS, arm)))
+            self._services_of(arm.name).set_controller(
+                Controller(arm, options_from(DEFAULTS, arm)))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -162,7 +163,7 @@ class RunningNodes:
             SPEC[name].check(values[name])
         arm = arm_from_parameters(xml, values)
         check_or_refuse(xml, arm, values, self.dynamics.get_logger())
-        self._services_of('any').use(Controller(arm, options_from(values, arm)))
+        self._services_of('any').set_controller(Controller(arm, options_from(values, arm)))
         n = arm.joint_count
         motion = {'position': [0.3] * n, 'velocity': [0.1] * n}
         for service, request in (

@@ -9,7 +9,7 @@ from calibration_bench import arm_of, exact_drives, load_on, poses_of, TOOL_LINK
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Reference
+from robot_dynamics.gravity_calibration.calibration import calibrate_holds, ScaleReference
 from robot_dynamics.gravity_calibration.gravity_model import (
     gravity_regressor,
     gravity_torque,
@@ -57,7 +57,7 @@ def test_a_known_weight_gives_exact_scales_offsets_and_tool(name: str) -> None:
     found = calibrate_holds(
         arm, drives.holds(q, arm.with_payloads([tool])),
         drives.holds(q, arm.with_payloads([tool, weight])), weight, Tool(tool.link))
-    assert found.reference is Reference.WEIGHT
+    assert found.reference is ScaleReference.WEIGHT
     assert_exact(found, drives)
     assert_same_tool(found, tool)
 
@@ -67,7 +67,7 @@ def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
     drives, tool = exact_drives(arm), load_on(name, 1.5)
     found = calibrate_holds(
         arm, drives.holds(poses_of(arm), arm.with_payloads([tool])), tool=Tool(tool.link, 1.5))
-    assert found.reference is Reference.TOOL
+    assert found.reference is ScaleReference.TOOL
     assert_exact(found, drives)
     assert_same_tool(found, tool)
     assert found.tool.deviations[0] == 0.0
@@ -98,7 +98,7 @@ def test_without_a_reference_scale_and_mass_are_confounded() -> None:
     arm = arm_of('xarm7')
     drives = exact_drives(arm)
     found = calibrate_holds(arm, drives.holds(poses_of(arm), scaled_masses(arm, 1.1)))
-    assert found.reference is Reference.URDF
+    assert found.reference is ScaleReference.URDF
     assert_exact(found, replace(drives, scale=drives.scale / 1.1))
 
 

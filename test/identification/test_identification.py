@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.identification.drive_gains import drive_gains, DriveGains
+from robot_dynamics.identification.drive_gains import drive_gains, GainEstimate
 from robot_dynamics.identification.friction_regressor import OFFSET, structure
 from robot_dynamics.identification.identified_arm import fitted_urdf, parameter_values
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
@@ -279,7 +279,7 @@ def test_a_gain_without_a_load_cannot_be_identified():
 def test_gains_that_differ_are_no_torque():
     def gains(*values, known=True):
         size = np.array(values)
-        return DriveGains(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
+        return GainEstimate(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
     assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass

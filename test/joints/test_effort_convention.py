@@ -115,7 +115,7 @@ def with_friction(coulomb: float = 3.0) -> ArmModel:
 def make_controller(compensates: tuple[str, ...], **changes: Any) -> Controller:
     semantics = EffortConvention(robot_compensates=compensates)
     return Controller(with_friction(), ControllerOptions(
-        make_gains(NAMES), semantics=semantics, **changes))
+        make_gains(NAMES), effort_convention=semantics, **changes))
 
 
 def update(controller: Controller, target: Any = None) -> ControlOutput:
@@ -207,7 +207,7 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
     arm = load_arm(urdf)
     assert arm.limits.effort[0] == 30.0 < abs(G[0])
     controller = Controller(arm, ControllerOptions(
-        make_gains(NAMES), semantics=EffortConvention(robot_compensates=('gravity',))))
+        make_gains(NAMES), effort_convention=EffortConvention(robot_compensates=('gravity',))))
     rest = controller.update(1, Q, ZERO)
     assert rest.command is not None
     assert rest.command.tolist() == [0.0, 0.0]

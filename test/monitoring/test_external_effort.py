@@ -104,7 +104,7 @@ def run(
     for k in range(round(seconds / dt)):
         if load is not None and k == round(0.5 * seconds / dt):
             simulation.set_payloads([load])
-            observer.use(ArmDynamics(model.with_payloads([load])))
+            observer.set_dynamics(ArmDynamics(model.with_payloads([load])))
         wrenches = [PUSH] if k * dt >= push_at - 1e-9 else []
         before, v = simulation.state
         effort = hold + 5.0 * np.sin(3.0 * k * dt + np.arange(3))

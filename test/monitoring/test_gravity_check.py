@@ -279,7 +279,8 @@ def closed_loop(
 ) -> GravityVerdict | None:
     """Return the verdict with a controller of the bare arm and a simulated robot."""
     controller = Controller(
-        ARM.with_drive(arm.drive), ControllerOptions(make_gains(NAMES), semantics=declared))
+        ARM.with_drive(arm.drive),
+        ControllerOptions(make_gains(NAMES), effort_convention=declared))
     robot_side = InnerController(
         arm, EffortConvention(declared.measured_effort, robot))
     check = GravityCheck(declared, arm.friction, None, arm.is_continuous, arm.drive)

@@ -17,7 +17,7 @@ from robot_dynamics.monitoring.state_plausibility import (
     LONGEST_GAP,
     PLAY,
     SPEED_FACTOR,
-    StateMonitor,
+    StatePlausibility,
     StateVerdict,
 )
 from watched_states import (
@@ -202,7 +202,7 @@ def test_the_joint_that_jumped_is_named() -> None:
 
 
 def test_the_crowd_is_not_counted_while_all_is_well() -> None:
-    watch = StateMonitor(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
+    watch = StatePlausibility(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
 
     def must_not_be_asked() -> bool:
         raise AssertionError

@@ -19,7 +19,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.plant import InnerController, Plant
+from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
@@ -195,7 +195,7 @@ def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped: LockStep
 def test_noise_is_on_what_is_measured_alone() -> None:
     """The noise of each kind is independent of the other kinds."""
     for kind in range(3):
-        plant = Plant(
+        plant = SimulatedRobot(
             ArmSimulation(ARM, START), InnerController(ARM, EffortConvention()), True,
             np.random.default_rng(0))
         plant.position_noise, plant.velocity_noise, plant.effort_noise = (

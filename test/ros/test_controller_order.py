@@ -74,7 +74,7 @@ def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander: Comma
         stack.enter_context(commander.subscriber('another', NAMES[::-1]))
         assert commander.order.allows()
         wait_until(lambda: bool(commander.faults), 'a fault')
-        assert commander.faults[0].words.startswith('/another applies ')
+        assert commander.faults[0].message.startswith('/another applies ')
         assert commander.order.allows()
 
 

@@ -12,7 +12,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
-from robot_dynamics.simulation.plant import InnerController, Plant
+from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 
 PERIOD = 0.01
 TIMEOUT = 0.2
@@ -101,9 +101,9 @@ START = [0.8, 0.5]
 EFFORT = np.array([-30.0, -12.0])
 
 
-def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> Plant:
+def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> SimulatedRobot:
     arm = load_arm(default_arm_urdf())
-    plant = Plant(
+    plant = SimulatedRobot(
         ArmSimulation(arm, START),
         InnerController(arm, make_effort_convention('joint_torque', robot_compensates, False)),
         brakes,
@@ -112,7 +112,7 @@ def robot(brakes: bool = True, robot_compensates: Sequence[str] = ()) -> Plant:
     return plant
 
 
-def times_out(plant: Plant) -> bool:
+def times_out(plant: SimulatedRobot) -> bool:
     """Return whether efforts are missing for too long; let that time pass."""
     for _ in range(2 * ENOUGH):
         if plant.watch_commands(PERIOD, PERIOD):
@@ -121,7 +121,7 @@ def times_out(plant: Plant) -> bool:
     return False
 
 
-def command(plant: Plant, steps: int) -> None:
+def command(plant: SimulatedRobot, steps: int) -> None:
     for _ in range(steps):
         plant.take_effort(EFFORT)
         assert not plant.watch_commands(PERIOD, PERIOD)

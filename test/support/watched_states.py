@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import (
     ImplausibleStateError,
-    StateMonitor,
+    StatePlausibility,
     StateVerdict,
 )
 
@@ -33,7 +33,7 @@ class Watched:
     def __init__(
         self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
     ) -> None:
-        self.watch = StateMonitor(NAMES, limit, max_age, np.array([False, True]))
+        self.watch = StatePlausibility(NAMES, limit, max_age, np.array([False, True]))
         self.offset, self.crowd = offset, False
 
     def judge(

@@ -185,7 +185,7 @@ class StableGains:
         self._is_noisy, self._is_paused = True, False
         self._free_period, self._rated_period = math.inf, 0.0
 
-    def use(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
+    def set_loop_gains(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
         """
         Scale a loop with these gains from now on, None for no scaling; sets `scale`.
 

@@ -76,7 +76,7 @@ class ComputedTorque(ControlLaw):
         dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
         if trajectory is None or v is None:
             raise ValueError('computed torque needs a reference and a velocity')
-        a, v_ref, e, is_far, change = self.feedback.track(
+        a, v_ref, e, exceeds_limit, change = self.feedback.track(
             trajectory, state.stamp_ns, state.q, v)
         scale = 1.0
         if change > self._free_change:
@@ -86,7 +86,8 @@ class ComputedTorque(ControlLaw):
             friction = self._friction(state, v_ref, e, v, effort)
             effort = effort + friction
         return LawOutput(
-            effort, partial(self._terms, state, a, friction), friction, is_far, scale=scale)
+            effort, partial(self._terms, state, a, friction), friction, exceeds_limit,
+            scale=scale)
 
     def _limited(self, state: LawInput) -> tuple[FloatArray, float]:
         """Return the commanded acceleration with limited feedback, and the factor s."""

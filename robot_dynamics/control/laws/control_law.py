@@ -70,7 +70,7 @@ class LawInput(NamedTuple):
         return np.asarray(self.reference.velocity - self.v)
 
     @property
-    def is_far(self) -> bool:
+    def exceeds_limit(self) -> bool:
         """Whether the following error of a joint exceeds its limit."""
         return self.trajectory is not None and bool(
             (np.abs(self.position_error) > self.feedback.largest_error).any())
@@ -81,15 +81,15 @@ class LawOutput(NamedTuple):
     An effort (n,) [N·m] or [N] before any limit, and its parts.
 
     `terms()` returns the terms, which sum to `effort`. `friction` (n,) is the part of `effort`
-    that compensates friction. `is_far` is true if the following error of a joint exceeds its
-    limit. `gravity` (n,) is g(q) if the law has computed it. `scale` is the smallest factor by
+    that compensates friction. `exceeds_limit` is true if the following error of a joint exceeds
+    its limit. `gravity` (n,) is g(q) if the law has computed it. `scale` is the smallest factor by
     which the law itself has scaled its gains down.
     """
 
     effort: FloatArray
     terms: Callable[[], EffortTerms]
     friction: FloatArray
-    is_far: bool = False
+    exceeds_limit: bool = False
     gravity: FloatArray | None = None
     scale: float = 1.0
 
@@ -147,7 +147,8 @@ class ControlLaw:
         """Return the effort for a state with its parts."""
         effort = self.effort(state)
         return LawOutput(
-            effort, partial(_terms_of_effort, state, effort), np.zeros_like(effort), state.is_far)
+            effort, partial(_terms_of_effort, state, effort), np.zeros_like(effort),
+            state.exceeds_limit)
 
 
 LawFactory = Callable[[ErrorFeedback, ControllerOptions], ControlLaw]

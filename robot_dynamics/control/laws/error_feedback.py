@@ -99,15 +99,15 @@ class Tracking(NamedTuple):
     The feedback at one state, each (n,).
 
     `acceleration` is q̈_ref + K_d ė + K_p e [rad/s² or m/s²]. `velocity` is q̇_ref [rad/s or m/s],
-    and `error` is e, at which friction is compensated. `is_far` is true if the error of a joint
-    exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|, the rate at which the feedback
-    changes (`ComputedTorque`).
+    and `error` is e, at which friction is compensated. `exceeds_limit` is true if the error of a
+    joint exceeds its limit. `change` is the largest of |(K_p + K_d²) ė|, the rate at which the
+    feedback changes (`ComputedTorque`).
     """
 
     acceleration: FloatArray
     velocity: FloatArray
     error: FloatArray
-    is_far: bool
+    exceeds_limit: bool
     change: float
 
 
@@ -142,7 +142,7 @@ class ErrorFeedback:
                 segment.since_ns <= now_ns < segment.end_ns):
             segment = self._take_segment(reference, now_ns)
         s = 1e-9 * (now_ns - segment.begin_ns) / segment.duration
-        acceleration, velocity, error, is_far, largest = [], [], [], False, 0.0
+        acceleration, velocity, error, exceeds_limit, largest = [], [], [], False, 0.0
         for ((p0, p1, p2, p3, p4, p5), (d0, d1, d2, d3, d4, _), (dd0, dd1, dd2, dd3, _, _),
              K_p, K_d, K_c, turns, e_max), q_j, v_j in zip(
                 self._joints, q.tolist(), v.tolist()):
@@ -150,7 +150,7 @@ class ErrorFeedback:
             if turns and not -pi < e <= pi:
                 e = wrap_angle(e)
             if not -e_max <= e <= e_max:
-                is_far = True
+                exceeds_limit = True
             v_ref = d0 + s * (d1 + s * (d2 + s * (d3 + s * d4)))
             e_dot = v_ref - v_j
             acceleration.append(
@@ -161,7 +161,7 @@ class ErrorFeedback:
             if not -largest <= change <= largest:
                 largest = abs(change)
         return Tracking(
-            np.array(acceleration), np.array(velocity), np.array(error), is_far, largest)
+            np.array(acceleration), np.array(velocity), np.array(error), exceeds_limit, largest)
 
     def _take_segment(self, reference: ActiveTrajectory, now_ns: int) -> Segment:
         """Prepare the segment that is active at `now_ns`."""

@@ -78,7 +78,7 @@ class Fault:
     """
 
     name: str
-    words: str
+    message: str
     latched: bool = False
     recovery: int = 1
 
@@ -163,15 +163,15 @@ class CommandSupervisor:
             return False, 'there is no fault'
         if not fault.latched:
             return False, (
-                f'{fault.name} persists: {fault.words}; it ends automatically after '
+                f'{fault.name} persists: {fault.message}; it ends automatically after '
                 f'{fault.recovery} valid joint states')
         if self.mode is Mode.FAULT and not self._good:
             return False, (
-                f'{fault.name} persists: {fault.words}; no valid joint state has been received '
+                f'{fault.name} persists: {fault.message}; no valid joint state has been received '
                 'since')
         self.fault = replace(fault, latched=False)
         self._good = 0
-        return True, f'reset {fault.name}: {fault.words}'
+        return True, f'reset {fault.name}: {fault.message}'
 
     def fail(self, now: float, fault: Fault) -> None:
         """Begin the fault action; a fault that is harder to leave replaces the active fault."""

@@ -61,7 +61,7 @@ class BaseGravity:
             self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
             node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
 
-    def use(self, controller: Controller) -> None:
+    def set_controller(self, controller: Controller) -> None:
         """Change the gravity of this controller from now on, first to that of the IMU."""
         self._controller = controller
         if self._gravity is not None:

@@ -96,7 +96,7 @@ class CommandOutput:
 
     # ------------------------------------------------------------------ the loop
 
-    def use(self, loop: ControlLoop) -> None:
+    def set_loop(self, loop: ControlLoop) -> None:
         """Publish the efforts of this loop, which continues those of the last one."""
         with self._changed:
             if self.loop is None and self._latched is not None:
@@ -265,7 +265,7 @@ class CommandOutput:
             self._faults_seen = supervisor.fault_count
             self.counters.faults[supervisor.fault.name] += 1
             logger.error(
-                f'Fault {supervisor.fault.name}: {supervisor.fault.words}',
+                f'Fault {supervisor.fault.name}: {supervisor.fault.message}',
                 throttle_duration_sec=LOG_PERIOD)
         if self.mode_seen is supervisor.mode:
             return

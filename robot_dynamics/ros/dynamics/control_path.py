@@ -114,7 +114,7 @@ class ControlPath:
         """The lock of the control path."""
         return self.command.lock
 
-    def use(
+    def set_loop(
         self, loop: ControlLoop, check: EffortCheck, estimates: Estimates,
         is_embedded: bool = False,
     ) -> None:
@@ -133,8 +133,8 @@ class ControlPath:
             self._awaits_description = is_embedded
             self._used_at = time.monotonic()
             self.counters.velocities = 'measured'
-            self.estimates.use(estimates)
-            self.command.use(loop)
+            self.estimates.set_estimates(estimates)
+            self.command.set_loop(loop)
 
     def forget(self) -> None:
         """Serve no arm."""

@@ -157,6 +157,6 @@ class ControllerOrder:
             f'{wrong.name} applies {self._commands.topic_name} to the joints {wrong.joints}, '
             f'expected the order of this node, {names}: set the parameter `joints` of both to '
             'the same order')
-        if self.fault is None or self.fault.words != words:
+        if self.fault is None or self.fault.message != words:
             self.fault = Fault('controller_order', words, latched=True)
             self._when_wrong(self.fault)

@@ -30,12 +30,12 @@ class EffortCheck:
     """
 
     def __init__(
-        self, node: Node, arm: ArmModel, semantics: EffortConvention, wanted: bool,
+        self, node: Node, arm: ArmModel, convention: EffortConvention, wanted: bool,
     ) -> None:
         """Finish at once if the check is disabled or there is no measured effort."""
-        self._node, self._names, self._semantics = node, arm.joint_names, semantics
+        self._node, self._names, self._convention = node, arm.joint_names, convention
         self._check = GravityCheck(
-            semantics, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
+            convention, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
         self._command: FloatArray | None = None
         self._said: set[str] = {STILL}
         self._verdict: GravityVerdict | None = None
@@ -43,7 +43,7 @@ class EffortCheck:
         self.done = False
         if not wanted:
             self._finish('off')
-        elif semantics.measured_effort == 'none':
+        elif convention.measured_effort == 'none':
             self._finish(f"{NO_EFFORT} (measured_effort is 'none')")
 
     def look(
@@ -94,7 +94,7 @@ class EffortCheck:
             self._node.get_logger().info(f'Effort check: {reason}')
 
     def _conclude(self, verdict: GravityVerdict) -> None:
-        words = verdict_in_words(verdict, self._names, self._semantics)
+        words = verdict_in_words(verdict, self._names, self._convention)
         self._verdict = verdict
         self._finish(words)
         logger = self._node.get_logger()

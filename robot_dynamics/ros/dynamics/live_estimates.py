@@ -53,10 +53,10 @@ class Estimates:
     """The estimates of one arm: external effort, then residual, each only on request."""
 
     def __init__(
-        self, controller: Controller, semantics: EffortConvention, values: Values,
+        self, controller: Controller, convention: EffortConvention, values: Values,
     ) -> None:
         """Estimate with the active load, at the bandwidths of the parameters."""
-        self.semantics, self._controller = semantics, controller
+        self.convention, self._controller = convention, controller
         self.template = effort_template(controller.arm.joint_names)
         self._arm = controller.loaded_arm
         self._deviation: EffortDeviation | None = None
@@ -79,7 +79,7 @@ class Estimates:
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
     ) -> FloatArray:
         """Return the joint effort (n,) for a measured effort (n,)."""
-        return joint_effort(self._controller.arm, self.semantics, measured, v, robot_gravity)
+        return joint_effort(self._controller.arm, self.convention, measured, v, robot_gravity)
 
     def update(
         self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
@@ -124,16 +124,16 @@ class Estimates:
         if arm is not self._arm:
             self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:
-                estimator.use(dynamics)
+                estimator.set_dynamics(dynamics)
 
 
 def joint_effort(
-    arm: ArmModel, semantics: EffortConvention, measured: FloatArray, v: FloatArray,
+    arm: ArmModel, convention: EffortConvention, measured: FloatArray, v: FloatArray,
     robot_gravity: FloatArray,
 ) -> FloatArray:
     """Return the joint effort (n,) for an effort (n,) that the robot or the drives report."""
     effort = joint_from_measured(
-        semantics.measured_effort, measured, v, robot_gravity, arm.actuators)
+        convention.measured_effort, measured, v, robot_gravity, arm.actuators)
     return effort if arm.drive is None else arm.drive.torque(effort)
 
 
@@ -165,7 +165,7 @@ class LiveEstimates:
         """Limit of the external effort (n,) [N·m] or [N], infinite for none; None: no limits."""
         self._restarts: Counter[str] = Counter()
 
-    def use(self, estimates: Estimates) -> None:
+    def set_estimates(self, estimates: Estimates) -> None:
         """Use these estimators from the next state on."""
         self.estimates, self.is_on = estimates, False
 
@@ -219,7 +219,7 @@ class LiveEstimates:
         robot_gravity: FloatArray,
     ) -> None:
         measured = reader.effort(state)
-        if estimates.semantics.measured_effort == 'none':
+        if estimates.convention.measured_effort == 'none':
             raise InvalidInputError("measured_effort is 'none'")
         if measured is None or not all_finite(measured):
             raise InvalidInputError('joint states have no effort')

@@ -73,7 +73,7 @@ class LiveMarkers:
             self._timer.cancel()
             self._seen = None  # outdated for the next subscriber
 
-    def use(self, controller: Controller, frame: str) -> None:
+    def set_controller(self, controller: Controller, frame: str) -> None:
         """Draw this arm, whose base link is `frame`, from the next state on."""
         self._controller, self._frame = controller, frame
         self._seen = self._marks = None

@@ -18,7 +18,7 @@ from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.monitoring.state_plausibility import StateMonitor
+from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
@@ -26,8 +26,8 @@ from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
+    effort_limits,
     GAINS,
-    guard_limits,
     optional_limits,
     options_from,
     safety_options,
@@ -255,19 +255,20 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         options = options_from(values, arm)
         self._payloads.check(arm)
         controller = Controller(arm, options, lock=self._path.lock)
-        self._payloads.use(controller)
-        self._gravity.use(controller)
-        check = EffortCheck(self, arm, options.semantics, values['effort_check'])
-        monitor = StateMonitor(
+        self._payloads.set_controller(controller)
+        self._gravity.set_controller(controller)
+        check = EffortCheck(self, arm, options.effort_convention, values['effort_check'])
+        monitor = StatePlausibility(
             arm.joint_names, arm.limits.velocity, values['state_max_age'], arm.is_continuous)
         loop = ControlLoop(
-            controller, guard_limits(values, arm), safety_options(values), monitor,
+            controller, effort_limits(values, arm), safety_options(values), monitor,
             self._path.loop)
-        self._path.use(loop, check, Estimates(controller, options.semantics, values), is_embedded)
+        estimates = Estimates(controller, options.effort_convention, values)
+        self._path.set_loop(loop, check, estimates, is_embedded)
         self._limit_path(values, arm)
-        self._path.markers.use(controller, parse_urdf(xml).root_link)
-        self._dynamics_services.use(controller)
-        self._estimation.use(options.semantics)
+        self._path.markers.set_controller(controller, parse_urdf(xml).root_link)
+        self._dynamics_services.set_controller(controller)
+        self._estimation.set_convention(options.effort_convention)
         self._arm, self._controller = arm, controller
         self._effort_check, self._estimates = check, self._path.estimates.estimates
         self._warn_of_loop(controller)
@@ -297,7 +298,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             loop = self._path.loop
             if loop is not None:
                 loop.set_options(
-                    options, guard_limits(values, self._arm), safety_options(values))
+                    options, effort_limits(values, self._arm), safety_options(values))
                 self._path.command.notify()
             self._gravity.take(values)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):

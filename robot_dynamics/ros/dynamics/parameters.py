@@ -198,7 +198,7 @@ def torque_rates(values: Values, arm: ArmModel) -> FloatArray:
     return rates if arm.drive is None else arm.drive.scale * rates
 
 
-def guard_limits(values: Values, arm: ArmModel) -> EffortLimits:
+def effort_limits(values: Values, arm: ArmModel) -> EffortLimits:
     """Return the effort limits of this arm."""
     limits = arm.limits
     return EffortLimits(

@@ -18,8 +18,8 @@ from rclpy.clock import Clock, ClockType
 from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.joints.whole_turns import nearest_turn
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics.monitoring.low_pass import LowPass
@@ -123,12 +123,12 @@ class _Run:
     """One estimation: the filter and the estimator."""
 
     def __init__(
-        self, controller: Controller, semantics: EffortConvention, link: str,
+        self, controller: Controller, convention: EffortConvention, link: str,
         others: tuple[Payload, ...],
     ) -> None:
         self.others, self._controller = others, controller
         self._arm = controller.planning_dynamics.arm.with_payloads(others)
-        self._semantics = semantics
+        self._convention = convention
         self._estimator = PayloadEstimator(self._arm, link, CUTOFF)
         self._filters = [LowPass(CUTOFF) for _ in range(3)]
         self._stamp: int | None = None
@@ -194,7 +194,7 @@ class _Run:
         self._since_used += dt
         self._position = nearest_turn(sample.q, self._position, self._arm.is_continuous)
         effort = joint_effort(
-            self._arm, self._semantics, sample.effort, sample.v, sample.robot_gravity)
+            self._arm, self._convention, sample.effort, sample.v, sample.robot_gravity)
         position, velocity, torque = self._filters
         q, v = position.update(self._position, dt), velocity.update(sample.v, dt)
         tau = torque.update(effort, dt, held=True)
@@ -212,14 +212,14 @@ class PayloadEstimation:
     ) -> None:
         """Take states from `samples`; `payloads` are the present payloads of the node."""
         self._node, self._samples, self._payloads = node, samples, payloads
-        self._semantics = EffortConvention()
+        self._convention = EffortConvention()
         self._run: _Run | None = None
         self._ended = NOT_STARTED
         self._timer: object = None
 
-    def use(self, semantics: EffortConvention) -> None:
+    def set_convention(self, convention: EffortConvention) -> None:
         """End an estimation, because another model is used; take its meaning of the effort."""
-        self._semantics = semantics
+        self._convention = convention
         self._end('the estimation has ended, because another model was loaded')
 
     def forget(self) -> None:
@@ -228,10 +228,10 @@ class PayloadEstimation:
 
     def start(self, controller: Controller, link: str) -> None:
         """Begin an estimation; raise InvalidInputError for an unknown link or without effort."""
-        if self._semantics.measured_effort == 'none':
+        if self._convention.measured_effort == 'none':
             raise InvalidInputError(
                 "measured_effort is 'none', expected a measured effort to estimate from")
-        run = _Run(controller, self._semantics, link, self._others(link))
+        run = _Run(controller, self._convention, link, self._others(link))
         self._end(NOT_STARTED)
         self._run = run
         self._samples.begin()

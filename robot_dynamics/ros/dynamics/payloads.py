@@ -75,7 +75,7 @@ class PayloadKeeper:
             return False
         return True
 
-    def use(self, controller: Controller) -> None:
+    def set_controller(self, controller: Controller) -> None:
         """Attach the kept payloads to an arm that `check` has accepted."""
         self.obstacle = ''
         controller.set_payloads(self._payloads, 0.0, self._in_force)

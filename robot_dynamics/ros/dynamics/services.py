@@ -76,7 +76,7 @@ class DynamicsServices:
         offer(SetPayload, 'set_payload', self._set_payload)
         offer(EstimatePayload, 'estimate_payload', self._estimate_payload)
 
-    def use(self, controller: Controller) -> None:
+    def set_controller(self, controller: Controller) -> None:
         """Use this arm from the next request on."""
         self._controller = controller
 

@@ -30,7 +30,7 @@ from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import message_inbox
 from robot_dynamics.ros.simulated_arm.unanswered_state import UnansweredState
-from robot_dynamics.simulation.plant import Measured, Plant
+from robot_dynamics.simulation.plant import Measured, SimulatedRobot
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -100,7 +100,8 @@ class _Loop(ABC):
     """A thread that waits for efforts and for its end."""
 
     def __init__(
-        self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
+        self, node: Node, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
+        period: float,
     ) -> None:
         self._node, self._plant, self._topics, self._lock = node, plant, topics, lock
         self._period = period
@@ -260,7 +261,8 @@ class LockStepLoop(_Loop):
     real_time_factor = math.inf
 
     def __init__(
-        self, node: Node, plant: Plant, topics: ArmTopics, lock: threading.Lock, period: float,
+        self, node: Node, plant: SimulatedRobot, topics: ArmTopics, lock: threading.Lock,
+        period: float,
     ) -> None:
         super().__init__(node, plant, topics, lock, period)
         self._unanswered = UnansweredState(node, topics.states, topics.efforts)

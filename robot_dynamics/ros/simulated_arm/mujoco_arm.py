@@ -37,7 +37,7 @@ from robot_dynamics.simulation.mujoco_simulation import (
     model_of_mjcf,
     MujocoSimulation,
 )
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import SimulatedRobot
 from robot_dynamics.urdf.description_file import description_path
 
 SPECS = (
@@ -113,7 +113,7 @@ class MujocoArmNode(PlantNode):
             model, values['mjcf_joints'] or values['joints'], values['joints'],
             values['initial_position'] or None)
         arm = self._simulation.arm
-        plant = Plant(
+        plant = SimulatedRobot(
             self._simulation, DirectDrives(len(arm.joint_names)), values['brakes'],
             np.random.default_rng(values['seed']))
         self._begin(plant, arm.effort_limit, values)

@@ -35,7 +35,7 @@ from robot_dynamics.ros.simulated_arm.plant_node import (
     PlantNode,
 )
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
-from robot_dynamics.simulation.plant import InnerController, Plant
+from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from robot_dynamics_interfaces.srv import SetPayload
 
 SPECS = (
@@ -123,7 +123,7 @@ class SimulatedArmNode(PlantNode):
             values['initial_position'] or None, values['initial_velocity'] or None,
             values['max_step'])
         self._simulation.check_inertia()
-        plant = Plant(
+        plant = SimulatedRobot(
             self._simulation, InnerController(self._arm, convention_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
         plant.encoders_at_motor = values['encoders'] == 'motor'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The base class of `simulated_arm` and `mujoco_arm`: the node around a `Plant`.
+The base class of `simulated_arm` and `mujoco_arm`: the node around a `SimulatedRobot`.
 
 It has the topics, the loops in wall time and in lock-step, the brakes, and the services and
 parameters of both nodes.
@@ -21,7 +21,7 @@ from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.parameters.declared_parameters import flag, number, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
-from robot_dynamics.simulation.plant import Plant
+from robot_dynamics.simulation.plant import SimulatedRobot
 from std_srvs.srv import Trigger
 
 LOOP_SPECS = (
@@ -70,7 +70,9 @@ class PlantNode(GuardedCallbacks):
     _loop: WallTimeLoop | LockStepLoop | None = None
     _effort_limit: FloatArray | None = None
 
-    def _begin(self, plant: Plant, effort_limit: FloatArray | None, values: Values) -> None:
+    def _begin(
+        self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,
+    ) -> None:
         """Simulate this plant from the first spin on; its drives clip efforts to limits (n,)."""
         self._lock, self._plant, self._effort_limit = threading.Lock(), plant, effort_limit
         arm = plant.simulation.arm
