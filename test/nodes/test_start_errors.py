@@ -60,6 +60,8 @@ CASES = {
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),
     'out of range': Case({'effort_limit_fraction': 2.0}, r'effort_limit_fraction.* 2'),
+    'unknown parameter': Case(
+        {'comand': 'none'}, "unknown parameter 'comand', probably 'command'; expected"),
     'not a number': Case({'effort_limit_fraction': NAN}, r'effort_limit_fraction.* nan'),
     'zero time': Case({'state_timeout': 0.0}, r'state_timeout.* 0\.0'),
     'negative rate': Case({'effort_rate_limit': -1.0}, r'effort_rate_limit.* -1'),
@@ -227,16 +229,6 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
     assert 'Exit status: 0 ' in done.stdout
     joints = next(spec for spec in specs if spec.name == 'joints')
     assert joints.description in ' '.join(lines)
-
-
-@fault('Parameters at the start', 'unknown parameter: `efort_limit_fraction: 0.3`',
-       'a warning that the value is ignored, with the similar name')
-def test_an_unknown_parameter_is_reported() -> None:
-    with NodeProcess(DYNAMICS, {'efort_limit_fraction': 0.3}) as node:
-        assert '[WARN]' in node.wait_for_log(
-            "Unknown parameter 'efort_limit_fraction': its value is ignored; did you mean "
-            "'effort_limit_fraction'?")
-        node.wait_for_log("Model 'planar_arm'")
 
 
 @fault('Robot descriptions at the start', 'joints that move no mass, `ignore_checks: [mass]`',

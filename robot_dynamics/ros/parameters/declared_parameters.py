@@ -143,7 +143,7 @@ class DeclaredParameters:
         inconsistent; `apply` applies an accepted change. `others` are modules whose SPECS
         are those of nodes that share a parameter file with this one; they are imported if the
         file has parameters that this node lacks. Raises InvalidInputError on an invalid start
-        value.
+        value or an unknown name.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
@@ -156,7 +156,7 @@ class DeclaredParameters:
                 node.get_logger().warning(former_name(former))
         for spec in specs:
             self._values[spec.name] = self._declare(spec)
-        self._log_unknown()
+        self._check_names()
         self._check(self._values)
         node.add_pre_set_parameters_callback(self._renamed)
         node.add_on_set_parameters_callback(self._judge)
@@ -187,8 +187,8 @@ class DeclaredParameters:
         spec.check(value)
         return value
 
-    def _log_unknown(self) -> None:
-        """Log values whose names are parameters neither of this node nor of the other one."""
+    def _check_names(self) -> None:
+        """Raise InvalidInputError for a name that neither this node nor the other one has."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
         others = [import_module(module).SPECS for module in self._others] if unknown else []
@@ -196,9 +196,10 @@ class DeclaredParameters:
         for name in unknown:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)
-                node.get_logger().warning(
-                    f'Unknown parameter {name!r}: its value is ignored'
-                    f'{f"; did you mean {close[0]!r}?" if close else "."}')
+                raise InvalidInputError(
+                    f'unknown parameter {name!r}'
+                    f'{f", probably {close[0]!r}" if close else ""}; expected parameters of '
+                    f'{node.get_name()}, and those of other nodes in a section with their name')
 
     def _renamed(self, parameters: list[Parameter]) -> list[Parameter]:
         """Return the parameters with their current names."""
