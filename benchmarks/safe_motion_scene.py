@@ -321,7 +321,8 @@ class Scene:
                 self.effort, plant.v = None, np.zeros_like(plant.v)
                 if self._mode is Mode.FAULT:  # the arm has fallen during the ramp
                     ramp = self.loop.supervisor.options.ramp_time + RAMP_SLACK
-                    judged[-round(ramp / STEP):] = [False] * round(ramp / STEP)
+                    fallen = min(round(ramp / STEP), len(judged))
+                    judged[-fallen:] = [False] * fallen
             push = self.push if self.push is not None and (
                 self.push.begin <= self.time < self.push.end) else None
             if self.effort is not None:

@@ -77,10 +77,10 @@ def ask(capsys: pytest.CaptureFixture[str], client: DynamicsClient) -> Ask:
     return ask
 
 
-def start(*words: str) -> 'subprocess.Popen[str]':
+def start(*words: str, node: str = '/dynamics') -> 'subprocess.Popen[str]':
     """Start a verb in a process."""
     return children.popen(
-        [sys.executable, '-c', COMMAND, *words, '--node', '/dynamics', '--timeout', str(TIMEOUT)],
+        [sys.executable, '-c', COMMAND, *words, '--node', node, '--timeout', str(TIMEOUT)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
@@ -208,7 +208,50 @@ def test_a_motion_that_another_one_replaces(ask: Ask) -> None:
     assert ask('move', '0.25', '0.25', '--duration', '1')[0] == 0
     status, out, err = finish(process)
     assert (status, out) == (1, '')
-    assert 'the reference ended at [0.25, 0.25], not at the goal: another reference' in err
+    assert 'another goal has replaced this one: [0.25, 0.25]\n' in err
+
+
+def test_a_motion_without_further_joint_states_ends() -> None:
+    with running(NodeProcess(DYNAMICS, namespace='/cut', patient=False)):
+        with running(NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace='/cut')):
+            process = start(
+                'move', '-0.5', '-0.5', '--duration', '600', node='/cut/dynamics')
+            assert '0 %' in first_line(process)
+        status, out, err = finish(process)
+    assert (status, out) == (1, '')
+    assert 'the motion ended early: fault state_timeout' in err
+
+
+# --- stop, command, reset ------------------------------------------------------------------------
+
+def test_stop_holds_the_arm(ask: Ask) -> None:
+    assert ask('move', '-0.6', '-0.6', '--duration', '60', '--no-wait')[0] == 0
+    status, out, _ = ask('stop')
+    assert (status, out) == (
+        0, '/dynamics: stopping along the reference, then holding the position\n')
+    wait_until(lambda: not np.any(np.round(json.loads(
+        ask('watch', '--count', '1', '--json')[1])['velocity'], 4)), 'the rest')
+
+
+def test_the_command_is_shown_and_changed(ask: Ask, ros: RosClient) -> None:
+    assert ask('command')[1] == "/dynamics: command is 'computed_torque'\n"
+    status, out, _ = ask('command', 'none')
+    assert status == 0
+    assert out == (
+        "/dynamics: command is 'none', it was 'computed_torque': a moving arm stops first; the "
+        'effort is then ramped to zero\n')
+    assert ros.get_parameter('/dynamics', 'command') == 'none'
+    status, out, err = ask('command', 'computed')
+    assert (status, out) == (2, '')
+    assert "command is 'computed', expected one of" in err
+    assert json.loads(ask('command', 'computed_torque', '--json')[1]) == {
+        'node': '/dynamics', 'command': 'computed_torque', 'before': 'none'}
+
+
+def test_reset_says_that_no_fault_is_latched(ask: Ask) -> None:
+    status, out, err = ask('reset')
+    assert (status, out) == (2, '')
+    assert 'there is no fault' in err
 
 
 @pytest.mark.parametrize(('words', 'said'), [
@@ -248,6 +291,9 @@ def test_watch_shows_the_values_of_the_node(ask: Ask) -> None:
     np.testing.assert_allclose(
         table['effort_share'], np.abs(table['effort_command']) / [150.0, 60.0])
     np.testing.assert_allclose(table['external_effort'], 0.0, atol=0.5)
+    np.testing.assert_allclose(table['gravity'], efforts, rtol=2e-2)
+    np.testing.assert_allclose(table['effort_minus_gravity'], 0.0, atol=0.5)
+    assert 'measured [N m]' in ask('watch', '--count', '1')[1]
 
 
 def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> None:

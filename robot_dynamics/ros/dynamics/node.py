@@ -133,6 +133,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._effort_check: EffortCheck | None = None
         self._estimates: Estimates | None = None
         self._refused, self._refusal = 0, ''
+        self._accepted, self._goal = 0, list[float]()
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._settings = DeclaredParameters(
@@ -319,6 +320,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
             loop.follow(trajectory, stamp_from_ros(message.header.stamp))
             self._refusal = ''
+            self._accepted += 1
+            self._goal = trajectory.points[-1].position.tolist()
         except Exception as error:  # an exception here would end the spin of rclpy
             self._refuse_trajectory(error)
 
@@ -369,11 +372,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self._refusal,
+            'accepted': self._accepted, 'goal of the latest': self._goal,
             'streams that paused': 0 if loop is None else loop.paused_streams,
             'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
             'share of the gains that the state rate allows':
                 1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
-            **({} if loop is None else _stiffness_values(loop.controller))})
+            **({} if loop is None else _stiffness_values(loop.controller))}, self._accepted)
 
 
 def _stiffness_values(controller: Controller) -> dict[str, str]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The publisher of `dynamics` on /diagnostics: once per second, and when a level changes."""
+"""The publisher of `dynamics` on /diagnostics: once per second, and after a change."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 PERIOD = 1.0
 """[s] between two messages."""
 LOOK_PERIOD = 0.1
-"""[s] between two checks for a changed level."""
+"""[s] between two checks for a change."""
 
 
 STIFFNESS, FRICTION_ERROR = 'stiffness of', 'error that known dry friction can hold at'
@@ -22,12 +22,17 @@ STIFFNESS, FRICTION_ERROR = 'stiffness of', 'error that known dry friction can h
 
 
 class Status(NamedTuple):
-    """One status: name, level, message in one line, and values by key."""
+    """
+    One status: name, level, message in one line, and values by key.
+
+    A changed level or `event` is published at once.
+    """
 
     name: str
     level: bytes
     message: str
     values: Mapping[str, object]
+    event: object = None
 
 
 def joint_key(beginning: str, joint: str, unit: str) -> str:
@@ -50,11 +55,11 @@ class Diagnostics:
         self._node = node
         self._look = look
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._levels: dict[str, bytes] = {}
+        self._reported: dict[str, tuple[bytes, object]] = {}
         self._looks = 0
         node.create_timer(LOOK_PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.look_now = node.create_guard_condition(self._report_changes).trigger
-        """Check the levels at once; may be called in any thread."""
+        """Check for a change at once; may be called in any thread."""
 
     def _tick(self) -> None:
         due = self._looks % round(PERIOD / LOOK_PERIOD) == 0
@@ -66,10 +71,10 @@ class Diagnostics:
 
     def _report(self, even_unchanged: bool) -> None:
         statuses = self._look()
-        levels = {status.name: status.level for status in statuses}
-        if not even_unchanged and levels == self._levels:
+        found = {status.name: (status.level, status.event) for status in statuses}
+        if not even_unchanged and found == self._reported:
             return
-        self._levels = levels
+        self._reported = found
         message = DiagnosticArray(status=[self._to_ros(status) for status in statuses])
         message.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(message)

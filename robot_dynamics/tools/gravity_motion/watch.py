@@ -102,7 +102,7 @@ class ArmWatch(MotionWatch):
         """Move to a goal; `on_progress` receives the time [s] since the start."""
         goal = move.goal.tolist()
         self._late_ns = np.inf
-        self.wait_taken(lambda: publish(goal, move.duration))
+        self.wait_taken(goal, lambda: publish(goal, move.duration))
         limit = LATE_FACTOR * move.duration + LATE_TIME
         self._late_ns = self.position_ns + 1e9 * limit
         self.wait_end(goal, on_progress)

@@ -37,6 +37,12 @@ def complete_checks(prefix: str, **_: object) -> list[str]:
     return list(CHECKS)
 
 
+def complete_commands(prefix: str, **_: object) -> list[str]:
+    """Return the control laws, and `none`."""
+    from robot_dynamics.control.controller import command_modes
+    return list(command_modes())
+
+
 def complete_nodes(prefix: str, parsed_args: Namespace, **_: object) -> list[str]:
     """Return the `dynamics` nodes that run."""
     return _asking(lambda client: client.nodes(), Namespace())

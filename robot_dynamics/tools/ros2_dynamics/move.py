@@ -6,6 +6,7 @@
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+import json
 import math
 import time
 from typing import Any, NoReturn
@@ -35,8 +36,8 @@ AT_REST_TIME = 0.5
 _REFERENCE_TIME = 1.0
 """[s] within which a reference that is held is received."""
 _EARLY = 'ended early: '
-_FOLLOWING, _RESTS = 'following', ' from its goal, '
-"""The beginning of the status `reference`, and a part of it if a joint does not follow."""
+_RESTS = ' from its goal, '
+"""A part of the status `reference` if a joint does not follow."""
 FAR = 0.01
 """[rad] or [m] from the goal at which the reason is asked for."""
 _STATUS_TIME = 3.0
@@ -59,9 +60,13 @@ class MotionWatch:
         """Stamp [ns], positions and velocities of the newest reference."""
         self.rejections: int | None = None
         self.rejection = ''
+        self._accepted: tuple[int, list[float]] = (0, [])
+        """How many goals the node has accepted, and the newest of them."""
+        self._goal: Sequence[float] = []
+        """The goal that the node has accepted, empty before."""
         self._statuses = self._early = 0
         self._status = ''
-        self._last_message = time.monotonic()
+        self._last_reference = time.monotonic()
 
     @contextmanager
     def following(self) -> Iterator[None]:
@@ -80,7 +85,7 @@ class MotionWatch:
         self.position_ns = stamp_from_ros(message.header.stamp)
 
     def _on_reference(self, message: JointState) -> None:
-        self._last_message = time.monotonic()
+        self._last_reference = time.monotonic()
         order = [list(message.name).index(name) for name in self._names]
         self.reference = (
             stamp_from_ros(message.header.stamp), tuple(message.position[i] for i in order),
@@ -90,9 +95,9 @@ class MotionWatch:
         for status in message.status:
             if status.name == f'{self._client.name}: reference':
                 values = {pair.key: pair.value for pair in status.values}
-                self._last_message = time.monotonic()
                 self.rejections = int(values['refused'])
                 self.rejection = values['refusal of the latest']
+                self._accepted = int(values['accepted']), json.loads(values['goal of the latest'])
                 self._status = status.message
                 self._statuses += 1
                 self._early = self._early + 1 if status.message.startswith(_EARLY) else 0
@@ -112,30 +117,34 @@ class MotionWatch:
         if self._status != 'none':
             client.wait(lambda: self.reference is not None, _REFERENCE_TIME)
 
-    def wait_taken(self, publish: Callable[[], None]) -> None:
+    def wait_taken(self, goal: Sequence[float], publish: Callable[[], None]) -> None:
         """
-        Publish a goal and wait until the node follows it.
+        Publish a goal and wait until the node has accepted it.
 
-        A reference that was at rest moves then. Otherwise, and if the goal is where the arm is
-        held, the second status after the goal decides. Raises ToolError with the reason of a
-        rejection, NoAnswerError.
+        Raises ToolError with the reason of a rejection or if the node has accepted only another
+        goal, NoAnswerError.
         """
-        before, known = self.reference, self.rejections
-        was_at_rest = before is None or not any(before[2])
-        self._statuses = 0
+        known, (count, _) = self.rejections, self._accepted
+        self._goal = []
         publish()
 
         def is_taken() -> bool:
             if self.rejections != known:
                 raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
-            moved = self.reference is not None and (any(self.reference[2]) or (
-                before is not None and self.reference[1] != before[1]))
-            return (was_at_rest and moved) or (self._statuses > 1 and self._follows())
+            accepted, newest = self._accepted
+            return accepted > count and self.reference is not None and self.is_at(goal, newest)
 
         if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
+            if self._accepted[0] > count:
+                self._raise_replaced()
             raise NoAnswerError(
-                f'{self._client.name} neither follows nor rejects the goal; its reference is: '
-                f'{self._status}')
+                f'{self._client.name} neither accepts nor rejects the goal; its status '
+                f'`reference` is: {self._status}')
+        self._goal = goal
+
+    def _raise_replaced(self) -> NoReturn:
+        raise ToolError(
+            f'another goal has replaced this one: {[round(q, 4) for q in self._accepted[1]]}')
 
     def wait_end(self, goal: Sequence[float], on_progress: Callable[[float], None]) -> None:
         """
@@ -145,7 +154,7 @@ class MotionWatch:
         """
         assert self.reference is not None
         start_ns = moving_ns = self.reference[0]
-        self._early = 0
+        self._early, self._last_reference = 0, time.monotonic()
 
         def has_ended() -> bool:
             nonlocal moving_ns
@@ -165,17 +174,20 @@ class MotionWatch:
         self._client.wait(lambda: self.position_ns >= end_ns)
 
     def check_following(self) -> None:
-        """Raise ToolError if the reference ended early, NoAnswerError without messages."""
+        """
+        Raise ToolError if the reference ended early or another goal replaced it.
+
+        Raises NoAnswerError without references.
+        """
         if self._early > 1:  # the first status may be from before the goal
             raise ToolError(
                 f'the motion ended early: {self._status.removeprefix(_EARLY)}')
-        if time.monotonic() - self._last_message > self._client.timeout:
+        if len(self._goal) and not self.is_at(self._goal, self._accepted[1]):
+            self._raise_replaced()
+        if time.monotonic() - self._last_reference > self._client.timeout:
             raise NoAnswerError(
-                f'{self._client.name} has sent no ~/reference and no /diagnostics for '
-                f'{self._client.timeout:g} s')
-
-    def _follows(self) -> bool:
-        return self._status.startswith(_FOLLOWING) or _RESTS in self._status
+                f'{self._client.name} has sent no ~/reference for {self._client.timeout:g} s; '
+                f'its status `reference` is: {self._status}')
 
     def shortfall(self, goal: Sequence[float]) -> str:
         """Return why a joint rests away from the goal, as the node states it, or nothing."""
@@ -222,7 +234,7 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
             arguments, names, limits, watch.error(goal, watch.measured()))
         with goal_publication(client, names) as publish:
             try:
-                watch.wait_taken(lambda: publish(goal, duration))
+                watch.wait_taken(goal, lambda: publish(goal, duration))
                 if not arguments.no_wait:
                     with Progress(duration, 's') as progress:
                         watch.wait_end(goal, progress.update)

@@ -78,6 +78,18 @@ class MoveVerb(VerbExtension):
     """Move the arm to a position, and report the position that it reached."""
 
 
+class StopVerb(VerbExtension):
+    """Stop the arm within its limits, and hold it."""
+
+
+class CommandVerb(VerbExtension):
+    """Show the control law whose efforts are commanded, or change it."""
+
+
+class ResetVerb(VerbExtension):
+    """Reset a latched fault."""
+
+
 class WatchVerb(VerbExtension):
     """Print a table of the joints again and again."""
 

@@ -22,6 +22,7 @@ from robot_dynamics.tools.command_line import DONE, MISTAKE, Parser, run_tool
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, TIMEOUT
 from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_checks,
+    complete_commands,
     complete_joints,
     complete_links,
     complete_nodes,
@@ -104,6 +105,16 @@ def _move_arguments(parser: argparse.ArgumentParser) -> None:
         help='Return as soon as the node follows the motion, and do not wait for its end.')
 
 
+def _no_arguments(parser: argparse.ArgumentParser) -> None:
+    pass
+
+
+def _command_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_commands, 'mode', nargs='?', metavar='MODE',
+         help='Control law, such as computed_torque, gravity_compensation or none. Without it, '
+              'the one in use is printed.')
+
+
 def _watch_arguments(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_nothing, '--rate', type=float, default=2.0, metavar='HZ',
          help='Number of tables per second. The default is 2.')
@@ -167,6 +178,12 @@ VERBS: Mapping[str, Verb] = {
     'move': Verb(
         'Move the arm to a position, and report the position that it reached', _move_arguments,
         'move'),
+    'stop': Verb(
+        'Stop the arm within its limits, and hold it', _no_arguments, 'orders'),
+    'command': Verb(
+        'Show the control law whose efforts are commanded, or change it', _command_arguments,
+        'orders'),
+    'reset': Verb('Reset a latched fault', _no_arguments, 'orders'),
     'watch': Verb('Print a table of the joints again and again', _watch_arguments, 'watch'),
     'record': Verb(
         'Record the topics of the node to a rosbag2 directory', _record_arguments, 'record'),

@@ -38,7 +38,11 @@ class JointTable:
         self._limits = [
             joints[name].effort_limit if name in joints else math.inf for name in self._names]
         self._values: dict[str, dict[str, float]] = {
-            field: {} for field in ('position', 'velocity', 'effort_command', 'external_effort')}
+            field: {} for field in (
+                'position', 'velocity', 'effort_command', 'effort', 'gravity',
+                'external_effort')}
+        self._has_torques = client.parameters(['measured_effort'])['measured_effort'] == (
+            'joint_torque')
         self._at_rest: dict[str, dict[str, float]] = {}
         self.stamp_ns: int | None = None
         """Stamp [ns] of the newest joint state, None before the first."""
@@ -52,6 +56,7 @@ class JointTable:
             (JointState, topic, take, qos_profile_sensor_data) for topic, take in (
                 (client.joint_state_topic(), self._on_state),
                 (client.resolve('effort_command'), lambda m: self._keep(m, 'effort_command')),
+                (client.resolve('~/gravity_compensation'), lambda m: self._keep(m, 'gravity')),
                 (client.resolve('~/external_effort'), lambda m: self._keep(m, 'external_effort')))]
 
     def _on_state(self, message: JointState) -> None:
@@ -59,6 +64,8 @@ class JointTable:
         self.stamp_ns = stamp_from_ros(message.header.stamp)
         self._values['position'] |= zip(message.name, message.position)
         self._values['velocity'] |= zip(message.name, message.velocity)
+        if self._has_torques:
+            self._keep(message, 'effort')
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         name = self._client.name
@@ -81,6 +88,9 @@ class JointTable:
         at_rest = {
             field: [values.get(name) for name in self._names]
             for field, values in self._at_rest.items() if values}
+        difference = [
+            None if measured is None or g is None else measured - g
+            for measured, g in zip(column('effort'), column('gravity'))]
         shares = [
             None if effort is None or not math.isfinite(limit) else abs(effort) / limit
             for effort, limit in zip(column('effort_command'), self._limits)]
@@ -88,7 +98,8 @@ class JointTable:
             'node': self._client.name, 'stamp': 1e-9 * (self.stamp_ns or 0),
             'joint_names': self._names, 'position': column('position'),
             'velocity': column('velocity'), 'effort_command': column('effort_command'),
-            'effort_share': shares, 'external_effort': column('external_effort'),
+            'effort_share': shares, 'effort': column('effort'), 'gravity': column('gravity'),
+            'effort_minus_gravity': difference, 'external_effort': column('external_effort'),
             **at_rest}
 
     def text(self) -> str:
@@ -100,6 +111,10 @@ class JointTable:
             f'velocity [{per_second}]': data['velocity'],
             f'command [{units.effort}]': data['effort_command'],
             'share of limit': data['effort_share']}
+        if self._values['effort']:
+            columns |= {
+                f'measured [{units.effort}]': data['effort'], 'g(q)': data['gravity'],
+                'measured - g(q)': data['effort_minus_gravity']}
         if self._values['external_effort']:
             columns[f'external [{units.effort}]'] = data['external_effort']
         if 'stiffness' in data:
