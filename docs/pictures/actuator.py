@@ -18,7 +18,7 @@ from robot_dynamics.reporting.figures import (
     styled_figure,
     VERMILION,
 )
-from robot_dynamics.simulation.current_loop import Drive
+from robot_dynamics.simulation.current_loop import CurrentLoop
 
 
 def motor(efficiency: float) -> Actuators:
@@ -54,7 +54,7 @@ def main(directory: Path) -> None:
 
         arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]))
         for wanted, colour, dash in ((10.0, GREEN, '-'), (50.0, VERMILION, (0, (5, 2)))):
-            drive, rest, rows = Drive(motor(1.0)), np.zeros(arm.joint_count), []
+            drive, rest, rows = CurrentLoop(motor(1.0)), np.zeros(arm.joint_count), []
             for k in range(200):
                 rows.append((0.1 * k, drive.current[0]))
                 drive.effort_over_step(np.array([wanted]), rest, 1e-4)

@@ -33,9 +33,8 @@ from robot_dynamics.ros.middleware.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
-from robot_dynamics.ros.simulated_arm.loops import Plant
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.plant import InnerController
+from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
 
@@ -178,7 +177,7 @@ def loads_of(arm: ArmModel, message: Any) -> list[Payload]:
 
 def take_plant(arm: ArmModel, events: list[Any]) -> None:
     """Apply efforts, wrenches and payloads to a simulated arm, as its loop does."""
-    plant = Plant(
+    plant = SimulatedRobot(
         ArmSimulation(arm), InnerController(arm, EffortConvention()), True,
         np.random.default_rng(0))
     reader = JointStateReader(arm.joint_names)
