@@ -148,9 +148,7 @@ class RunningNodes:
             parameter_overrides=[  # an empty list in a file counts as unset
                 Parameter(name, value=None if value == [] else value) for name, value in given])
         try:
-            values = DeclaredParameters(
-                node, SPECS, lambda _: None, lambda _: None,
-                ['robot_dynamics.ros.simulated_arm.node']).values
+            values = DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values
             for name, value in values.items():
                 check_finite(value, name)
         finally:

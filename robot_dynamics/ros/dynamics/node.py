@@ -136,8 +136,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._accepted, self._goal = 0, list[float]()
         self._configuring_failed: Exception | None = None
         self._is_starting = False
-        self._settings = DeclaredParameters(
-            self, SPECS, self._check, self._apply, ['robot_dynamics.ros.simulated_arm.node'])
+        self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
         self._payloads = PayloadKeeper(self, lambda: self._settings.values)
         self._gravity = BaseGravity(self, lambda: self._settings.values)
         self._path = ControlPath(

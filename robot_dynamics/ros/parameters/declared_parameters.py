@@ -35,6 +35,11 @@ from robot_dynamics.validation import check_choice, check_scalar
 Type = Parameter.Type
 Values = Mapping[str, Any]
 
+NODES = (
+    'robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node',
+    'robot_dynamics.ros.simulated_arm.mujoco_arm')
+"""Modules whose SPECS are those of the nodes, which may share a parameter file."""
+
 
 @dataclass(frozen=True)
 class ParameterSpec:
@@ -134,20 +139,17 @@ class DeclaredParameters:
     def __init__(
         self, node: Node, specs: Sequence[ParameterSpec],
         check: Callable[[Values], object], apply: Callable[[Values], None],
-        others: Sequence[str] = (),
     ) -> None:
         """
         Declare all parameters; `values` are then the values of the command line and the files.
 
         `check` checks all values together and raises RobotDynamicsError if they are
-        inconsistent; `apply` applies an accepted change. `others` are modules whose SPECS
-        are those of nodes that share a parameter file with this one; they are imported if the
-        file has parameters that this node lacks. Raises InvalidInputError on an invalid start
-        value or an unknown name.
+        inconsistent; `apply` applies an accepted change. Raises InvalidInputError on an invalid
+        start value or an unknown name.
         """
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
-        self._check, self._apply, self._others = check, apply, others
+        self._check, self._apply = check, apply
         self._values: dict[str, Any] = {}
         self._former = {former: name for former, name in FORMER_NAMES.items()
                         if name in self._specs}
@@ -188,10 +190,10 @@ class DeclaredParameters:
         return value
 
     def _check_names(self) -> None:
-        """Raise InvalidInputError for a name that neither this node nor the other one has."""
+        """Raise InvalidInputError for a name that no node of this package has."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
-        others = [import_module(module).SPECS for module in self._others] if unknown else []
+        others = [import_module(module).SPECS for module in NODES] if unknown else []
         of_others = {spec.name for specs in others for spec in specs}
         for name in unknown:
             if name not in of_others:

@@ -102,9 +102,7 @@ class MujocoArmNode(PlantNode):
             self._set_up()
 
     def _set_up(self) -> None:
-        values = DeclaredParameters(self, SPECS, _check, self._apply, [
-            'robot_dynamics.ros.dynamics.parameters',
-            'robot_dynamics.ros.simulated_arm.node']).values
+        values = DeclaredParameters(self, SPECS, _check, self._apply).values
         if values['mjcf']:
             model = load_mjcf(description_path(values['mjcf'], 'mjcf'))
         else:

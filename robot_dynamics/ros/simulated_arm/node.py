@@ -111,8 +111,7 @@ class SimulatedArmNode(PlantNode):
             self._set_up()
 
     def _set_up(self) -> None:
-        self._settings = DeclaredParameters(
-            self, SPECS, _check, self._apply, ['robot_dynamics.ros.dynamics.parameters'])
+        self._settings = DeclaredParameters(self, SPECS, _check, self._apply)
         values = self._settings.values
         xml = robot_description.description_from_parameters(values) or (
             robot_description.embedded_description())
