@@ -57,6 +57,26 @@ def check_payloads(arm: ArmModel, payloads: Sequence[Payload], remedy: str = '')
         _check_mass(loaded, payload, remedy)
 
 
+def check_held_at(
+    arm: ArmModel, payloads: Sequence[Payload], q: FloatArray, remedy: str = '',
+) -> None:
+    """
+    Raise InvalidInputError for loads that the arm cannot hold in its configuration q (n,).
+
+    `arm` is without loads. A joint whose effort limit gravity exceeds already without these loads
+    is no reason if they do not increase the effort.
+    """
+    without, g = (RigidBody(each).gravity(q) for each in (arm, arm.with_payloads(payloads)))
+    limit = arm.limits.effort
+    excess = np.where(np.abs(g) > np.abs(without), np.abs(g) - limit, -np.inf)
+    worst = int(np.argmax(excess))
+    if excess[worst] > _ROUNDING:
+        raise InvalidInputError(
+            f'payload.inertia.m is {payloads[-1].mass:.6g} kg on {payloads[-1].link!r}: in the '
+            f'present configuration gravity at {arm.joint_names[worst]!r} is then '
+            f'{abs(g[worst]):.4g}, expected at most its effort limit {limit[worst]:.4g}{remedy}')
+
+
 def reach(arm: ArmModel) -> float:
     """Return the largest possible distance [m] of a link or a centre of mass from the base."""
     model = arm.unloaded_model

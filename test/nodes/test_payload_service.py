@@ -4,18 +4,31 @@
 """The service `set_payload` of `dynamics`: effect on all services, and transitions."""
 
 from dataclasses import replace
+import re
+from typing import Any
 
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import (
     payload_from_ros,
     payload_to_ros,
     stamp_from_ros,
 )
-from ros_harness import LATCHED, RosClient
+from robot_dynamics_interfaces.srv import ManipulatorEquation, SetPayload
+from ros_harness import (
+    DYNAMICS,
+    LATCHED,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 from service_bench import A, Q, Served, TAU, V
 
@@ -29,7 +42,7 @@ def test_a_payload_counts_in_every_service_and_is_latched(
     loaded = ArmDynamics(arm.with_payloads([LOAD]))
     q, v, a = np.array(Q), np.array(V), np.array(A)
     answer = planar.answer('set_payload', payload=payload_to_ros(LOAD))
-    assert answer.message == "2.5 kg on 'tool0'"
+    assert answer.message == "2.5 kg on 'tool0'; a restart begins with no payload"
     response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
     assert response.effort == pytest.approx(loaded.inverse_dynamics(q, v, a))
     equation = planar.answer('manipulator_equation', position=Q)
@@ -45,7 +58,7 @@ def test_a_payload_counts_in_every_service_and_is_latched(
         Payload('hand', 1.0, LOAD.com, LOAD.inertia))).success
     assert planar.answer('inverse_dynamics', position=Q).terms.gravity == pytest.approx(
         loaded.rigid_body.gravity(q))  # a rejected payload changes nothing
-    assert planar.answer('set_payload').message == 'no payload'
+    assert planar.answer('set_payload').message.startswith('no payload;')
     assert planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A).effort == (
         pytest.approx(TAU, abs=5e-9))
     before = stamp_from_ros(in_force.header.stamp)
@@ -53,6 +66,63 @@ def test_a_payload_counts_in_every_service_and_is_latched(
         InertiaStamped, '/planar/dynamics/payload', lambda message: (
             message.inertia.m == 0.0 and stamp_from_ros(message.header.stamp) > before),
         qos=LATCHED)
+
+
+def test_payloads_of_the_parameters_are_in_force_after_the_start(client: RosClient) -> None:
+    parameters = {
+        'joints': ['joint1', 'joint2'], 'payload.links': ['tool0', 'link2'],
+        'payload.mass': [2.5, 1.0], 'payload.com': [0.1, 0.0, 0.2, 0.0, 0.0, 0.0],
+        'payload.inertia': [0.01, 0.0, 0.0, 0.02, 0.0, 0.015, *[0.0] * 6]}
+    arm = load_arm(default_arm_urdf())
+    gravity = ArmDynamics(arm.with_payloads([LOAD, make_payload('link2', 1.0)])).rigid_body.gravity
+    with running(
+            NodeProcess(DYNAMICS, parameters, namespace='/restarted'),
+            NodeProcess(SIMULATED_ARM, parameters, namespace='/restarted')):
+        answer = client.call(
+            ManipulatorEquation, '/restarted/dynamics/manipulator_equation',
+            ManipulatorEquation.Request(position=Q))
+        assert answer.gravity == pytest.approx(gravity(np.array(Q)))
+        removed = client.call(
+            SetPayload, '/restarted/dynamics/set_payload', SetPayload.Request())
+        assert removed.message == (
+            "no payload; a restart begins with 2.5 kg on 'tool0', 1 kg on 'link2'")
+        removed = client.call(
+            SetPayload, '/restarted/simulated_arm/set_payload', SetPayload.Request(
+                payload=payload_to_ros(make_payload('tool0', 1.0))))
+        assert removed.message == "1 kg on 'link2', 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')"
+
+
+def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': ['joint1', 'joint2']}, namespace='/heavy'):
+        states = client.publisher(JointState, '/heavy/joint_states', 1)
+        request = SetPayload.Request(payload=payload_to_ros(make_payload('tool0', 12.0)))
+
+        def is_rejected(position: list[float]) -> str:
+            message = JointState(
+                name=['joint1', 'joint2'], position=position, velocity=[0.0, 0.0])
+            message.header.stamp = client.node.get_clock().now().to_msg()
+            states.publish(message)
+            response = client.call(SetPayload, '/heavy/dynamics/set_payload', request)
+            return '' if response.success else response.message
+
+        wait_until(lambda: 'in the present configuration gravity at' in is_rejected([np.pi / 2.0, 0.0]),
+                   'the rejection of a stretched arm')
+        wait_until(lambda: is_rejected([0.0, 0.0]) == '', 'a load of an arm that hangs')
+        client.node.destroy_publisher(states)
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'payload.mass': [1.0]}, r'payload\.mass has 1 values, expected 1 for each of payload.links'),
+    ({'payload.links': ['tool0'], 'payload.mass': [1.0], 'payload.com': [0.0, 0.0]},
+     r'payload\.com has 2 values, expected 3 for each'),
+    ({'payload.links': ['tool0', 'tool0'], 'payload.mass': [1.0, 2.0]}, 'expected each link once'),
+    ({'payload.links': ['tool0'], 'payload.mass': [-1.0]}, r'payload\.mass.* -1')])
+def test_mismatched_payload_parameters_end_the_start(
+    changes: dict[str, Any], words: str,
+) -> None:
+    node = NodeProcess(DYNAMICS, changes).launch()
+    assert node.wait() == 1
+    assert re.search(words, node.log), node.log
 
 
 def test_a_transition_takes_the_time_of_the_joint_states(

@@ -27,6 +27,7 @@ from robot_dynamics.tools.ros2_dynamics.verbs import main, make_parser, run, VER
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 
 ROOT = Path(__file__).parents[2]
+START = '; a restart begins with no payload'
 COMPLETE = """
 import sys
 import argcomplete
@@ -185,24 +186,25 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
     assert 'no payload' in ask('payload')[1]
     without = gravity()
     status, out, _ = ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
-    assert (status, out) == (0, "/dynamics: 2.5 kg on 'tool0'\n")
+    assert (status, out) == (0, f"/dynamics: 2.5 kg on 'tool0'{START}\n")
     assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
     assert ask('payload', 'tool0', '1')[1] == (
-        "/dynamics: 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')\n")
+        f"/dynamics: 1 kg on 'tool0' (replaces 2.5 kg on 'tool0'){START}\n")
     ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
     assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
     out = ask('payload', 'link2', '1')[1]
-    assert out == "/dynamics: 2.5 kg on 'tool0', 1 kg on 'link2'\n"
+    assert out == f"/dynamics: 2.5 kg on 'tool0', 1 kg on 'link2'{START}\n"
     assert "payload  2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m; 1 kg on 'link2'" in (
         ask('status')[1])
     status = json.loads(ask('status', '--json')[1])
     assert [(one['link'], one['mass']) for one in status['payloads']] == [
         ('tool0', 2.5), ('link2', 1.0)]
     assert status['payload']['link'] == 'link2'
-    assert ask('payload', 'tool0', '0')[1] == "/dynamics: 1 kg on 'link2'\n"
+    assert ask('payload', 'tool0', '0')[1] == (
+        f"/dynamics: 1 kg on 'link2'{START}\n")
     assert json.loads(ask('payload', '--json')[1])['payloads'][0]['link'] == 'link2'
-    assert ask('payload', '--clear')[1] == '/dynamics: no payload\n'
+    assert ask('payload', '--clear')[1] == f'/dynamics: no payload{START}\n'
     assert json.loads(ask('payload', '--json')[1])['payloads'] == []
     assert gravity() == pytest.approx(without)
 

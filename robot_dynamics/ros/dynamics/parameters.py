@@ -37,7 +37,7 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     texts,
     Values,
 )
-from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPEC
+from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS
 from robot_dynamics.ros.parameters.robot_description import (
     ACTUATOR_SPECS,
     DESCRIPTION_SPECS,
@@ -107,7 +107,7 @@ SPECS = (
     texts('ignore_checks', (
         'Names of model checks whose errors are logged as warnings instead of rejecting the '
         'model.'), choices=tuple(CHECKS), read_only=True),
-    PAYLOAD_SPEC,
+    *PAYLOAD_SPECS,
     text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
         'computed_torque stops the arm from the first joint state and holds it; '

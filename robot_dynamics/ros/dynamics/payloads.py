@@ -21,7 +21,12 @@ from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics.ros.parameters.payloads import changed_payloads, check_all, payload_warnings
+from robot_dynamics.ros.parameters.payloads import (
+    changed_payloads,
+    check_all,
+    payload_warnings,
+    payloads_at_start,
+)
 
 ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Number of messages for late subscribers: the largest number of loaded links."""
@@ -29,7 +34,7 @@ ALL_PAYLOADS = QoSProfile(depth=32, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 class PayloadKeeper:
     """
-    The payloads that ~/set_payload has set.
+    The payloads of the parameters and those that ~/set_payload has set.
 
     They persist if the model changes. A new model that cannot carry them is rejected until they
     are removed.
@@ -42,7 +47,7 @@ class PayloadKeeper:
         `values` returns the parameters of the node.
         """
         self._node, self._values = node, values
-        self._payloads: tuple[Payload, ...] = ()
+        self._payloads = self._at_start = payloads_at_start(values())
         self.obstacle = ''
         """Reason why the newest model cannot carry the payloads, empty if it can."""
         self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
@@ -84,12 +89,18 @@ class PayloadKeeper:
         self, controller: Controller, message: InertiaStamped, transition_time: float,
     ) -> str:
         """Set or remove the payload of a link; return a report; raise InvalidInputError."""
+        state = controller.state
         payloads = changed_payloads(
-            controller.arm, self._payloads, message, self._values())
+            controller.arm, self._payloads, message, self._values(),
+            None if state is None else state[1])
         controller.set_payloads(payloads, transition_time, self._in_force)
         report = describe_change(self._payloads, payloads)
         self._payloads, self.obstacle = payloads, ''
-        return report
+        return f'{report}; a restart begins with {self._start}'
+
+    @property
+    def _start(self) -> str:
+        return describe_payloads(self._at_start)
 
     def remove(self, link: str) -> str:
         """Do the same without a model: remove the payload of a link, or all if it is empty."""
@@ -107,7 +118,8 @@ class PayloadKeeper:
         return Status(
             'payload', ERROR if self.obstacle else OK,
             self.obstacle or describe_payloads(payloads),
-            {'payloads': len(payloads), 'mass': sum(one.mass for one in payloads)})
+            {'payloads': len(payloads), 'mass': sum(one.mass for one in payloads),
+             'a restart begins with': self._start})
 
     def _in_force(self, payloads: Sequence[Payload]) -> None:
         stamp = self._node.get_clock().now().to_msg()

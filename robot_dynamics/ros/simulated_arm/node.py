@@ -25,7 +25,13 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     Values,
 )
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
-from robot_dynamics.ros.parameters.payloads import changed_payloads, PAYLOAD_SPEC, payload_warnings
+from robot_dynamics.ros.parameters.payloads import (
+    changed_payloads,
+    check_all,
+    PAYLOAD_SPECS,
+    payload_warnings,
+    payloads_at_start,
+)
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.ros.simulated_arm.plant_node import (
     BRAKE_SPECS,
@@ -43,7 +49,7 @@ SPECS = (
     *robot_description.FRICTION_SPECS,
     *robot_description.ACTUATOR_SPECS,
     *robot_description.DRIVE_SPECS,
-    PAYLOAD_SPEC,
+    *PAYLOAD_SPECS,
     robot_description.ROBOT_GRAVITY_SPEC,
     *LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
@@ -122,6 +128,9 @@ class SimulatedArmNode(PlantNode):
             values['initial_position'] or None, values['initial_velocity'] or None,
             values['max_step'])
         self._simulation.check_inertia()
+        payloads = payloads_at_start(values)
+        check_all(self._arm, payloads, values)
+        self._simulation.set_payloads(payloads)
         plant = SimulatedRobot(
             self._simulation, InnerController(self._arm, convention_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
