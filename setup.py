@@ -78,6 +78,7 @@ setup(
         'parquet': ['pyarrow'],  # of analyze_bag
         'report': ['bokeh>=3.4'],  # zoom in the figures of HTML reports
         'dask': ['distributed'],  # of tools that take many recordings
+        'robots': ['example-robot-data'],  # descriptions by name, such as ur10
         'xacro': ['xacro'],
         'mujoco': ['mujoco>=3.2'],  # the node mujoco_arm
         'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell

@@ -36,6 +36,7 @@ from benchmarks.safe_motion_cases import (
 )
 from benchmarks.safe_motion_disturbances import DISTURBANCES
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
+from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import (
     BLACK,
     BLUE,
@@ -122,7 +123,7 @@ def _installed(names: Sequence[str]) -> list[str]:
         try:
             arm_named(name)
             found.append(name)
-        except FileNotFoundError as error:
+        except MissingDependencyError as error:
             print(f'{name} is left out: {error}')
     return found
 

@@ -9,14 +9,10 @@ at once, in alternating directions; the step of a joint is shortened so that its
 `GOAL_MARGIN` from the limits. Gravity takes at most 0.8 of an effort limit on the way.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from functools import cache
-from importlib import metadata
 import itertools
 import math
-import os
-from pathlib import Path
 from typing import Any, NamedTuple
 import zlib
 
@@ -26,25 +22,14 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.urdf.sample_robots import sample_robot_path, SAMPLE_ROBOTS
 
-PACKAGE = 'example-robot-data'
 DEFAULT = 'default'
-FILES = {
-    'ur3': 'ur_description/urdf/ur3_robot.urdf',
-    'ur5': 'ur_description/urdf/ur5_robot.urdf',
-    'ur10': 'ur_description/urdf/ur10_robot.urdf',
-    'panda': 'panda_description/urdf/panda.urdf',
-    'xarm7': 'xarm_description/urdf/xarm7.urdf',
-    'kinova': 'kinova_description/robots/kinova.urdf',
-    'z1': 'z1_description/urdf/z1.urdf',
-    'talos_left_arm': 'talos_data/robots/talos_left_arm.urdf',
-}
-"""Descriptions in the package example-robot-data, by the names of test/support/robots.py."""
 JOINTS = {
     'panda': [f'panda_joint{i + 1}' for i in range(7)],
     'talos_left_arm': [f'arm_left_{i + 1}_joint' for i in range(1, 7)]}
 """Actuated joints, if not all: fingers are locked and keep their mass."""
-ARMS = (DEFAULT, *FILES)
+ARMS = (DEFAULT, *SAMPLE_ROBOTS)
 DEFAULT_ARMS = (DEFAULT, 'ur5', 'ur10', 'panda', 'xarm7', 'kinova', 'z1')
 """Those that are run by default, for the sake of time."""
 FIRST_JOINT = {'talos_left_arm': 0.8}
@@ -160,28 +145,14 @@ def all_cases(arms: Sequence[str] = ARMS, disturbances: Sequence[str] = ('',)) -
 
 @cache
 def arm_named(name: str) -> ArmModel:
-    """Return an arm; raise FileNotFoundError if its description is not installed."""
+    """Return an arm; raise MissingDependencyError if its description is not installed."""
     return load_arm(description_of(name), JOINTS.get(name, ()))
 
 
 def description_of(name: str) -> str:
-    """Return the URDF of an arm; raise FileNotFoundError if it is not installed."""
-    return default_arm_urdf() if name == DEFAULT else _path(name).read_text(encoding='utf-8')
-
-
-def _path(name: str) -> Path:
-    for prefix in _prefixes():
-        path = prefix / 'share' / PACKAGE / 'robots' / FILES[name]
-        if path.is_file():
-            return path
-    raise FileNotFoundError(f'no description of {name}: {PACKAGE} is not installed')
-
-
-def _prefixes() -> Iterator[Path]:
-    """Yield the directories that may contain the package: its wheel, ROS installations."""
-    with suppress(metadata.PackageNotFoundError):
-        yield Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
-    yield from (Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p)
+    """Return the URDF of an arm; raise MissingDependencyError if it is not installed."""
+    return default_arm_urdf() if name == DEFAULT else (
+        sample_robot_path(name).read_text(encoding='utf-8'))
 
 
 def motion_of(case: Case) -> Motion:

@@ -3,7 +3,6 @@
 
 """Optional libraries that some functions need, and the ways to install them."""
 
-from collections.abc import Sequence
 import importlib
 from importlib.util import find_spec
 from pathlib import Path
@@ -32,6 +31,8 @@ class Library(NamedTuple):
 LIBRARIES = {
     'PIL': Library('Pillow', 'python3-pil', ('pillow',), 'tools'),
     'bokeh': Library('Bokeh', '', ('bokeh',), 'report'),
+    'example_robot_data': Library(
+        'example-robot-data', 'ros-jazzy-example-robot-data', ('example-robot-data',), 'robots'),
     'distributed': Library('distributed', '', ('distributed',), 'dask'),
     'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',), 'video'),
     'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',), 'tools'),
@@ -67,7 +68,7 @@ def optional(module: str, purpose: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError:
-        raise _missing(purpose, [module.partition('.')[0]]) from None
+        raise missing(purpose, module.partition('.')[0]) from None
 
 
 def require(purpose: str, *modules: str) -> None:
@@ -76,9 +77,9 @@ def require(purpose: str, *modules: str) -> None:
 
     Raises MissingDependencyError, which names all that are missing and one command.
     """
-    missing = [module for module in modules if not _is_importable(module)]
-    if missing:
-        raise _missing(purpose, missing)
+    absent = [module for module in modules if not _is_importable(module)]
+    if absent:
+        raise missing(purpose, *absent)
 
 
 def require_ros(purpose: str) -> None:
@@ -110,7 +111,8 @@ def install_command(*modules: str) -> str:
     return ' && '.join(commands)
 
 
-def _missing(purpose: str, modules: Sequence[str]) -> MissingDependencyError:
+def missing(purpose: str, *modules: str) -> MissingDependencyError:
+    """Return the error of libraries of LIBRARIES that are not installed."""
     names = [LIBRARIES[module].name for module in modules]
     which = f'library {names[0]}' if len(names) == 1 else (
         f'libraries {", ".join(names[:-1])} and {names[-1]}')

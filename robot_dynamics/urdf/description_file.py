@@ -10,6 +10,7 @@ from pathlib import Path
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.document import check_document, LARGEST_DESCRIPTION
+from robot_dynamics.urdf.sample_robots import sample_robot_path, SAMPLE_ROBOTS
 
 
 def read_description(path: Path, field: str) -> str:
@@ -53,10 +54,21 @@ def read_description_file(file: str, field: str) -> str:
 
 
 def description_path(file: str, field: str) -> Path:
-    """Return the path for a path, file:// or package://; raise ModelError for other texts."""
+    """
+    Return the path for a path, file://, package:// or a name of SAMPLE_ROBOTS.
+
+    Raises ModelError for other texts.
+    """
     scheme, separator, rest = file.partition('://')
     if not separator:
-        return Path(file).expanduser()
+        path = Path(file).expanduser()
+        if path.name != file or path.exists() or path.suffix:
+            return path
+        if file not in SAMPLE_ROBOTS:
+            raise ModelError(
+                f'{field} is {file!r}, and there is no such file; expected a path, file://, '
+                f'package:// or one of {sorted(SAMPLE_ROBOTS)}')
+        return sample_robot_path(file)
     if scheme == 'file':
         return Path(rest)
     if scheme != 'package':

@@ -105,7 +105,8 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
             response = client.call(SetPayload, '/heavy/dynamics/set_payload', request)
             return '' if response.success else response.message
 
-        wait_until(lambda: 'in the present configuration gravity at' in is_rejected([np.pi / 2.0, 0.0]),
+        stretched = [np.pi / 2.0, 0.0]
+        wait_until(lambda: 'in the present configuration gravity at' in is_rejected(stretched),
                    'the rejection of a stretched arm')
         wait_until(lambda: is_rejected([0.0, 0.0]) == '', 'a load of an arm that hangs')
         client.node.destroy_publisher(states)

@@ -107,6 +107,7 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
             raise InvalidInputError(
                 f'--{option} is given with --{other}, expected one of the two')
     _check_libraries(arguments)
+    urdf = None if arguments.robot is None else command_line.read_robot(arguments.robot, '--robot')
     try:
         directory = _make_directory(arguments.out)
     except OSError as error:
@@ -115,8 +116,8 @@ def _run(arguments: argparse.Namespace, origin: 'Origin') -> int:
     from robot_dynamics.tools.demo.processes import choose_domain
     os.environ.update(choose_domain(os.environ))
     if arguments.replay is not None:
-        return _replay(arguments, directory, origin)
-    return _closed_loop(arguments, directory, origin)
+        return _replay(arguments, urdf, directory, origin)
+    return _closed_loop(arguments, urdf, directory, origin)
 
 
 def _check_libraries(arguments: argparse.Namespace) -> None:
@@ -131,7 +132,9 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
         require('demo --viewer', 'viser')
 
 
-def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
+def _closed_loop(
+    arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
+) -> int:
     from robot_dynamics.tools.demo.loop import Page, run_closed_loop
     from robot_dynamics.tools.demo.report import (
         loop_report,
@@ -140,7 +143,7 @@ def _closed_loop(arguments: argparse.Namespace, directory: Path, origin: 'Origin
         write_loop_page,
     )
     from robot_dynamics.tools.demo.session import PICTURE, RECORDING, REPORT
-    urdf = _description(arguments.robot, directory)
+    urdf = _written(given or command_line.read_robot(None), directory)
     arm = _arm(urdf, arguments.parameters)
     run = run_closed_loop(
         arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
@@ -182,13 +185,15 @@ def _motion(arm: 'ArmModel', arguments: argparse.Namespace) -> 'ReferenceMotion'
     return motion_along(arm, read_trajectory(arguments.trajectory, arm.joint_names))
 
 
-def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') -> int:
+def _replay(
+    arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
+) -> int:
     from robot_dynamics.analysis.tasks import AnalysisTask, analyze_task
     from robot_dynamics.tools.analyze_bag import print_one
     from robot_dynamics.tools.demo.replay import play_recording, read_recording
     from robot_dynamics.tools.demo.session import RECORDING, REPORT
     recorded = read_recording(arguments.replay, arguments.topic, arguments.duration)
-    urdf = _description(arguments.robot, directory, recorded.urdf)
+    urdf = _written(given or recorded.urdf or command_line.read_robot(None), directory)
     settings = play_recording(recorded, urdf, arguments.rate, directory)
     outputs = () if arguments.no_plot else (REPORT,)
     try:
@@ -199,11 +204,9 @@ def _replay(arguments: argparse.Namespace, directory: Path, origin: 'Origin') ->
     return command_line.DONE
 
 
-def _description(robot: str | None, directory: Path, recorded: str | None = None) -> str:
-    """Return the URDF, and write it into `directory`."""
+def _written(urdf: str, directory: Path) -> str:
+    """Return a URDF, and write it into `directory`."""
     from robot_dynamics.tools.demo.session import DESCRIPTION
-    urdf = recorded if robot is None and recorded is not None else (
-        command_line.read_robot(robot, '--robot'))
     (directory / DESCRIPTION).write_text(urdf, encoding='utf-8')
     return urdf
 

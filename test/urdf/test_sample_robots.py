@@ -1,0 +1,39 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Robots by name: their descriptions, and names that are none."""
+
+from pathlib import Path
+
+import pytest
+from robot_dynamics.exceptions import MissingDependencyError, ModelError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.urdf import sample_robots
+from robot_dynamics.urdf.description_file import description_path, read_description_file
+from robot_dynamics.urdf.sample_robots import SAMPLE_ROBOTS
+
+
+@pytest.mark.parametrize('name', SAMPLE_ROBOTS)
+def test_each_name_is_an_arm(name: str) -> None:
+    arm = load_arm(read_description_file(name, '--urdf'))
+    assert arm.joint_count >= 6
+    assert (arm.limits.effort > 0.0).all()
+
+
+def test_a_file_of_that_name_is_read_instead(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path('ur10').write_text('<robot/>', encoding='utf-8')
+    assert description_path('ur10', '--urdf') == Path('ur10')
+
+
+def test_another_name_is_rejected_with_the_names() -> None:
+    with pytest.raises(ModelError, match=r"--urdf is 'ur99', and .* one of \['kinova', 'panda'"):
+        read_description_file('ur99', '--urdf')
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sample_robots, '_prefixes', lambda: iter(()))
+    with pytest.raises(MissingDependencyError, match='needs the library example-robot-data'):
+        read_description_file('ur10', '--urdf')
