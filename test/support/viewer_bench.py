@@ -15,6 +15,7 @@ import viser
 from websockets.sync.client import ClientConnection, connect
 
 VIEWER = 'robot_dynamics.tools.viewer'
+TESTED_TOKEN = 'a-token-of-the-tests'
 PROTOCOL = f'viser-v{viser.__version__}'
 ONE_JOINT = """
 <robot name="one_joint"><link name="base"/><link name="tip"><inertial><mass value="1"/>
@@ -25,7 +26,7 @@ ONE_JOINT = """
 @contextmanager
 def served() -> Iterator[viser.ViserServer]:
     """Run a server of an empty page on a free port of this computer."""
-    server = start_server('127.0.0.1', 0, 'a page')
+    server = start_server('127.0.0.1', 0, 'a page', TESTED_TOKEN)
     try:
         yield server
     finally:
@@ -35,7 +36,7 @@ def served() -> Iterator[viser.ViserServer]:
 def connected(server: viser.ViserServer, **options: Any) -> ClientConnection:
     """Return a connection to the WebSocket of a server."""
     return connect(
-        address_of(server).replace('http', 'ws'), subprotocols=[PROTOCOL],
+        address_of(server, TESTED_TOKEN).replace('http', 'ws'), subprotocols=[PROTOCOL],
         open_timeout=TIMEOUT, close_timeout=TIMEOUT, max_size=None, **options)
 
 

@@ -111,7 +111,8 @@ def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp
             command, cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
         try:
-            address = wait_for_line(demo, r'Open (http://127\.0\.0\.1:\d+) in a browser')[1]
+            address = wait_for_line(
+                demo, r'Open (http://127\.0\.0\.1:\d+/\?token=\S+) in a browser')[1]
             with Page(browser, address, COARSE):
                 wait_for_line(demo, 'Following')
                 wait_for_line(demo, 'Move the arm with the sliders')

@@ -14,14 +14,20 @@ import threading
 from fault_table import fault
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.tools.viewer.server import address_of, is_loopback, start_server, stop_server
+from robot_dynamics.tools.viewer.server import (
+    address_of,
+    is_loopback,
+    new_token,
+    start_server,
+    stop_server,
+)
 from robots import must_have_everything
 from ros_harness import TIMEOUT, wait_until
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 import msgspec
-from viewer_bench import connected, PROTOCOL, served
+from viewer_bench import connected, PROTOCOL, served, TESTED_TOKEN
 import viser
 import websockets.asyncio.server
 from websockets.exceptions import InvalidStatus
@@ -59,8 +65,13 @@ def test_its_own_page_and_programs_get_in(server, origin):
         assert isinstance(connection.recv(TIMEOUT), bytes)
 
 
-def status_of(server, host, origin=None, upgrade=False):
+def status_of(server, host, origin=None, upgrade=False, token=TESTED_TOKEN, cookie=None):
     """Return the status of a request with these headers."""
+    return answer_to(server, host, origin, upgrade, token, cookie)[0]
+
+
+def answer_to(server, host, origin=None, upgrade=False, token=TESTED_TOKEN, cookie=None):
+    """Return the status of a request with these headers, and the cookie of the response."""
     address, port = server.get_host(), server.get_port()
     connection = http.client.HTTPConnection(address, port, timeout=TIMEOUT)
     headers = {'Host': host.format(port=port)}
@@ -70,9 +81,12 @@ def status_of(server, host, origin=None, upgrade=False):
         headers |= {'Upgrade': 'websocket', 'Connection': 'Upgrade', 'Sec-WebSocket-Version': '13',
                     'Sec-WebSocket-Key': 'AAAAAAAAAAAAAAAAAAAAAA==',
                     'Sec-WebSocket-Protocol': PROTOCOL}
+    if cookie:
+        headers['Cookie'] = cookie
     try:
-        connection.request('GET', '/', headers=headers)
-        return connection.getresponse().status
+        connection.request('GET', f'/?token={token}' if token else '/', headers=headers)
+        response = connection.getresponse()
+        return response.status, response.getheader('Set-Cookie')
     finally:
         connection.close()
 
@@ -87,8 +101,29 @@ def test_only_requests_for_its_own_address_are_answered(server, host, is_own, up
     assert status_of(server, host, upgrade=upgrade) == (accepted if is_own else 403)
 
 
+@pytest.mark.parametrize('upgrade', [False, True])
+def test_a_request_needs_the_token(server, upgrade):
+    accepted, host = 101 if upgrade else 200, '127.0.0.1:{port}'
+    for token in ('', 'another', TESTED_TOKEN[:-1], f'{TESTED_TOKEN}x'):
+        assert status_of(server, host, upgrade=upgrade, token=token) == 403, token
+    status, cookie = answer_to(server, host)
+    assert status == 200
+    assert cookie.endswith('; Path=/; HttpOnly; SameSite=Strict')
+    own = cookie.partition(';')[0]
+    assert status_of(server, host, upgrade=upgrade, token='', cookie=own) == accepted
+    assert status_of(server, host, upgrade=upgrade, token='', cookie=f'a=b; {own}') == accepted
+    for other in (own[:-1], f'x{own}', own.replace('=', '_=')):
+        assert status_of(server, host, upgrade=upgrade, token='', cookie=other) == 403, other
+
+
+def test_tokens_are_long_and_differ():
+    tokens = {new_token() for _ in range(100)}
+    assert len(tokens) == 100
+    assert min(map(len, tokens)) >= 20
+
+
 def test_beyond_this_computer_a_page_must_come_from_the_address_that_it_asks():
-    server = start_server('0.0.0.0', 0, 'a page')
+    server = start_server('0.0.0.0', 0, 'a page', TESTED_TOKEN)
     try:
         for origin, status in (('http://robot.example:{port}', 200), (None, 200),
                                ('https://robot.example:{port}', 200),
@@ -147,7 +182,8 @@ def test_two_servers_at_once_and_nothing_of_others_is_changed(capsys):
         assert websockets.asyncio.server.serve is serve
         assert one.get_port() != other.get_port()
         for server in (one, other):
-            with connected(server, origin=address_of(server)) as connection:
+            page = address_of(server, TESTED_TOKEN).partition('/?')[0]
+            with connected(server, origin=page) as connection:
                 connection.recv(TIMEOUT)
             with pytest.raises(InvalidStatus), connected(server, origin='http://evil.example'):
                 pass
@@ -159,7 +195,7 @@ def test_two_servers_at_once_and_nothing_of_others_is_changed(capsys):
     ('127.0.0.1', errno.EADDRINUSE), ('203.0.113.1', errno.EADDRNOTAVAIL)])
 def test_a_port_that_cannot_be_had_is_reported(server, host, reason):
     with pytest.raises(InvalidInputError) as error:
-        start_server(host, server.get_port(), 'another')
+        start_server(host, server.get_port(), 'another', TESTED_TOKEN)
     assert str(error.value) == (
         f"--port is {server.get_port()} at --host '{host}', where the page cannot be served "
         f"({os.strerror(reason)}); expected a free port (0 finds one) of this computer's address")

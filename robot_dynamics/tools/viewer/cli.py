@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+import re
 import signal
 import sys
 import threading
@@ -50,10 +51,14 @@ def _parser() -> Parser:
     parser.add_argument(
         '--host', default=DEFAULT_HOST, metavar='ADDRESS',
         help='Address at which the page is served (default: %(default)s, this computer only). Any '
-             'client that can connect can move the arm')
+             'client with the token can move the arm')
     parser.add_argument(
         '--port', type=port_number, default=DEFAULT_PORT, metavar='N',
         help='Port of the page; 0 for any free port (default: %(default)s)')
+    parser.add_argument(
+        '--token', type=token_text, metavar='TEXT',
+        help='Token that the address of the page contains (default: a random one). Whoever knows '
+             'it can move the arm')
     add_robot(
         parser, '--robot', 'URDF of the dynamics node, or of the topic robot_description', 'URDF')
     parser.add_argument(
@@ -76,6 +81,14 @@ def port_number(text: str) -> int:
     return int(text)
 
 
+def token_text(text: str) -> str:
+    """Return the token of an argument; raise ArgumentTypeError if it is unfit for addresses."""
+    if not re.fullmatch(r'[\w-]{8,}', text, re.ASCII):
+        raise argparse.ArgumentTypeError(
+            f'{text!r}, expected at least 8 letters, digits, - or _')
+    return text
+
+
 def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     is_over = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
@@ -84,10 +97,12 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     from robot_dynamics.tools.viewer.server import (
         address_of,
         is_loopback,
+        new_token,
         start_server,
         stop_server,
     )
-    server = start_server(arguments.host, arguments.port, 'robot_dynamics')
+    token = arguments.token or new_token()
+    server = start_server(arguments.host, arguments.port, 'robot_dynamics', token)
     import rclpy
     from rclpy.exceptions import NameValidationException
     from rclpy.signals import SignalHandlerOptions
@@ -108,10 +123,10 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         try:
             viewer = Viewer(server, node, arguments.robot, arguments.mesh_path)
             server.on_client_connect(lambda _: print(PAGE_OPEN, flush=True))
-            print(f'{AT} {address_of(server)} (Ctrl-C ends)', flush=True)
+            print(f'{AT} {address_of(server, token)} (Ctrl-C ends)', flush=True)
             if not is_loopback(arguments.host):
-                print('viewer: other computers can reach this page and move the arm',
-                      file=sys.stderr)
+                print('viewer: other computers can reach this page, and move the arm with the '
+                      'token', file=sys.stderr)
             viewer.run(lambda: is_over.is_set() or end.is_made)
             viewer.close()
         finally:

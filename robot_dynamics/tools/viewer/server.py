@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The web server of the viewer: only on this computer, and only for its own page.
+The web server of the viewer: only for its own page, and only with its token.
 
-Any client that can connect can move the arm. A browser lets any page of any site open a
-connection to this computer. The headers Host and Origin (RFC 9110, section 7.2; RFC 6454) of a
-request contain the server and the page: requests for another server or from another page are
-rejected.
+Any client that is accepted can move the arm. A request needs the token, in its address or in the
+cookie (RFC 6265) that the first page with the token sets: other users of this computer do not know
+it. A browser lets any page of any site open a connection to this computer. The headers Host and
+Origin (RFC 9110, section 7.2; RFC 6454) of a request contain the server and the page: requests for
+another server or from another page are rejected.
 """
 
 from collections.abc import Iterator
@@ -17,8 +18,10 @@ from http import HTTPStatus
 import io
 import ipaddress
 import re
+import secrets
 import socket
 from typing import Any, TYPE_CHECKING
+from urllib.parse import parse_qs, urlsplit
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
@@ -28,6 +31,8 @@ if TYPE_CHECKING:
 
 _THIS_COMPUTER = re.compile(r'localhost|127(\.\d{1,3}){3}|\[::1\]')
 _HTTP_PORT = 80
+TOKEN = 'token'
+"""Name of the token in addresses, and beginning of the name of its cookie."""
 
 
 def is_loopback(host: str) -> bool:
@@ -40,9 +45,14 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def start_server(host: str, port: int, title: str) -> Any:
+def new_token() -> str:
+    """Return a random token."""
+    return secrets.token_urlsafe(16)
+
+
+def start_server(host: str, port: int, title: str, token: str) -> Any:
     """
-    Return a running viser server.
+    Return a running viser server that answers requests with a token.
 
     Raises MissingDependencyError without viser, InvalidInputError if the port is unavailable.
     """
@@ -50,7 +60,7 @@ def start_server(host: str, port: int, title: str) -> Any:
     _check_port(host, port)
     _tolerate_races()
     with redirect_stdout(io.StringIO()):  # viser prints a greeting
-        with _own_pages_alone(is_loopback(host)):
+        with _own_pages_alone(is_loopback(host), token):
             server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     server.gui.main_panel.dock_right()
@@ -66,10 +76,10 @@ def stop_server(server: 'viser.ViserServer') -> None:
         server.stop()
 
 
-def address_of(server: 'viser.ViserServer') -> str:
-    """Return the address of the page."""
+def address_of(server: 'viser.ViserServer', token: str) -> str:
+    """Return the address of the page, which contains the token."""
     host = server.get_host()
-    return f'http://{f"[{host}]" if ":" in host else host}:{server.get_port()}'
+    return f'http://{f"[{host}]" if ":" in host else host}:{server.get_port()}/?{TOKEN}={token}'
 
 
 def _check_port(host: str, port: int) -> None:
@@ -87,9 +97,9 @@ def _check_port(host: str, port: int) -> None:
 
 
 @contextmanager
-def _own_pages_alone(is_local: bool) -> Iterator[None]:
+def _own_pages_alone(is_local: bool, token: str) -> Iterator[None]:
     """
-    Reject requests of other pages, for servers that start in the `with` statement.
+    Reject other pages and requests without the token, for servers that start in `with`.
 
     The WebSocket server of viser has no such check; it is added to the call that starts it.
     """
@@ -103,7 +113,16 @@ def _own_pages_alone(is_local: bool) -> Iterator[None]:
                 return connection.respond(
                     HTTPStatus.FORBIDDEN,
                     f'Rejected: expected a request from the page of this viewer at port {port}.\n')
-            return process_request(connection, request)
+            name = f'{TOKEN}_{port}'
+            if not _has_token(request, name, token):
+                return connection.respond(
+                    HTTPStatus.FORBIDDEN, 'Rejected: expected the address with the token that '
+                    'the viewer has printed.\n')
+            response = process_request(connection, request)
+            if response is not None:
+                response.headers['Set-Cookie'] = (
+                    f'{name}={token}; Path=/; HttpOnly; SameSite=Strict')
+            return response
 
         return serve(*arguments, process_request=checked, **options)
 
@@ -112,6 +131,15 @@ def _own_pages_alone(is_local: bool) -> Iterator[None]:
         yield
     finally:
         sockets.serve = serve
+
+
+def _has_token(request: Any, name: str, token: str) -> bool:
+    """Return whether the address of a request or its cookie of this name has the token."""
+    given = parse_qs(urlsplit(request.path).query).get(TOKEN, [])
+    for header in request.headers.get_all('Cookie'):
+        given += [value for one, _, value in (
+            part.strip().partition('=') for part in header.split(';')) if one == name]
+    return any(secrets.compare_digest(one.encode(), token.encode()) for one in given)
 
 
 def _is_own(headers: Any, port: int, is_local: bool) -> bool:
