@@ -268,6 +268,25 @@ def test_invalid_arguments_of_move(ask: Ask, words: list[str], said: str) -> Non
     assert err.count('\n') == 1
 
 
+# --- payload -------------------------------------------------------------------------------------
+
+def test_a_load_of_model_and_simulated_arm_leaves_no_error() -> None:
+    node = '/loaded/dynamics'
+    with running(
+            NodeProcess(DYNAMICS, namespace='/loaded', patient=False),
+            NodeProcess(SIMULATED_ARM, {'lock_step': True, 'real_time_factor': 1.0},
+                        namespace='/loaded')):
+        for goal, loads in ((('1.0', '0.5'), False), (('0.5', '0.3'), True)):
+            if loads:
+                status, out, err = finish(
+                    start('payload', 'tool0', '1.5', '--simulated', node=node))
+                assert (status, err) == (0, '')
+                assert "/loaded/simulated_arm: 1.5 kg on 'tool0'" in out
+            status, out, err = finish(start('move', *goal, '--json', node=node))
+            assert status == 0, err
+            assert max(map(abs, json.loads(out)['error'])) < 1e-3
+
+
 # --- watch ---------------------------------------------------------------------------------------
 
 def test_tables_are_appended_without_a_terminal(ask: Ask) -> None:

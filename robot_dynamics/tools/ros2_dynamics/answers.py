@@ -172,14 +172,20 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
     if arguments.link and arguments.mass is None:
         raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
     if arguments.link or arguments.clear:
+        payload = _payload_to_ros(arguments)
         response = client.call(SetPayload, 'set_payload', SetPayload.Request(
-            payload=_payload_to_ros(arguments), transition_time=arguments.transition))
-        return Answer(
-            {'node': client.name, 'message': response.message,
-             'transition_time': arguments.transition, 'warnings': list(response.warnings)},
-            '\n'.join([f'{client.name}: {response.message}' + (
-                f', in {arguments.transition:g} s' if arguments.transition else ''),
-                *warning_lines(response.warnings)]))
+            payload=payload, transition_time=arguments.transition))
+        data = {'node': client.name, 'message': response.message,
+                'transition_time': arguments.transition, 'warnings': list(response.warnings)}
+        lines = [f'{client.name}: {response.message}' + (
+            f', in {arguments.transition:g} s' if arguments.transition else ''),
+            *warning_lines(response.warnings)]
+        if arguments.simulated:
+            arm = client.resolve('simulated_arm')
+            data['simulated'] = client.call(
+                SetPayload, f'{arm}/set_payload', SetPayload.Request(payload=payload)).message
+            lines.append(f'{arm}: {data["simulated"]}')
+        return Answer(data, '\n'.join(lines))
     payloads = _payloads_in_force(client)
     if payloads is None:
         raise NoAnswerError(f'{client.name} does not publish its payloads')

@@ -70,6 +70,9 @@ def _payload_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--clear', action='store_true',
         help='remove the loads of all links (MASS 0 removes that of LINK)')
+    parser.add_argument(
+        '--simulated', action='store_true',
+        help='load simulated_arm in the namespace of the node too, which a real arm does itself')
 
 
 def _estimate_payload_arguments(parser: argparse.ArgumentParser) -> None:
