@@ -27,6 +27,10 @@ def read_description(path: Path, field: str) -> str:
         check_document(data, where)
         if path.suffix != '.xacro':
             return io.StringIO(data.decode(), newline=None).read()
+    except FileNotFoundError:
+        raise ModelError(
+            f'{field} is {str(path)!r}, which cannot be read: there is no such file; expected a '
+            f'path, file://, package:// or one of {sorted(SAMPLE_ROBOTS)}') from None
     except (OSError, UnicodeDecodeError) as error:
         raise ModelError(f'{field} is {str(path)!r}, which cannot be read: {error}') from None
     return _expand_xacro(path, field)
@@ -61,14 +65,8 @@ def description_path(file: str, field: str) -> Path:
     """
     scheme, separator, rest = file.partition('://')
     if not separator:
-        path = Path(file).expanduser()
-        if path.name != file or path.exists() or path.suffix:
-            return path
-        if file not in SAMPLE_ROBOTS:
-            raise ModelError(
-                f'{field} is {file!r}, and there is no such file; expected a path, file://, '
-                f'package:// or one of {sorted(SAMPLE_ROBOTS)}')
-        return sample_robot_path(file)
+        is_name = file in SAMPLE_ROBOTS and not os.path.isfile(file)
+        return sample_robot_path(file) if is_name else Path(file).expanduser()
     if scheme == 'file':
         return Path(rest)
     if scheme != 'package':

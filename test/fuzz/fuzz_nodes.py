@@ -79,7 +79,7 @@ class RunningNodes:
     def _services_of(self, name: str) -> DynamicsServices:
         if name not in self._servers:
             node = Node(f'services_of_{name}')
-            keeper = PayloadKeeper(node, lambda: {'allow_implausible_payload': False})
+            keeper = PayloadKeeper(node, lambda: DEFAULTS)
             self._servers[name] = node, DynamicsServices(
                 node, keeper, PayloadEstimation(node, PayloadSamples(), keeper))
         return self._servers[name][1]

@@ -29,7 +29,7 @@ def test_a_file_of_that_name_is_read_instead(
 
 
 def test_another_name_is_rejected_with_the_names() -> None:
-    with pytest.raises(ModelError, match=r"--urdf is 'ur99', and .* one of \['kinova', 'panda'"):
+    with pytest.raises(ModelError, match=r"is 'ur99', which .* one of \['kinova', 'panda'"):
         read_description_file('ur99', '--urdf')
 
 
