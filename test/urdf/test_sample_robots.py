@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Robots by name: their descriptions, and names that are none."""
+"""Robots by name: their descriptions, and unknown names."""
 
 from pathlib import Path
 

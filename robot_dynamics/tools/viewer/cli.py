@@ -57,8 +57,8 @@ def _parser() -> Parser:
         help='Port of the page; 0 for any free port (default: %(default)s)')
     parser.add_argument(
         '--token', type=token_text, metavar='TEXT',
-        help='Token that the address of the page contains (default: a random one). Whoever knows '
-             'it can move the arm')
+        help='Token that the address of the page contains (default: a random one). A client that '
+             'has it can move the arm')
     add_robot(
         parser, '--robot', 'URDF of the dynamics node, or of the topic robot_description', 'URDF')
     parser.add_argument(
