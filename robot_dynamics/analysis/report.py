@@ -26,16 +26,7 @@ from robot_dynamics.reporting.figures import (
     residual_panel,
     scatter_figure,
 )
-from robot_dynamics.reporting.html_page import (
-    Grade,
-    image,
-    items,
-    Origin,
-    png,
-    report_page,
-    table,
-    Verdict,
-)
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, png, Verdict
 from robot_dynamics.reporting.interactive import zoomable_figures
 from robot_dynamics.reporting.text_table import percent, Rows
 
@@ -233,33 +224,37 @@ def write_report(analysis: BagAnalysis, path: Path, origin: Origin) -> None:
     """
     efforts = png(effort_figure(analysis))
     path.with_suffix('.png').write_bytes(efforts)
-    scatter = friction_figure(analysis)
-    path.write_text(
-        _page(analysis, origin, efforts, None if scatter is None else png(scatter)),
-        encoding='utf-8')
+    path.write_text(_page(analysis, origin, efforts), encoding='utf-8')
 
 
-def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes, scatter: bytes | None) -> str:
+def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes) -> str:
     read, arm = analysis.recording, analysis.arm
     title = f'{read.path.name}: measured effort and model' if analysis.measured is not None else (
         f'{read.path.name}: effort of the model')
-    body = ['<h2>Recording</h2>', table(facts(analysis), has_head=False, kind='text')]
+    page, scatter = Page(title, joint_verdicts(analysis), RULE, origin), friction_figure(analysis)
+    page.section('Recording')
+    page.table(facts(analysis), has_head=False, kind='text')
     if read.losses:
-        body += ['<h2>Lost data</h2>', items(read.losses, 'loss')]
+        page.section('Lost data')
+        page.items(read.losses, 'loss')
     if read.remarks:
-        body += ['<h2>Remarks</h2>', items(read.remarks)]
+        page.section('Remarks')
+        page.items(read.remarks)
     if analysis.statistics is not None:
-        body += ['<h2>Residual: measured − model</h2>',
-                 table(residual_rows(analysis.statistics, arm.joint_kinds)),
-                 '<p>relative: RMS of the residual / RMS of the measured effort; R²: fraction of '
-                 'the variance that the model explains.</p>']
-    figures = zoomable_figures(
-        arm.joint_names, arm.joint_kinds, effort_panels(analysis), None,
-        image(efforts, 'Measured and model effort'))
-    body += ['<h2>Use of limits</h2>', table(limit_use_rows(
+        page.section('Residual: measured − model')
+        page.table(residual_rows(analysis.statistics, arm.joint_kinds))
+        page.text('relative: RMS of the residual / RMS of the measured effort; R²: fraction of '
+                  'the variance that the model explains.')
+    page.section('Use of limits')
+    page.table(limit_use_rows(
         analysis.limit_use, arm.joint_names, arm.joint_kinds,
-        'model' if analysis.measured is None else 'measured')),
-             '<h2>Effort over time</h2>', figures.figures]
+        'model' if analysis.measured is None else 'measured'))
+    page.section('Effort over time')
+    figures = zoomable_figures(
+        arm.joint_names, arm.joint_kinds, effort_panels(analysis), None, efforts,
+        'Measured and model effort')
+    page.add(figures.figures, figures.head)
     if scatter is not None:
-        body += ['<h2>Residual over velocity</h2>', image(scatter, 'Residual over velocity')]
-    return report_page(title, joint_verdicts(analysis), RULE, origin, body, figures.head)
+        page.section('Residual over velocity')
+        page.figure(scatter, 'Residual over velocity')
+    return page.html()

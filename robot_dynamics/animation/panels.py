@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from robot_dynamics.animation.arm_motion import ArmMotion
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.reporting.figures import (
-    BLACK,
-    BLUE,
-    GREEN,
-    LINES,
-    ORANGE,
-    SKY,
-    title_axes,
-    VERMILION,
-)
+from robot_dynamics.reporting import figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,7 +40,7 @@ class _Bars:
         axes.text(1.0, -0.06, f'[{unit}]', transform=axes.transAxes, ha='right', va='top',
                   fontsize=9)
         axes.grid(axis='y', visible=False)
-        axes.axvline(0.0, color=BLACK, linewidth=0.8)
+        axes.axvline(0.0, color=figures.BLACK, linewidth=0.8)
         axes.set_xticks([tick for tick in axes.get_xticks() if low <= tick <= high])
         self._texts = [axes.text(
             high + 0.19 * span, place, '', ha='right', va='center', fontsize=9)
@@ -78,8 +69,9 @@ class EnergyPanel:
         supply = 'work of the motors' if motion.energy[0] < 1e-6 else 'start + work'
         self._bars = _Bars(
             axes, ('kinetic', 'potential', 'total', 'heat of friction', supply),
-            (ORANGE, SKY, BLUE, VERMILION, GREEN), _ROOM * low, _ROOM * float(ends.max()), 'J')
-        title_axes(axes, 'Energy')
+            (figures.ORANGE, figures.SKY, figures.BLUE, figures.VERMILION, figures.GREEN),
+            _ROOM * low, _ROOM * float(ends.max()), 'J')
+        figures.title_axes(axes, 'Energy')
 
     def show(self, k: int) -> None:
         """Show the instant k."""
@@ -103,9 +95,9 @@ class EffortPanel:
         prismatic = motion.arm.joint_kinds[joint] == 'prismatic'
         self._bars = _Bars(
             axes, [self._word(name) for name in self._names],
-            [LINES[name].colour for name in self._names],
+            [figures.LINES[name].colour for name in self._names],
             -largest, largest, 'N' if prismatic else 'N·m')
-        title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
+        figures.title_axes(axes, f'Effort at {motion.arm.joint_names[joint]}')
 
     def _word(self, term: str) -> str:
         measured = term == 'effort' and 'residual' in self._names

@@ -9,16 +9,7 @@ from robot_dynamics.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration, RecordedHolds
 from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.reporting.figures import effort_panel, joint_figure, residual_panel
-from robot_dynamics.reporting.html_page import (
-    Grade,
-    image,
-    items,
-    Origin,
-    png,
-    report_page,
-    table,
-    Verdict,
-)
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.text_table import Rows
 
 
@@ -179,42 +170,45 @@ def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
     calibration = found.calibration
     recordings = [one for one in (found.without_weight, found.with_weight) if one is not None]
     lines = [line for one in recordings for line in one.lines]
-    body = ['<h2>Calibration</h2>',
-            table(fact_rows(found), has_head=False, kind='text'),
-            '<p>Torque at the joint = effort scale · (effort of the driver − effort offset).</p>']
-    if lines:
-        body += ['<h2>Recordings</h2>', items(lines)]
-    body += [
-        '<h2>Effort scale and offset</h2>', table(joint_rows(calibration)),
-        '<p>Noise: standard deviation of the mean effort at a pose. Range of gravity: of the '
-        'gravity torque in the poses.</p>']
-    if calibration.tool is not None:
-        body += ['<h2>Tool</h2>', table(tool_rows(calibration)), items(notes(calibration)),
-                 '<p>m: mass; mx, my, mz: mass times centre of mass, in the frame of the link.'
-                 '</p>']
-    body += ['<h2>Effort at the poses</h2>',
-             '<p>Measured: mean effort of the driver of both approaches. Model: calibrated.</p>',
-             _figures(calibration)]
-    for title, one in zip(('without weight', 'with the weight'), recordings):
-        body += [f'<h2>Holds {title}</h2>', table(hold_rows(one)),
-                 '<p>+ and −: direction of the motion of the joint to the hold; ?: it did not '
-                 'move, or overshot.</p>']
-    return report_page(
+    page = Page(
         f'{calibration.arm.name}: calibration of gravity', joint_verdicts(calibration), RULE,
-        origin, body)
+        origin)
+    page.section('Calibration')
+    page.table(fact_rows(found), has_head=False, kind='text')
+    page.text('Torque at the joint = effort scale · (effort of the driver − effort offset).')
+    if lines:
+        page.section('Recordings')
+        page.items(lines)
+    page.section('Effort scale and offset')
+    page.table(joint_rows(calibration))
+    page.text('Noise: standard deviation of the mean effort at a pose. Range of gravity: of the '
+              'gravity torque in the poses.')
+    if calibration.tool is not None:
+        page.section('Tool')
+        page.table(tool_rows(calibration))
+        page.items(notes(calibration))
+        page.text('m: mass; mx, my, mz: mass times centre of mass, in the frame of the link.')
+    page.section('Effort at the poses')
+    page.text('Measured: mean effort of the driver of both approaches. Model: calibrated.')
+    _add_figures(page, calibration)
+    for title, one in zip(('without weight', 'with the weight'), recordings):
+        page.section(f'Holds {title}')
+        page.table(hold_rows(one))
+        page.text('+ and −: direction of the motion of the joint to the hold; ?: it did not '
+                  'move, or overshot.')
+    return page.html()
 
 
-def _figures(found: Calibration) -> str:
-    """Return the efforts at the poses of each set, over the time of the recording."""
-    arm, first, figures = found.arm, 0, ''
+def _add_figures(page: Page, found: Calibration) -> None:
+    """Add the efforts at the poses of each set, over the time of the recording."""
+    arm, first = found.arm, 0
     for one in found.sets:
         rows = slice(first, first + len(one.paired.times))
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
         title = 'With the weight' if one.weight is not None else 'Without weight'
-        figure = joint_figure(title, arm.joint_names, arm.joint_kinds, [
+        page.figure(joint_figure(title, arm.joint_names, arm.joint_kinds, [
             effort_panel('Effort', found.times[rows], {'measured': measured, 'model': model}),
-            residual_panel(found.times[rows], measured - model)])
-        figures += image(png(figure), f'{title}: measured and modelled effort at the poses')
+            residual_panel(found.times[rows], measured - model)]),
+            f'{title}: measured and modelled effort at the poses')
         first = rows.stop
-    return figures

@@ -13,20 +13,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.identification import summary
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.regression import bare_arm
-from robot_dynamics.identification.summary import (
-    fact_rows,
-    friction_rows,
-    gain_rows,
-    MODELS,
-    parameter_rows,
-    recording_lines,
-    residual_rows,
-    residual_title,
-    warnings,
-)
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -37,16 +27,7 @@ from robot_dynamics.reporting.figures import (
     scatter_figure,
     TimeBoundary,
 )
-from robot_dynamics.reporting.html_page import (
-    Grade,
-    image,
-    items,
-    Origin,
-    png,
-    report_page,
-    table,
-    Verdict,
-)
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, png, Verdict
 from robot_dynamics.reporting.interactive import Zoomable, zoomable_figures
 from robot_dynamics.reporting.text_table import percent, Rows
 
@@ -127,53 +108,56 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
     """Return the report; raise MissingDependencyError without matplotlib."""
     identification = found.identification
     arm = identification.arm
-    body = _lists(found)
-    body += [
-        '<h2>Links: mass and centre of mass before and after</h2>',
-        table(link_rows(identification)),
-        '<p>Before: URDF. After: identified, as in identified.urdf. Each row is a link with all '
+    page = Page(f'{arm.name}: identified model', joint_verdicts(identification), RULE, origin)
+    _add_lists(page, found)
+    page.section('Links: mass and centre of mass before and after')
+    page.table(link_rows(identification))
+    page.text(
+        'Before: URDF. After: identified, as in identified.urdf. Each row is a link with all '
         'links that are fixed to it, in the frame of the link. Efforts determine only the '
         'combinations of these values that are listed below as base parameters; the other '
-        'combinations stay near the URDF.</p>',
-        f'<h2>{residual_title(identification)}</h2>',
-        table(residual_rows(identification)),
-        '<p>RMS of the residual (measured − model), relative to the RMS of the measured effort. '
+        'combinations stay near the URDF.')
+    page.section(summary.residual_title(identification))
+    page.table(summary.residual_rows(identification))
+    page.text(
+        'RMS of the residual (measured − model), relative to the RMS of the measured effort. '
         'The last column is the consistent set without presliding hysteresis, like an answer of '
-        'the node to a single state.</p>',
-        '<h2>Friction and rotors</h2>', table(_friction_table(identification)),
-        '<p>docs/friction.md has the equations.</p>']
+        'the node to a single state.')
+    page.section('Friction and rotors')
+    page.table(_friction_table(identification))
+    page.text('docs/friction.md has the equations.')
     if identification.gains is not None:
-        rows = gain_rows(identification, identification.gains)
+        rows = summary.gain_rows(identification, identification.gains)
         head = (rows[0][0], 'gain K [effort at the joint / recorded effort]', *rows[0][2:])
-        body += ['<h2>Drive gains</h2>', table([head, *rows[1:]])]
+        page.section('Drive gains')
+        page.table([head, *rows[1:]])
+    page.section('Effort over time' + (
+        f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''))
     figures = _efforts(found)
+    page.add(figures.figures, figures.head)
+    page.section('Residual over velocity')
     shown = identification.recordings[0].shown
-    scatter = scatter_figure(
+    page.figure(scatter_figure(
         f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
-        shown.velocity, shown.measured - shown.model)
-    first = f': the first of {len(found.bags)} recordings' if len(found.bags) > 1 else ''
-    body += [
-        f'<h2>Effort over time{first}</h2>', figures.figures,
-        '<h2>Residual over velocity</h2>', image(png(scatter), 'Residual over velocity'),
-        '<h2>Base parameters</h2>', table(with_units(identification), kind='long'),
-        '<p>By least squares without regularisation; * marks regrouped parameters.</p>']
-    return report_page(
-        f'{arm.name}: identified model', joint_verdicts(identification), RULE, origin, body,
-        figures.head)
+        shown.velocity, shown.measured - shown.model), 'Residual over velocity')
+    page.section('Base parameters')
+    page.table(with_units(identification), kind='long')
+    page.text('By least squares without regularisation; * marks regrouped parameters.')
+    return page.html()
 
 
-def _lists(found: BagIdentification) -> list[str]:
-    """Return facts, warnings, and remarks on the recordings."""
-    body = ['<h2>Identification</h2>', table(fact_rows(found), has_head=False, kind='text')]
-    caution, said = warnings(found.identification), recording_lines(found)
-    if caution:
-        body += ['<h2>Warnings</h2>', items(caution, 'loss')]
-    if found.failed:
-        body += ['<h2>Recordings that could not be used</h2>', items(
-            [f'{bag}: {error}' for bag, error in found.failed], 'loss')]
-    if said:
-        body += ['<h2>Recordings</h2>', items(said)]
-    return body
+def _add_lists(page: Page, found: BagIdentification) -> None:
+    """Add facts, warnings, and remarks on the recordings."""
+    page.section('Identification')
+    page.table(summary.fact_rows(found), has_head=False, kind='text')
+    for title, lines, kind in (
+            ('Warnings', summary.warnings(found.identification), 'loss'),
+            ('Recordings that could not be used',
+             [f'{bag}: {error}' for bag, error in found.failed], 'loss'),
+            ('Recordings', summary.recording_lines(found), '')):
+        if lines:
+            page.section(title)
+            page.items(lines, kind)
 
 
 def _efforts(found: BagIdentification) -> Zoomable:
@@ -186,11 +170,11 @@ def _efforts(found: BagIdentification) -> Zoomable:
             'measured': shown.measured, 'model': shown.model}),
         residual_panel(shown.times, shown.measured - shown.model)]
     static = joint_figure(
-        f'{found.bags[0].name}: {MODELS["consistent"]} model', arm.joint_names, arm.joint_kinds,
-        panels, boundary)
+        f'{found.bags[0].name}: {summary.MODELS["consistent"]} model', arm.joint_names,
+        arm.joint_kinds, panels, boundary)
     return zoomable_figures(
-        arm.joint_names, arm.joint_kinds, panels, boundary,
-        image(png(static), 'Measured and model effort'))
+        arm.joint_names, arm.joint_kinds, panels, boundary, png(static),
+        'Measured and model effort')
 
 
 def link_rows(identification: Identification) -> Rows:
@@ -224,7 +208,7 @@ def _point(point: FloatArray) -> str:
 
 def _friction_table(identification: Identification) -> Rows:
     """Return friction and rotors with units in the headings."""
-    rows = friction_rows(identification)
+    rows = summary.friction_rows(identification)
     units: dict[str, Sequence[str]] = {'reflected inertia': _INERTIA, **{
         field.heading: field.units for field in FRICTION_FIELDS if field.unit}}
     kinds = set(identification.arm.joint_kinds)
@@ -244,7 +228,7 @@ def with_units(identification: Identification) -> Rows:
     """Return the rows of parameters with a column for the unit of value, deviation and URDF."""
     arm = identification.arm
     kinds = dict(zip(arm.joint_names, arm.joint_kinds))
-    rows = parameter_rows(identification)
+    rows = summary.parameter_rows(identification)
     return [(rows[0][0], 'unit', *rows[0][1:])] + [
         (row[0], _unit(row[0], kinds), *row[1:]) for row in rows[1:]]
 

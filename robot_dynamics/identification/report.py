@@ -9,15 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from robot_dynamics.identification import identified_arm
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.friction_regressor import INERTIA
-from robot_dynamics.identification.identified_arm import (
-    fitted_friction,
-    fitted_urdf,
-    kept_fractions,
-    parameter_file,
-    parameter_values,
-)
 from robot_dynamics.identification.page import identification_page
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.steps import write_samples
@@ -51,14 +45,14 @@ def write_identification(
     arm, fit = found.identification.arm, found.identification.models.consistent
     gains = found.identification.gains
     gain = None if gains is None else gains.scale.tolist()
-    identified = fitted_urdf(urdf, arm, fit)
+    identified = identified_arm.fitted_urdf(urdf, arm, fit)
     paths[0].write_text(identified, encoding='utf-8')
     # the URDF itself, as a path would depend on the computer or on the working directory
-    values = {**parameter_values(arm, fit, gain, given), 'robot_description': identified,
-              **uncertainty_values(found.identification)}
+    values = {**identified_arm.parameter_values(arm, fit, gain, given),
+              'robot_description': identified, **uncertainty_values(found.identification)}
     notes = file_notes(found.identification, urdf)
     paths[1].write_text(
-        parameter_file(values, [*_head(found), *(['', *notes] if notes else [])]),
+        identified_arm.parameter_file(values, [*_head(found), *(['', *notes] if notes else [])]),
         encoding='utf-8')
     paths[2].write_text(identification_page(found, origin), encoding='utf-8')
     paths[3].write_text(json.dumps(as_data(found), indent=2) + '\n', encoding='utf-8')
@@ -72,12 +66,12 @@ def file_notes(identification: Identification, urdf: str) -> list[str]:
     notes = ['With command: none, the node publishes no effort until another command is set.']
     offsets = [
         f'{name} {offset:.3g}' for name, offset in zip(
-            arm.joint_names, fitted_friction(arm, fit).effort_bias) if offset]
+            arm.joint_names, identified_arm.fitted_friction(arm, fit).effort_bias) if offset]
     if offsets:
         notes.append(
             f'The offset F_b is part of every commanded effort: {", ".join(offsets)} (N·m or N). '
             'If it is a bias of the effort sensor, set friction.effort_bias to 0.')
-    kept = kept_fractions(urdf, arm, fit.parameters)
+    kept = identified_arm.kept_fractions(urdf, arm, fit.parameters)
     if kept:
         listed = ', '.join(f'{link} {100.0 * share:.3g} %' for link, share in kept.items())
         notes.append(
@@ -105,7 +99,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
     arm, estimate = identification.arm, identification.estimate
     models, choice = identification.models, identification.models.choice
     gains = identification.gains
-    friction = fitted_friction(arm, models.consistent)
+    friction = identified_arm.fitted_friction(arm, models.consistent)
     return {
         'arm': arm.name,
         'joints': list(arm.joint_names),

@@ -15,13 +15,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
-from robot_dynamics.model_check.body_checks import (
-    check_extents,
-    check_inertias,
-    check_lost_masses,
-    check_masses,
-    TINY_MASS,
-)
+from robot_dynamics.model_check import body_checks
 from robot_dynamics.model_check.density_check import check_densities
 from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
@@ -52,7 +46,7 @@ def check_model(
         bodies = read_bodies(urdf, meshes)
     except ElementTree.ParseError:
         bodies = []  # parse_urdf has a better error message
-    negative = [finding for finding in check_masses(bodies) if finding.level == ERROR]
+    negative = [finding for finding in body_checks.check_masses(bodies) if finding.level == ERROR]
     if negative:
         return negative
     robot = parse_urdf(urdf)
@@ -60,9 +54,9 @@ def check_model(
     moved = _moved_bodies(robot, arm, bodies)
     M = survey_inertia(arm, min(search.samples, LARGEST_SURVEY))
     of_bodies = [
-        *check_masses(moved), *check_inertias(moved),
-        *check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
-        *check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
+        *body_checks.check_masses(moved), *body_checks.check_inertias(moved),
+        *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
+        *body_checks.check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
     explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [
         *of_bodies,
@@ -112,7 +106,7 @@ def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
     moving_mass = sum(
         inertia.mass for inertia, counts in zip(arm.unloaded_model.inertias, carried) if counts)
     written = sum(body.mass or 0.0 for body in moved)
-    if abs(moving_mass - written) <= _LOST_FRACTION * max(written, TINY_MASS):
+    if abs(moving_mass - written) <= _LOST_FRACTION * max(written, body_checks.TINY_MASS):
         return []
     return [Finding(
         'lost_mass', WARNING, '',
@@ -131,7 +125,7 @@ def _check_inertia_matrix(
     for name in np.array(arm.joint_names)[M.idle].tolist():
         mass = sum(masses.get(link, 0.0) for link in _links_from(robot, robot.joint(name).child))
         findings.append(Finding(
-            'mass' if mass < TINY_MASS else 'inertia', ERROR, name,
+            'mass' if mass < body_checks.TINY_MASS else 'inertia', ERROR, name,
             f'joint {name!r} moves {mass:g} kg and no moment of inertia about its axis, so that '
             'M(q) is singular, expected a link with mass and inertia behind it'))
     if not M.is_definite:

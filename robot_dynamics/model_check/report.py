@@ -13,7 +13,7 @@ from robot_dynamics.model.worst_gravity import Search, THOROUGH
 from robot_dynamics.model_check.body_checks import unmeasured
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, Finding, WARNING
-from robot_dynamics.reporting.html_page import Grade, items, Origin, report_page, table, Verdict
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.urdf.inertials import MeshBounds, read_bodies
 
 _WIDTH = 110
@@ -156,19 +156,23 @@ def findings_page(
 
     `joint_names` are the joints of the arm, none if it cannot be created.
     """
-    body = ['<h2>Findings</h2>']
-    body += [table([('check', 'level', 'message'), *(
-        (finding.check, finding.level + (
-            ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''),
-         finding.message) for finding in findings)], kind='text')] if findings else [
-             '<p>None.</p>']
-    if unread:
-        body += ['<h2>Links not compared with their geometry, which could not be read</h2>',
-                 items(unread)]
-    body += ['<h2>Checks</h2>', table(list(CHECKS.items()), has_head=False, kind='text')]
-    return report_page(
-        title, model_verdicts(joint_names, findings, ignored), RULE, origin, body,
+    page = Page(
+        title, model_verdicts(joint_names, findings, ignored), RULE, origin,
         subject='joints, links and the whole arm')
+    page.section('Findings')
+    if findings:
+        page.table([('check', 'level', 'message'), *(
+            (finding.check, finding.level + (
+                ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''),
+             finding.message) for finding in findings)], kind='text')
+    else:
+        page.text('None.')
+    if unread:
+        page.section('Links not compared with their geometry, which could not be read')
+        page.items(unread)
+    page.section('Checks')
+    page.table(list(CHECKS.items()), has_head=False, kind='text')
+    return page.html()
 
 
 def model_verdicts(

@@ -10,7 +10,7 @@ import numpy as np
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.torque_map import MapPanel
 from robot_dynamics.pictures.workspace_map import WorkspaceGravity
-from robot_dynamics.reporting.html_page import Grade, image, Origin, png, report_page, Verdict
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,9 +28,10 @@ REDUCE = ('reduce the payload, exclude these positions, or check the masses and 
 
 def map_page(title: str, verdicts: Sequence[Verdict], figure: 'Figure', origin: Origin) -> str:
     """Return the report."""
-    return report_page(
-        title, verdicts, RULE, origin, ['<h2>Map</h2>', image(png(figure), title)],
-        subject='quantities')
+    page = Page(title, verdicts, RULE, origin, subject='quantities')
+    page.section('Map')
+    page.figure(figure, title)
+    return page.html()
 
 
 def panel_verdict(panel: MapPanel) -> Verdict:

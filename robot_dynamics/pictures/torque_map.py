@@ -13,15 +13,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.pictures.torque_grid import PositionGrid
-from robot_dynamics.reporting.figures import (
-    BLACK,
-    colour_map,
-    POSITIVE_COLOURS,
-    SIGNED_COLOURS,
-    styled_figure,
-    title_axes,
-    wrapped_title,
-)
+from robot_dynamics.reporting import figures
 
 PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.7
 """[inch]"""
@@ -70,10 +62,10 @@ def map_figure(
         notes = []
     columns = min(len(panels), 3)
     rows = -(-len(panels) // columns)
-    with styled_figure(
+    with figures.styled_figure(
             PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45,
-            style={'hatch.color': BLACK, 'hatch.linewidth': 0.5}) as figure:
-        figure.suptitle(wrapped_title(
+            style={'hatch.color': figures.BLACK, 'hatch.linewidth': 0.5}) as figure:
+        figure.suptitle(figures.wrapped_title(
             title + (UPRIGHT if _stands_upright(arm) else ''), PANEL_WIDTH * columns))
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for one in axes[len(panels):]:
@@ -104,22 +96,23 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
     low = -largest if panel.signed else 0.0
     image = axes.pcolormesh(
         grid.x, grid.y, values, vmin=low, vmax=largest, shading='gouraud', rasterized=True,
-        cmap=colour_map(SIGNED_COLOURS if panel.signed else POSITIVE_COLOURS))
+        cmap=figures.colour_map(
+            figures.SIGNED_COLOURS if panel.signed else figures.POSITIVE_COLOURS))
     bar = figure.colorbar(image, ax=axes, shrink=0.82, aspect=24, pad=0.02)
     bar.set_label(f'[{panel.unit}]')
     bar.outline.set_visible(False)
     axes.grid(False)
     if _varies(panel):
         lines = axes.contour(
-            grid.x, grid.y, values, levels=7, colors=BLACK, linewidths=0.7, alpha=0.6)
-        axes.clabel(lines, colors=BLACK, fontsize=9, zorder=2.5)
+            grid.x, grid.y, values, levels=7, colors=figures.BLACK, linewidths=0.7, alpha=0.6)
+        axes.clabel(lines, colors=figures.BLACK, fontsize=9, zorder=2.5)
     reached = largest > panel.limit
     if reached:
         size = np.abs(values)
         axes.contourf(
             grid.x, grid.y, size, levels=[panel.limit, 2.0 * largest], colors='none',
             hatches=['//'])
-        for colour, width in (('white', LIMIT_WIDTH + 2.2), (BLACK, LIMIT_WIDTH)):
+        for colour, width in (('white', LIMIT_WIDTH + 2.2), (figures.BLACK, LIMIT_WIDTH)):
             axes.contour(
                 grid.x, grid.y, size, levels=[panel.limit], colors=colour, linewidths=width)
             for end in (-panel.limit, panel.limit)[not panel.signed:]:
@@ -127,7 +120,7 @@ def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> No
     note = '' if not np.isfinite(panel.limit) else (
         f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
         f'within the limit of {panel.limit:g} {panel.unit} everywhere')
-    title_axes(axes, panel.title, note)
+    figures.title_axes(axes, panel.title, note)
 
 
 def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
@@ -179,10 +172,10 @@ def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray)
     scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
     for pose, points in zip(poses, flat):
         line = pose + scale * points
-        for colour, width in (('white', 4.2), (BLACK, 1.8)):
+        for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
             axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
                       markersize=width, solid_capstyle='round', clip_on=True)
-        axes.plot(*pose, 's', color=BLACK, markerfacecolor='white', markersize=5.0)
+        axes.plot(*pose, 's', color=figures.BLACK, markerfacecolor='white', markersize=5.0)
 
 
 def _stands_upright(arm: ArmModel) -> bool:

@@ -19,16 +19,7 @@ from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions, worst_gravity
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure
-from robot_dynamics.reporting.figures import (
-    BLACK,
-    BLUE,
-    colour_map,
-    POSITIVE_COLOURS,
-    styled_figure,
-    title_axes,
-    VERMILION,
-    wrapped_title,
-)
+from robot_dynamics.reporting import figures
 
 POSITIONS = 60000
 CELLS = 56
@@ -119,8 +110,9 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
     """
     worst = worst_gravity(arm)
     bars = BAR_ROOM + BAR_HEIGHT * arm.joint_count
-    with styled_figure(WIDTH, MAP_HEIGHT + bars, style={'hatch.color': VERMILION}) as figure:
-        figure.suptitle(wrapped_title(title, WIDTH))
+    with figures.styled_figure(
+            WIDTH, MAP_HEIGHT + bars, style={'hatch.color': figures.VERMILION}) as figure:
+        figure.suptitle(figures.wrapped_title(title, WIDTH))
         grid = figure.add_gridspec(2, 2, height_ratios=(MAP_HEIGHT, bars))
         most, least = (figure.add_subplot(grid[0, column]) for column in range(2))
         joints = figure.add_subplot(grid[1, :])
@@ -132,7 +124,7 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
         bar.set_label('largest share of an effort limit [%]')
         bar.outline.set_visible(False)
         if top > 1.0:
-            bar.ax.axhline(_PERCENT, color=VERMILION, linewidth=2.6)
+            bar.ax.axhline(_PERCENT, color=figures.VERMILION, linewidth=2.6)
         if found.is_plane:
             q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
             _draw_pose(most, arm, link, q)
@@ -148,16 +140,16 @@ def _draw_places(
 ) -> Any:
     image = axes.pcolormesh(
         found.across, found.up, _PERCENT * ratios, vmin=0.0, vmax=_PERCENT * top, rasterized=True,
-        cmap=colour_map(POSITIVE_COLOURS))
+        cmap=figures.colour_map(figures.POSITIVE_COLOURS))
     beyond = bool(np.nanmax(ratios) > 1.0)
     if beyond:
         centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (found.across, found.up)]
         axes.contourf(*centres, ratios, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
-        axes.contour(*centres, ratios, levels=[1.0], colors=VERMILION, linewidths=2.4)
+        axes.contour(*centres, ratios, levels=[1.0], colors=figures.VERMILION, linewidths=2.4)
     axes.set_aspect('equal')
     axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',
              ylabel='height [m]')
-    title_axes(axes, title, 'hatched: gravity exceeds an effort limit' if beyond else (
+    figures.title_axes(axes, title, 'hatched: gravity exceeds an effort limit' if beyond else (
         'gravity is within the effort limits everywhere'))
     return image
 
@@ -165,7 +157,7 @@ def _draw_places(
 def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
     points = StickFigure(arm, link).points(q)
     flat = points @ side_view(arm, points).T
-    for colour, width in (('white', 4.2), (BLACK, 1.8)):
+    for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
         axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, marker='o',
                   markersize=1.4 * width)
 
@@ -174,9 +166,9 @@ def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
     ratios = _PERCENT * efforts / arm.limits.effort
     names = arm.joint_names
     places = np.arange(len(names))[::-1]
-    colours = [VERMILION if ratio > _PERCENT else BLUE for ratio in ratios]
+    colours = [figures.VERMILION if ratio > _PERCENT else figures.BLUE for ratio in ratios]
     axes.barh(places, ratios, 0.62, color=colours)
-    axes.axvline(_PERCENT, color=BLACK, linewidth=1.4, linestyle=(0, (4, 2)))
+    axes.axvline(_PERCENT, color=figures.BLACK, linewidth=1.4, linestyle=(0, (4, 2)))
     axes.set_yticks(places, names)
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.grid(axis='y', visible=False)
@@ -190,4 +182,4 @@ def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
         axes.text(
             ratio + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=10,
             bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
-    title_axes(axes, 'Largest gravity effort of each joint; dashed: its limit')
+    figures.title_axes(axes, 'Largest gravity effort of each joint; dashed: its limit')

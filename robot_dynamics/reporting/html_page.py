@@ -99,20 +99,68 @@ def command_line(prog: str, arguments: Sequence[str]) -> str:
     return shlex.join([prog, *arguments])
 
 
-def report_page(
-    title: str, verdicts: Sequence[Verdict], rule: str, origin: Origin, body: Sequence[str],
-    head: str = '', subject: str = 'joints',
-) -> str:
+class Page:
     """
-    Return a report: verdicts, the `rule` that derived them, origin, and the elements of `body`.
+    A report that is written from top to bottom: verdicts and origin first, then sections.
 
-    `head` has the scripts of interactive figures; `subject` is what the verdicts are on.
+    Texts are escaped; parts between backticks become code.
     """
-    first = escape(summary(verdicts, subject))
-    return _page(title, [
-        f'<h1>{escape(title)}</h1>', f'<p class="summary">{first}</p>',
-        _verdict_table(verdicts), f'<p>{escape(rule)}</p>',
-        '<h2>Origin</h2>', table(origin.rows(), has_head=False, kind='text'), *body], head)
+
+    def __init__(
+        self, title: str, verdicts: Sequence[Verdict], rule: str, origin: Origin,
+        subject: str = 'joints',
+    ) -> None:
+        """Begin with the verdicts on `subject`, and with the `rule` that derived them."""
+        self._title, self._scripts = title, ''
+        self._body = [
+            f'<h1>{escape(title)}</h1>',
+            f'<p class="summary">{escape(summary(verdicts, subject))}</p>',
+            _verdict_table(verdicts)]
+        self.text(rule)
+        self.section('Origin')
+        self.table(origin.rows(), has_head=False, kind='text')
+
+    def section(self, title: str) -> None:
+        """Begin a section."""
+        self.add(f'<h2>{escape(title)}</h2>')
+
+    def text(self, text: str) -> None:
+        """Add a paragraph."""
+        self.add(f'<p>{_prose(text)}</p>')
+
+    def table(
+        self, rows: Sequence[Sequence[str]], has_head: bool = True, kind: str = '',
+    ) -> None:
+        """
+        Add a table; the first row may be its head.
+
+        `kind` is 'text' for cells of text, 'long' if the last column has long text.
+        """
+        head = _row(rows[0], 'th') if has_head else ''
+        body = ''.join(_row(row, 'td') for row in rows[has_head:])
+        self.add(f'<table class="{kind}">{head}{body}</table>')
+
+    def items(self, lines: Iterable[str], kind: str = '') -> None:
+        """Add a list of lines; `kind` is its class."""
+        self.add(f'<ul class="{kind}">' + ''.join(
+            f'<li>{escape(line)}</li>' for line in lines) + '</ul>')
+
+    def figure(self, figure: 'Figure', what: str) -> None:
+        """Add a figure of matplotlib."""
+        self.add(image(png(figure), what))
+
+    def add(self, html: str, scripts: str = '') -> None:
+        """Add an element, and the scripts that it needs."""
+        self._body.append(html)
+        self._scripts += scripts
+
+    def html(self) -> str:
+        """Return the report."""
+        return (
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width">'
+            f'<title>{escape(self._title)}</title><style>{_STYLE}</style>{_NO_SCRIPT}'
+            f'{self._scripts}</head>\n<body>\n' + '\n'.join(self._body) + '\n</body></html>\n')
 
 
 def summary(verdicts: Sequence[Verdict], subject: str) -> str:
@@ -137,32 +185,8 @@ def _prose(text: str) -> str:
     return re.sub('`([^`]+)`', r'<code>\1</code>', escape(text))
 
 
-def _page(title: str, body: Sequence[str], head: str) -> str:
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width">'
-        f'<title>{escape(title)}</title><style>{_STYLE}</style>{_NO_SCRIPT}{head}</head>\n'
-        '<body>\n' + '\n'.join(body) + '\n</body></html>\n')
-
-
-def table(rows: Sequence[Sequence[str]], has_head: bool = True, kind: str = '') -> str:
-    """
-    Return a table; the first row may be its head.
-
-    `kind` is 'text' for cells of text, 'long' if the last column has long text.
-    """
-    head = _row(rows[0], 'th') if has_head else ''
-    body = ''.join(_row(row, 'td') for row in rows[has_head:])
-    return f'<table class="{kind}">{head}{body}</table>'
-
-
 def _row(cells: Sequence[str], tag: str) -> str:
     return '<tr>' + ''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells) + '</tr>'
-
-
-def items(lines: Iterable[str], kind: str = '') -> str:
-    """Return a list of lines; `kind` is its class."""
-    return f'<ul class="{kind}">' + ''.join(f'<li>{escape(line)}</li>' for line in lines) + '</ul>'
 
 
 def image(png: bytes, what: str) -> str:

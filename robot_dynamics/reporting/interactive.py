@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.reporting import html_page
 from robot_dynamics.reporting.figures import GREY, LINES, LineStyle, Panel, TimeBoundary
 
 MAX_POINTS = 6000
@@ -37,19 +38,20 @@ class Zoomable(NamedTuple):
 
 def zoomable_figures(
     joint_names: Sequence[str], joint_kinds: Sequence[str], panels: Sequence[Panel],
-    boundary: TimeBoundary | None, static: str,
+    boundary: TimeBoundary | None, static: bytes, what: str,
 ) -> Zoomable:
     """
     Return figures with a row per joint and a column per panel, and a common time axis.
 
-    `static` is the element with the static counterpart, which print shows. Without Bokeh the
-    result is that element, with the command that installs Bokeh.
+    `static` is the static counterpart as PNG, which print shows, and `what` says what it is.
+    Without Bokeh the result is that image, with the command that installs Bokeh.
     """
+    image = html_page.image(static, what)
     try:
         span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError as error:
         reason = escape(str(error))
-        return Zoomable('', f'{static}<p>{reason[0].upper()}{reason[1:]}</p>')
+        return Zoomable('', f'{image}<p>{reason[0].upper()}{reason[1:]}</p>')
     rows = []
     for row, name in enumerate(joint_names):
         prismatic = joint_kinds[row] == 'prismatic'
@@ -63,7 +65,7 @@ def zoomable_figures(
     head = _bokeh('resources').Resources(mode='inline', components=['bokeh']).render()
     return Zoomable(
         head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>{element}{script}'
-              f'</div>{static}</div>')
+              f'</div>{image}</div>')
 
 
 def _bokeh(part: str) -> Any:

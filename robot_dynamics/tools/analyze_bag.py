@@ -16,25 +16,13 @@ from pathlib import Path
 import sys
 
 import numpy as np
+from robot_dynamics.analysis import tasks
 from robot_dynamics.analysis.arm_recording import ROBOT_DESCRIPTION
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.analysis.report import limit_use_rows, residual_rows
 from robot_dynamics.analysis.residual import merged_statistics
 from robot_dynamics.analysis.sample_files import require_parquet
-from robot_dynamics.analysis.tasks import (
-    AnalysisResult,
-    AnalysisTask,
-    analyze_task,
-    merged_limit_use,
-    OUTPUTS,
-    outputs_exist,
-    PARQUET,
-    PICTURE,
-    REPORT,
-    TABLE,
-    TERMS,
-)
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
@@ -69,12 +57,13 @@ def _parser() -> command_line.Parser:
         parser, 'joints, gravity, friction, motors, measured_effort, effort.scale, effort.offset')
     parser.add_argument(
         '--output', type=Path, metavar='DIR',
-        help=f'Output directory of {REPORT}, {PICTURE}, {TABLE} and the recording {TERMS}/; for '
-             'several recordings, one directory each')
+        help=f'Output directory of {tasks.REPORT}, {tasks.PICTURE}, {tasks.TABLE} and the '
+             f'recording {tasks.TERMS}/; for several recordings, one directory each')
     parser.add_argument(
-        '--parquet', action='store_true', help=f'Also write {PARQUET} (extra: parquet)')
+        '--parquet', action='store_true', help=f'Also write {tasks.PARQUET} (extra: parquet)')
     parser.add_argument(
-        '--no-report', action='store_true', help=f'Write neither {REPORT} nor {PICTURE}')
+        '--no-report', action='store_true',
+        help=f'Write neither {tasks.REPORT} nor {tasks.PICTURE}')
     command_line.add_force(parser)
     command_line.add_workers(parser)
     return parser
@@ -92,7 +81,7 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
     bags = find_recordings(arguments.bags, arguments.output)
     names = relative_names(bags)
     settings = command_line.read_settings(arguments)
-    task = AnalysisTask(settings, _outputs(arguments), origin=origin)
+    task = tasks.AnalysisTask(settings, _outputs(arguments), origin=origin)
     kept, each = None, None
     if task.outputs:
         places = [
@@ -117,30 +106,30 @@ def _run(arguments: argparse.Namespace, origin: Origin) -> int:
 
 
 def _run_with_progress(
-    bags: Sequence[Path], task: AnalysisTask, arguments: argparse.Namespace,
-    kept: Path | None, each: Sequence[AnalysisTask] | None,
-) -> list[TaskOutcome[AnalysisResult]]:
+    bags: Sequence[Path], task: tasks.AnalysisTask, arguments: argparse.Namespace,
+    kept: Path | None, each: Sequence[tasks.AnalysisTask] | None,
+) -> list[TaskOutcome[tasks.AnalysisResult]]:
     """Analyse all recordings with a progress bar, over the steps if there is only one."""
     single = len(bags) == 1 and arguments.dask is None
     steps = len(STEPS) + len(task.outputs) if single else len(bags)
     with Progress(steps, 'steps' if single else 'recordings') as progress:
         advance = progress.advance
         return run_tasks(
-            partial(analyze_task, on_step=advance) if single else analyze_task, bags,
+            partial(tasks.analyze_task, on_step=advance) if single else tasks.analyze_task, bags,
             task, arguments.jobs, kept, arguments.dask, None if single else advance,
-            outputs_exist, each)
+            tasks.outputs_exist, each)
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     if arguments.output is None:
         return ()
-    left_out = set() if arguments.parquet else {PARQUET}
+    left_out = set() if arguments.parquet else {tasks.PARQUET}
     if arguments.no_report:
-        left_out |= {REPORT}
-    return tuple(name for name in OUTPUTS if name not in left_out)
+        left_out |= {tasks.REPORT}
+    return tuple(name for name in tasks.OUTPUTS if name not in left_out)
 
 
-def print_one(result: AnalysisResult, is_resumed: bool) -> None:
+def print_one(result: tasks.AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
     print(text_table([], result.facts))
     command_line.print_list('Lost:', result.losses)
@@ -152,10 +141,12 @@ def print_one(result: AnalysisResult, is_resumed: bool) -> None:
         print('(cached result from an earlier run)')
 
 
-def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[str]) -> None:
+def print_many(
+    outcomes: Sequence[TaskOutcome[tasks.AnalysisResult]], names: Sequence[str],
+) -> None:
     """Print a line per analysed recording, and the combined figures per arm."""
     rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual per joint')]
-    arms: dict[tuple[str, ...], list[AnalysisResult]] = {}
+    arms: dict[tuple[str, ...], list[tasks.AnalysisResult]] = {}
     for name, outcome in zip(names, outcomes):
         if outcome.result is None:
             continue
@@ -175,14 +166,14 @@ def print_many(outcomes: Sequence[TaskOutcome[AnalysisResult]], names: Sequence[
         _print_figures(results)
 
 
-def _print_figures(results: Sequence[AnalysisResult]) -> None:
+def _print_figures(results: Sequence[tasks.AnalysisResult]) -> None:
     first = results[0]
     known = [result.statistics for result in results if result.statistics is not None]
     if known:
         print('\nResidual, measured − model:')
         print(quantity_table(residual_rows(merged_statistics(known), first.joint_kinds)))
     whose = 'measured' if len(known) == len(results) else 'model' if not known else 'known'
-    use = merged_limit_use([result.limit_use for result in results])
+    use = tasks.merged_limit_use([result.limit_use for result in results])
     if not all(np.isnan(values).all() for values in (use.effort, use.velocity, use.position)):
         print('\nUse of limits:')
         print(quantity_table(limit_use_rows(use, first.joint_names, first.joint_kinds, whose)))

@@ -20,19 +20,11 @@ import sys
 
 from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.gravity_calibration import report
 from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file, header
 from robot_dynamics.gravity_calibration.recorded_holds import (
     calibrate_recordings,
     RecordedCalibration,
-)
-from robot_dynamics.gravity_calibration.report import (
-    calibration_page,
-    fact_rows,
-    is_accepted,
-    joint_rows,
-    joint_verdicts,
-    notes,
-    tool_rows,
 )
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.model.payload import make_payload, Payload
@@ -184,8 +176,8 @@ def finish(
         bags, command_line.read_settings(arguments), weighted_bags, weight, tool)
     origin = command_line.origin_of('calibrate_gravity', argv, arguments.urdf, '')
     written = [_report_path(arguments)]
-    command_line.write_file(written[0], calibration_page(found, origin))
-    is_good = is_accepted(found.calibration)
+    command_line.write_file(written[0], report.calibration_page(found, origin))
+    is_good = report.is_accepted(found.calibration)
     if is_good:
         given = '' if arguments.parameters is None else arguments.parameters.read_text(
             encoding='utf-8')
@@ -200,17 +192,17 @@ def finish(
 
 
 def _print(found: RecordedCalibration, written: Sequence[Path]) -> None:
-    verdicts = joint_verdicts(found.calibration)
-    print(text_table([], fact_rows(found)))
+    verdicts = report.joint_verdicts(found.calibration)
+    print(text_table([], report.fact_rows(found)))
     print('\nTorque at the joint = effort scale · (effort of the driver − effort offset):')
-    print(quantity_table(joint_rows(found.calibration)))
+    print(quantity_table(report.joint_rows(found.calibration)))
     if found.calibration.tool is not None:
-        print('\n' + quantity_table(tool_rows(found.calibration)))
+        print('\n' + quantity_table(report.tool_rows(found.calibration)))
     print('\n' + summary(verdicts, 'joints'))
     for name, grade, text, step in verdicts:
         print(f'  {name}: {grade.value[0]}: {text}. Next step: {step}')
     print('\nWritten:\n' + '\n'.join(f'  {path}' for path in written))
-    for note in notes(found.calibration):
+    for note in report.notes(found.calibration):
         print(note)
 
 

@@ -10,15 +10,9 @@ import json
 from pathlib import Path
 import sys
 
+from robot_dynamics.model_check import report
 from robot_dynamics.model_check.finding import CHECKS, errors_of
 from robot_dynamics.model_check.mesh_bounds import MeshReader
-from robot_dynamics.model_check.report import (
-    check_description,
-    findings_as_data,
-    findings_page,
-    findings_report,
-    joint_names_of,
-)
 from robot_dynamics.tools import command_line
 from robot_dynamics.urdf.description_file import read_description
 
@@ -67,17 +61,17 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     meshes = MeshReader(arguments.urdf.parent)
     if arguments.report is not None:
         command_line.prepare_file(arguments.report, arguments.force)
-    checked = check_description(xml, arguments.joints, meshes=meshes)
+    checked = report.check_description(xml, arguments.joints, meshes=meshes)
     if arguments.report is not None:
-        text = findings_page(
-            f'{arguments.urdf.name}: model check', joint_names_of(xml, arguments.joints),
+        text = report.findings_page(
+            f'{arguments.urdf.name}: model check', report.joint_names_of(xml, arguments.joints),
             checked.findings, arguments.ignore, checked.unread,
             command_line.origin_of('check_model', argv, arguments.urdf, ''))
         command_line.write_file(arguments.report, text)
     if arguments.json:
-        print(json.dumps(findings_as_data(checked, arguments.ignore), indent=2))
+        print(json.dumps(report.findings_as_data(checked, arguments.ignore), indent=2))
     else:
-        print(findings_report(arguments.urdf, checked, arguments.ignore))
+        print(report.findings_report(arguments.urdf, checked, arguments.ignore))
     has_errors = errors_of(checked.findings, arguments.ignore)
     return command_line.FAILED if has_errors else command_line.DONE
 

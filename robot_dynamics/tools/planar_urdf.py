@@ -9,15 +9,9 @@ from functools import partial
 from pathlib import Path
 import sys
 
+from robot_dynamics.planar import urdf
 from robot_dynamics.planar.chain import PlanarChain
 from robot_dynamics.planar.two_link import PlanarTwoLink
-from robot_dynamics.planar.urdf import (
-    DEFAULT_EFFORT_LIMITS,
-    DEFAULT_VELOCITY_LIMITS,
-    GENEROUS_EFFORT_LIMIT,
-    GENEROUS_VELOCITY_LIMIT,
-    planar_arm_urdf,
-)
 from robot_dynamics.tools import command_line
 
 
@@ -49,12 +43,12 @@ def _parser() -> command_line.Parser:
     _add_numbers(parser, '--coulomb', 'N·m', 'Coulomb friction (default: 0)')
     _add_numbers(
         parser, '--effort-limits', 'N·m',
-        f'effort limits (default: {_in_words(DEFAULT_EFFORT_LIMITS)} for the default links, '
-        f'{GENEROUS_EFFORT_LIMIT:g} for others)')
+        f'effort limits (default: {_in_words(urdf.DEFAULT_EFFORT_LIMITS)} for the default links, '
+        f'{urdf.GENEROUS_EFFORT_LIMIT:g} for others)')
     _add_numbers(
         parser, '--velocity-limits', 'rad/s',
-        f'velocity limits (default: {_in_words(DEFAULT_VELOCITY_LIMITS)} for the default links, '
-        f'{GENEROUS_VELOCITY_LIMIT:g} for others)')
+        f'velocity limits (default: {_in_words(urdf.DEFAULT_VELOCITY_LIMITS)} for the default '
+        f'links, {urdf.GENEROUS_VELOCITY_LIMIT:g} for others)')
     parser.add_argument(
         '--name', default='planar_arm', help='name of the robot (default: %(default)s)')
     parser.add_argument(
@@ -81,7 +75,7 @@ def _urdf(arguments: argparse.Namespace) -> str:
     given = (arguments.masses, arguments.lengths, arguments.com_distances, arguments.inertias)
     # The limits of the default arm do not apply to links of the user.
     is_default = all(values is None for values in given)
-    return planar_arm_urdf(
+    return urdf.planar_arm_urdf(
         arguments.masses or own.masses,
         arguments.lengths or own.lengths,
         arguments.com_distances or own.com_distances,
@@ -89,9 +83,9 @@ def _urdf(arguments: argparse.Namespace) -> str:
         viscous_friction=arguments.viscous or 0.0,
         coulomb_friction=arguments.coulomb or 0.0,
         effort_limits=arguments.effort_limits or (
-            DEFAULT_EFFORT_LIMITS if is_default else GENEROUS_EFFORT_LIMIT),
+            urdf.DEFAULT_EFFORT_LIMITS if is_default else urdf.GENEROUS_EFFORT_LIMIT),
         velocity_limits=arguments.velocity_limits or (
-            DEFAULT_VELOCITY_LIMITS if is_default else GENEROUS_VELOCITY_LIMIT),
+            urdf.DEFAULT_VELOCITY_LIMITS if is_default else urdf.GENEROUS_VELOCITY_LIMIT),
         name=arguments.name,
     )
 

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from report_page import ReportPage
 from robot_dynamics.reporting.figures import effort_panel, TimeBoundary
-from robot_dynamics.reporting.html_page import (
-    command_line,
-    Grade,
-    Origin,
-    report_page,
-    summary,
-    Verdict,
-)
+from robot_dynamics.reporting.html_page import command_line, Grade, Origin, Page, summary, Verdict
 from robot_dynamics.reporting.interactive import zoomable_figures
 
 VERDICTS = [
@@ -32,7 +25,9 @@ PANEL = effort_panel('Measured and model', TIMES, {
 
 
 def test_a_report_begins_with_the_verdicts_then_names_its_origin():
-    text = report_page('An arm', VERDICTS, 'Rule: 10 %.', ORIGIN, ['<h2>Details</h2>'])
+    report = Page('An arm', VERDICTS, 'Rule: 10 %.', ORIGIN)
+    report.section('Details')
+    text = report.html()
     page = ReportPage(text)
     places = [page.text.index(words) for words in (
         'Verdict: 1 good, 1 bad, of 2 joints.', 'joint1', 'residual 3 % < 10 %', 'use the model',
@@ -51,14 +46,14 @@ def test_the_summary_counts_grades():
 def figures():
     return zoomable_figures(
         ('turn', 'slide'), ('revolute', 'prismatic'), [PANEL], TimeBoundary(1.0, 'left', 'right'),
-        '<b>static</b>')
+        b'\x89PNG', 'what')
 
 
 def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     found = figures()
     assert found.head == ''
-    assert found.figures.startswith('<b>static</b><p>')
+    assert found.figures.startswith('<div class="static"><img alt="what"')
     assert 'install bokeh' in found.figures
 
 
@@ -68,7 +63,7 @@ def test_the_figures_contain_their_script_units_and_boundary():
     page = ReportPage(f'<html><head>{found.head}</head><body>{found.figures}</body></html>')
     assert page.is_complete
     assert 500_000 < len(found.head) < 2_000_000
-    assert '<b>static</b>' in found.figures
+    assert '<img alt="what"' in found.figures
     texts = re.sub(r'\\+u00b7', '·', found.figures)
     for words in ('effort [N·m]', 'effort [N]', 'slide', 'turn: Measured and model', 'left',
                   'right', 'time [s]'):

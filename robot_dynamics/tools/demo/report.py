@@ -4,7 +4,6 @@
 """The evaluation of a recording of the closed loop: errors, rates, figure and HTML report."""
 
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +20,7 @@ from robot_dynamics.reporting.figures import (
     position_panel,
     save_figure,
 )
-from robot_dynamics.reporting.html_page import (
-    Grade,
-    image,
-    Origin,
-    report_page,
-    table,
-    Verdict,
-)
+from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.interactive import zoomable_figures
 from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools.demo.loop import LoopRun
@@ -172,17 +164,17 @@ def write_loop_page(
     report: LoopReport, run: LoopRun, arm: ArmModel, picture: Path, path: Path, origin: Origin,
 ) -> None:
     """Write the report of a closed loop, with the figure in `picture`; raise OSError."""
+    page = Page(f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin)
+    page.section('Tracking error')
+    page.table(error_rows(report))
+    page.section('Rates')
+    page.items(' '.join(line.split()) for line in rate_lines(report, run))
+    page.section('Position, tracking error and effort over time')
     figures = zoomable_figures(
         report.joint_names, report.joint_kinds, loop_panels(report, arm), None,
-        image(picture.read_bytes(), 'Position, tracking error and effort by term'))
-    lines = ''.join(f'<li>{escape(" ".join(line.split()))}</li>'
-                    for line in rate_lines(report, run))
-    path.write_text(report_page(
-        f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin, [
-            '<h2>Tracking error</h2>', table(error_rows(report)),
-            '<h2>Rates</h2>', f'<ul>{lines}</ul>',
-            '<h2>Position, tracking error and effort over time</h2>', figures.figures],
-        figures.head), encoding='utf-8')
+        picture.read_bytes(), 'Position, tracking error and effort by term')
+    page.add(figures.figures, figures.head)
+    path.write_text(page.html(), encoding='utf-8')
 
 
 def loop_verdicts(report: LoopReport, arm: ArmModel) -> list[Verdict]:
