@@ -271,11 +271,9 @@ def origin_of(
     """Return the origin of a report; `default` describes the URDF if none was given."""
     from robot_dynamics import __version__
     from robot_dynamics.reporting.html_page import command_line, Origin
-    subject = default if urdf is None else str(urdf)
-    if urdf is not None and '://' not in subject:
-        subject = str(Path(subject).expanduser().resolve())
     return Origin(
-        subject, command_line(prog, sys.argv[1:] if argv is None else argv), __version__)
+        default if urdf is None else str(urdf),
+        command_line(prog, sys.argv[1:] if argv is None else argv), __version__)
 
 
 def _pair(text: str) -> tuple[str, str]:
