@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the answers of the control loop state: limits, faults, times, and reasons."""
+
+from dataclasses import replace
+
+from lock_step_loop import FIRST_STAMP, LockStep, MS
+import numpy as np
+from numpy.testing import assert_array_equal
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.safety.supervisor import Mode
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from test_loop import arm_named, in_motion, Q, with_command
+
+
+def state(one: LockStep, v: FloatArray | None = None) -> LoopAnswer:
+    """Return the answer to the next state at the position of the arm."""
+    answer = one.loop.answer(FIRST_STAMP + one.k * MS, one.q, one.v if v is None else v)
+    one.k += 2
+    return answer
+
+
+def at_rest() -> LockStep:
+    one = LockStep(arm_named('default'), q=Q)
+    one.run(0.1)
+    assert one.loop.interruption == ''
+    return one
+
+
+def test_an_effort_that_no_limit_changes_has_no_limits() -> None:
+    answer = state(at_rest())
+    assert answer.limits is None
+    assert answer.verdict.dt == pytest.approx(0.002)
+
+
+def test_an_effort_whose_rate_is_limited_names_the_joints() -> None:
+    one = at_rest()
+    one.loop.supervisor.limiter.last = np.array([100.0, -11.0])
+    answer = state(one)
+    assert answer.limits is not None
+    position, velocity, rate = answer.limits
+    assert_array_equal(position, [False, False])
+    assert_array_equal(velocity, [False, False])
+    assert rate[0]
+
+
+def test_gains_that_the_law_has_scaled_are_stated_with_an_unchanged_effort() -> None:
+    one = in_motion()
+    one.push = lambda t: np.array([120.0, 0.0])
+    answers = []
+    for _ in range(50):
+        answers.append(state(one))
+        one.k -= 2  # `run` answers this state again, with the same effort
+        one.run(0.002)
+    scaled = [each for each in answers if each.output.law.scale < 1.0]
+    assert scaled
+    assert all(each.limits is not None for each in scaled)
+
+
+def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault() -> None:
+    one = at_rest()
+    for factor, mode in ((1.1, Mode.RUNNING), (1.5, Mode.FAULT)):
+        fast = factor * one.arm.limits.velocity
+        for _ in range(3):
+            one.q = one.q + 0.002 * fast
+            answer = state(one, fast)
+        assert one.loop.supervisor.mode is mode
+        assert (answer.limits is None) is (mode is Mode.FAULT)
+
+
+def test_a_command_of_none_has_a_verdict_on_the_state() -> None:
+    one = at_rest()
+    with_command(one, 'none')
+    assert one.loop.interruption == "command was set to 'none'"
+    one.run(2.0)
+    answer = state(one)
+    assert answer.effort is None
+    assert answer.verdict.stamp == FIRST_STAMP + (one.k - 2) * MS
+
+
+def test_a_following_error_is_the_fault_of_this_name() -> None:
+    one = LockStep(arm_named('default'), q=Q, following_error=np.array([0.05, 0.05]))
+    one.run(0.1)
+    one.q = one.q + np.array([0.06, 0.0])
+    state(one)
+    fault = one.loop.supervisor.fault
+    assert fault is not None
+    assert fault.name == 'following_error'
+    assert "position of 'joint1'" in fault.message
+
+
+def test_the_pause_of_a_stream_is_measured_by_the_steady_clock() -> None:
+    one = at_rest()
+    names, loop = one.arm.joint_names, one.loop
+
+    def send(k: int) -> None:
+        loop.follow(make_trajectory(
+            names, [0.0], [(Q + 0.004 * k).tolist()], [[0.2, 0.2]], (), names))
+
+    stamp = FIRST_STAMP + 100 * MS
+    for k in range(1, 11):
+        stamp += 20 * MS
+        loop.answer(stamp, Q + 0.004 * k, one.v + 0.2, stamp, stamp)
+        send(k)
+    steady = stamp
+    for k in range(10):  # simulated time is slow
+        stamp, steady = stamp + MS, steady + 20 * MS
+        loop.answer(stamp, Q + 0.04 + 2e-4 * k, one.v + 0.2, stamp, steady)
+    assert loop.paused_streams == 1
+
+
+def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back() -> None:
+    one = in_motion()
+    before = one.loop.reference
+    stamp, h = FIRST_STAMP + one.k * MS, 2 * MS
+    shift = 300 * MS
+    answer = one.loop.answer(
+        stamp + h - shift, one.q, one.v, stamp + h - shift, stamp + h)
+    after = one.loop.reference
+    assert before is not None
+    if answer.verdict.time_shift:
+        assert after is not None
+        assert after.position == pytest.approx(before.position, abs=0.01)
+    else:
+        assert 'restarted' in one.loop.interruption
+
+
+def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit() -> None:
+    """The others do: their motion above the limit is braked."""
+    one = in_motion()
+    loop, q, v = one.loop, one.q.copy(), one.v.copy()
+    frozen_q, frozen_v = q[1], v[1]
+    for _ in range(60):
+        q = np.array([q[0] + 0.002 * v[0], frozen_q])
+        loop.answer(FIRST_STAMP + one.k * MS, q, np.array([v[0], frozen_v]))
+        one.k += 2
+    fault = loop.supervisor.fault
+    assert fault is not None
+    assert fault.name == 'frozen_joint'
+    assert loop.supervisor.fault_count == 1
+
+
+def test_the_ramp_waits_for_the_slower_of_velocity_and_mean() -> None:
+    """A noisy velocity of an arm at rest does not delay the ramp."""
+    one = at_rest()
+    one.loop.deactivate(one.now)
+    noise = np.array([0.2, -0.2])
+    for k in range(400):
+        if one.loop.supervisor.mode is not Mode.BRAKING:
+            break
+        state(one, noise * (-1) ** k)
+    assert one.loop.supervisor.mode is Mode.STOPPING
+
+
+def test_the_loop_of_the_next_options_begins_without_an_interruption() -> None:
+    loop = ControlLoop.of_arm(arm_named('default'))
+    assert loop.interruption == loop.notice == ''
+    options = loop.controller.options
+    loop.set_options(
+        replace(options, command='gravity_compensation'), loop.supervisor.limiter.limits,
+        loop.supervisor.options)
+    assert loop.interruption == ''
