@@ -91,3 +91,17 @@ def test_a_ripple_of_the_reference_is_no_oscillation_of_the_loop(
     for t in np.arange(0.0, 1.0, 0.002).tolist():
         guard.take(t, np.array([size * np.sin(2.0 * np.pi * 25.0 * t)]), 2.0)
     assert (guard.scale[0] < 1.0) == lowers
+
+
+def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled() -> None:
+    """Until then nothing changes, and no change is reported."""
+    rate, guard, changes, before = 500, OscillationGuard(1), [], 1.0
+    for k in range(3 * rate):
+        x = np.array([0.5 * np.sin(2.0 * np.pi * 20.0 * k / rate)])
+        changed = guard.take(100.0 + k / rate, x)
+        assert changed is (float(guard.scale[0]) != before)
+        before = float(guard.scale[0])
+        if changed:
+            changes.append(before)
+    assert min(changes) >= LEAST
+    assert changes[-1] == 1.0  # it does not depend on the gains

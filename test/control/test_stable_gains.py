@@ -97,6 +97,18 @@ def test_a_stiffness_without_damping_has_no_margin() -> None:
     assert one.scale.tolist() == [0.0, 0.0]
 
 
+def test_without_states_references_are_as_fast_as_the_limits() -> None:
+    one = StableGains(KINDS)
+    assert one.reference_scale == 1.0
+    assert one.scale.tolist() == [1.0, 1.0]
+
+
+def test_slow_loops_permit_slow_states() -> None:
+    """K_d = 0.5 1/s alone has the crossover 0.5 rad/s."""
+    slow = loop_of(Gains(np.zeros(2), np.full(2, 0.5)), MASS)
+    assert longest_period(slow) == pytest.approx(2.0 * (DELAY_LAG / 0.5 - LOOP_DELAY))
+
+
 def test_the_least_favourable_pose_counts_joint_by_joint() -> None:
     """An impedance: K is the same in each pose, and M is not."""
     K, D = np.diag([100.0, 50.0]), np.diag([20.0, 10.0])

@@ -518,3 +518,34 @@ def test_states_without_velocities_are_never_in_doubt() -> None:
         q = np.full(N, 2e-3 * k)
         assert one.update(k * SECOND // 500, q, None if k % 400 < 200 else np.ones(N))
     assert FLOOR > 0.0
+
+
+# --- the cause that the reason names -------------------------------------------------------------
+
+def first_reason(q: FloatArray, v: FloatArray, rate: float) -> str:
+    """Return the reason of the first alarm for one joint, whose samples are (m,)."""
+    one = consistency(('revolute',))
+    stamps = np.rint(np.arange(len(q)) * SECOND / rate).astype(np.int64)
+    _, reason = next(alarms(one, States(stamps, q[:, None], v[:, None])))
+    return reason
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+def test_a_velocity_that_becomes_zero_is_named_although_it_was_true_before(rate: float) -> None:
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    v = np.where(t < 1.0, 1.0, 0.0)
+    assert 'velocity is zero or missing' in first_reason(1.0 * t, v, rate)
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+@pytest.mark.parametrize(('factor', 'cause'), [
+    (-1.0, 'wrong sign'), (2.5, ' times the displacement'), (0.0, 'zero or missing')])
+def test_the_cause_is_named_in_motion_that_reverses(
+    rate: float, factor: float, cause: str,
+) -> None:
+    t, omega = np.arange(0.0, 2.0, 1.0 / rate), 2.0 * np.pi * 6.0
+    q, v = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
+    true = t < 1.0 + 1.0 / 24.0  # a reversal
+    reason = first_reason(q, np.where(true, v, factor * v), rate)
+    print(reason)
+    assert cause in reason
