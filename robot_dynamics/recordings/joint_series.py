@@ -68,7 +68,7 @@ class JointSeries:
 
     def unwrapped(self, is_continuous: BoolArray) -> 'JointSeries':
         """
-        Return the samples without steps of whole turns at continuous joints (`whole_turns`).
+        Return the samples without steps of whole turns at continuous joints (`angle_wrapping`).
 
         `is_continuous` is (n,). Each stretch without a gap begins at its recorded position,
         because the turns during a gap are not known.

@@ -183,6 +183,8 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
     move(bench, center)
     swing = bench.driver.change = Swing(center, [0.9, 0.0], 12.0 / 0.9)
+    bench.efforts.clear()
+    bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then
     wait_agreement(bench)
     bench.set_point([center[0] + sign * 0.4, 0.0])
     bench.wait_status('command', lambda status: (
