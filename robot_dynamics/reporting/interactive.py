@@ -43,7 +43,7 @@ def zoomable_figures(
     """
     Return figures with a row per joint and a column per panel, and a common time axis.
 
-    `static` is the static counterpart as PNG, which print shows, and `what` says what it is.
+    `static` is the static counterpart as PNG, which print shows, and `what` describes it.
     Without Bokeh the result is that image, with the command that installs Bokeh.
     """
     image = html_page.image(static, what)

@@ -16,6 +16,7 @@ from pathlib import Path
 import sys
 import textwrap
 from typing import Any, NoReturn, TYPE_CHECKING
+import warnings
 
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 
@@ -249,7 +250,14 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
 def read_parameters(path: Path | None) -> Mapping[str, Any]:
     """Return the parameters in a file, if there is one; raise InvalidInputError."""
     from robot_dynamics.model.arm_parameters import read_parameter_file
-    return {} if path is None else read_parameter_file(path)
+    if path is None:
+        return {}
+    with warnings.catch_warnings(record=True) as former:
+        warnings.simplefilter('always')
+        parameters = read_parameter_file(path)
+    for warning in former:
+        print(f'Warning: {warning.message}', file=sys.stderr)
+    return parameters
 
 
 def read_robot(text: str | None, option: str = '--urdf') -> str:

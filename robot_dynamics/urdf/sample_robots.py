@@ -27,15 +27,16 @@ SAMPLE_ROBOTS = {
 
 def sample_robot_path(name: str) -> Path:
     """Return the URDF of a name of SAMPLE_ROBOTS; raise MissingDependencyError without it."""
-    for prefix in _prefixes():
-        path = prefix / 'share' / PACKAGE / 'robots' / SAMPLE_ROBOTS[name]
+    for directory in robot_directories():
+        path = directory / SAMPLE_ROBOTS[name]
         if path.is_file():
             return path
     raise missing(f'the robot {name!r}', 'example_robot_data')
 
 
-def _prefixes() -> Iterator[Path]:
-    """Yield the directories that may contain the package: its wheel, ROS installations."""
+def robot_directories() -> Iterator[Path]:
+    """Yield the directories that may contain the robots: in the wheel, in ROS installations."""
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     with suppress(metadata.PackageNotFoundError):
-        yield Path(str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
-    yield from (Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p)
+        prefixes.insert(0, str(metadata.distribution(PACKAGE).locate_file('cmeel.prefix')))
+    yield from (Path(prefix, 'share', PACKAGE, 'robots') for prefix in prefixes if prefix)

@@ -108,11 +108,11 @@ class RunningNodes:
             for state in AT_REST:
                 callback_of(node, 'joint_states')(serialize_message(state))
         counters = node._path.counters
-        answered, node._refusal, counters.last_drop = node._path.loop.states, '', ''
+        answered, node._trajectories.refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
         callback_of(node, topic)(serialize_message(message))
         assert counters.dropped['internal error'] == failures, counters.last_drop
-        words = node._refusal if topic == 'joint_trajectory' else counters.last_drop
+        words = node._trajectories.refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
             raise RefusalError(words)
         if topic == 'joint_states' and node._path.loop.states == answered:

@@ -109,6 +109,9 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
         wait_until(lambda: 'in the present configuration gravity at' in is_rejected(stretched),
                    'the rejection of a stretched arm')
         wait_until(lambda: is_rejected([0.0, 0.0]) == '', 'a load of an arm that hangs')
+        wait_until(lambda: is_rejected(stretched) != '', 'the rejection after that')
+        client.set_parameters('/heavy/dynamics', {'gravity': [0.0, 0.0, -1.0]})
+        wait_until(lambda: is_rejected(stretched) == '', 'the gravity of the base in use')
         client.node.destroy_publisher(states)
 
 

@@ -114,7 +114,7 @@ class Node:
         point = JointTrajectoryPoint(positions=[0.2] * JOINTS)
         point.time_from_start.sec = 1000
         message.points.append(point)
-        self.node._on_trajectory(message)
+        self.node._trajectories.take(message)
 
     @property
     def answered(self) -> int:

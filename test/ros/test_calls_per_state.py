@@ -85,7 +85,7 @@ class FollowingNode:
                 accelerations=[0.0] * JOINTS)
             point.time_from_start.sec = seconds
             message.points.append(point)
-        self.node._on_trajectory(message)
+        self.node._trajectories.take(message)
 
     def calls_of_a_state(self) -> list[tuple[str, str]]:
         """Return module and function of each call that one joint state passes, in order."""

@@ -24,6 +24,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec, Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics.tools.command_line import read_parameters
 from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -52,11 +53,17 @@ def nodes(client: RosClient) -> Iterator[None]:
 
 # --- former names ----------------------------------------------------------------------------
 
-def test_parameters_by_their_former_names(client: RosClient, tmp_path: Path) -> None:
+def test_parameters_by_their_former_names(
+    client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
     file = tmp_path / 'former.yaml'
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': FORMER}}), encoding='utf-8')
     with pytest.warns(UserWarning, match="'effort_scale' is now 'effort_limit_fraction'"):
         expected = read_parameter_file(file)
+    assert read_parameters(file) == expected
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(FORMER_NAMES)
+    assert all(line.startswith('Warning: parameter file') for line in lines)
     assert FORMER_NAMES.keys() <= FORMER.keys()
     assert not FORMER_NAMES.keys() & expected.keys()
     arm = arm_from_parameters(default_arm_urdf(), expected)

@@ -9,7 +9,6 @@ variable CI is set, on x86-64 Linux, they fail instead.
 """
 
 from collections.abc import Sequence
-from importlib import metadata
 import os
 from pathlib import Path
 import platform
@@ -18,26 +17,18 @@ from typing import Any, NoReturn
 
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-
-PACKAGE = 'example-robot-data'
+from robot_dynamics.urdf.sample_robots import PACKAGE, robot_directories, SAMPLE_ROBOTS
 
 _FILES = {
+    **SAMPLE_ROBOTS,
     'baxter': 'baxter_description/urdf/baxter.urdf',
-    'kinova': 'kinova_description/robots/kinova.urdf',
-    'panda': 'panda_description/urdf/panda.urdf',
     'pr2': 'pr2_description/urdf/pr2.urdf',
     'so100': 'so_arm_description/urdf/so100.urdf',
     'talos_full_v2': 'talos_data/robots/talos_full_v2.urdf',
-    'talos_left_arm': 'talos_data/robots/talos_left_arm.urdf',
     'tiago': 'tiago_description/robots/tiago.urdf',
     'tiago_dual': 'tiago_description/robots/tiago_dual.urdf',
     'tiago_no_hand': 'tiago_description/robots/tiago_no_hand.urdf',
     'tiago_pro': 'tiago_pro_description/robots/tiago_pro.urdf',
-    'ur10': 'ur_description/urdf/ur10_robot.urdf',
-    'ur3': 'ur_description/urdf/ur3_robot.urdf',
-    'ur5': 'ur_description/urdf/ur5_robot.urdf',
-    'xarm7': 'xarm_description/urdf/xarm7.urdf',
-    'z1': 'z1_description/urdf/z1.urdf',
 }
 
 ROBOTS = tuple(_FILES)
@@ -87,7 +78,7 @@ def missing(reason: str) -> NoReturn:
 
 def robot_path(name: str) -> Path:
     """Return the path of the URDF of one of `ROBOTS`; skip the test if it is not installed."""
-    for directory in _robot_directories():
+    for directory in robot_directories():
         path = directory / _FILES[name]
         if path.is_file():
             return path
@@ -96,7 +87,7 @@ def robot_path(name: str) -> Path:
 
 def is_installed() -> bool:
     """Return whether there is a directory with the robots."""
-    return any(directory.is_dir() for directory in _robot_directories())
+    return any(directory.is_dir() for directory in robot_directories())
 
 
 def robot_urdf(name: str) -> str:
@@ -104,16 +95,3 @@ def robot_urdf(name: str) -> str:
     if name == 'default':
         return default_arm_urdf()
     return robot_path(name).read_text(encoding='utf-8')
-
-
-def _robot_directories() -> list[Path]:
-    """Return the possible directories of the robots: in the wheel, or in a ROS installation."""
-    share = Path('share', PACKAGE, 'robots')
-    prefixes = [Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
-    try:
-        distribution = metadata.distribution(PACKAGE)
-    except metadata.PackageNotFoundError:
-        pass
-    else:
-        prefixes.insert(0, Path(str(distribution.locate_file('cmeel.prefix'))))
-    return [prefix / share for prefix in prefixes]

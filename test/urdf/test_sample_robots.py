@@ -34,6 +34,6 @@ def test_another_name_is_rejected_with_the_names() -> None:
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sample_robots, '_prefixes', lambda: iter(()))
+    monkeypatch.setattr(sample_robots, 'robot_directories', lambda: iter(()))
     with pytest.raises(MissingDependencyError, match='needs the library example-robot-data'):
         read_description_file('ur10', '--urdf')

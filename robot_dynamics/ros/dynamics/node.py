@@ -4,18 +4,13 @@
 """The node `dynamics`: commands for joint states, and services of robot dynamics."""
 
 from collections.abc import Sequence
-import math
-import re
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.loop_warnings import loop_warnings
-from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.shortfall import shortfall
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.state_plausibility import StatePlausibility
@@ -37,24 +32,16 @@ from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_log import StateReport
+from robot_dynamics.ros.dynamics.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
-from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
-from robot_dynamics.ros.middleware.diagnostics import (
-    Diagnostics,
-    FRICTION_ERROR,
-    joint_key,
-    OK,
-    Status,
-    STIFFNESS,
-    WARN,
-)
+from robot_dynamics.ros.middleware.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch
 from robot_dynamics.ros.middleware.guarded_callbacks import (
     describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
 )
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, MessageLoop, MOST_WAITING
+from robot_dynamics.ros.middleware.message_loop import MessageLoop, MOST_WAITING
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.middleware.urgent_service import UrgentService
 from robot_dynamics.ros.parameters.declared_parameters import (
@@ -67,10 +54,8 @@ from robot_dynamics.urdf.parser import parse_urdf
 from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 LOOP_PARAMETERS = (*GAINS, 'scale_gains', 'condition_references', 'effort_rate_limit')
 """Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -132,8 +117,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
         self._estimates: Estimates | None = None
-        self._refused, self._refusal = 0, ''
-        self._accepted, self._goal = 0, list[float]()
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
@@ -150,9 +133,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
-        self.create_subscription(
-            JointTrajectory, '~/joint_trajectory', self._on_trajectory, 10,
-            refuse=self._refuse_trajectory)
+        self._trajectories = TrajectoryInput(self, self._path)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
@@ -311,34 +292,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             values['state_max_age'], values['joint_sample_max_age'],
             None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
 
-    # ------------------------------------------------------------------ the reference
-
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        try:
-            loop = self._loop_in_use()
-            trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
-            loop.follow(trajectory, stamp_from_ros(message.header.stamp))
-            self._refusal = ''
-            self._accepted += 1
-            self._goal = trajectory.points[-1].position.tolist()
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self._refuse_trajectory(error)
-
-    def _loop_in_use(self) -> ControlLoop:
-        loop = self._path.loop
-        if loop is None:
-            raise InvalidInputError('no model yet: no trajectory can be followed')
-        return loop
-
-    def _refuse_trajectory(self, error: Exception) -> None:
-        before, self._refusal = self._refusal, describe_error(error)
-        self._refused += 1
-        words = f'Rejected a joint trajectory: {self._refusal}'
-        if _NUMBER.sub('', self._refusal) == _NUMBER.sub('', before):  # of the same stream
-            self.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
-        else:
-            self.get_logger().error(words)
-
     # ------------------------------------------------------------------ diagnostics
 
     def _statuses(self) -> list[Status]:
@@ -346,7 +299,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         model = self._arm.name if self._arm is not None else 'none yet'
         statuses = [
             *self._report.statuses(self._settings.values['state_timeout']),
-            self._reference_status(),
+            self._trajectories.status(),
             self._path.command.status(),
             self._path.estimates.status(),
             self._graph.status(),
@@ -359,37 +312,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                  'callbacks that failed': self.callback_errors}),
         ]
         return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
-
-    def _reference_status(self) -> Status:
-        loop, following = self._path.loop, self._path.counters.following
-        level, words = WARN if self._refusal else OK, 'following' if following else 'none'
-        missing = shortfall(loop.controller) if loop is not None and following else ''
-        oscillation = '' if loop is None else str(loop.controller.adaptation)
-        if loop is not None and loop.interruption:
-            level, words = WARN, f'ended early: {loop.interruption}'
-        elif missing or oscillation:
-            level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
-        return Status('reference', level, words, {
-            'refused': self._refused, 'refusal of the latest': self._refusal,
-            'accepted': self._accepted, 'goal of the latest': self._goal,
-            'streams that paused': 0 if loop is None else loop.paused_streams,
-            'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
-            'share of the gains that the state rate allows':
-                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
-            **({} if loop is None else _stiffness_values(loop.controller))}, self._accepted)
-
-
-def _stiffness_values(controller: Controller) -> dict[str, str]:
-    """Return stiffness and error at rest of each joint for the diagnostics."""
-    found, arm = rest_stiffness(controller), controller.arm
-    if found is None:
-        return {}
-    units = [('N/m', 'm') if kind == 'prismatic' else ('N m/rad', 'rad')
-             for kind in arm.joint_kinds]
-    return {
-        joint_key(beginning, name, unit[i]): f'{value:.4g}'
-        for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))
-        for name, unit, value in zip(arm.joint_names, units, values) if math.isfinite(value)}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -54,7 +54,7 @@ def changed_payloads(
     if payload is not None:
         check_all(arm, changed, values)
         if q is not None and not values[ALLOWED]:
-            check_held_at(arm.with_payloads([]), changed, q, _REMEDY)
+            check_held_at(arm, changed, q, _REMEDY)
     return changed
 
 

@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The trajectories that `dynamics` receives, and the status `reference` of its diagnostics."""
+
+import math
+import re
+
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
+from robot_dynamics.control.shortfall import shortfall
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
+from robot_dynamics.ros.middleware.diagnostics import (
+    FRICTION_ERROR,
+    joint_key,
+    OK,
+    Status,
+    STIFFNESS,
+    WARN,
+)
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from trajectory_msgs.msg import JointTrajectory
+
+_NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
+
+
+class TrajectoryInput:
+    """Passes the messages on ~/joint_trajectory to the loop of a control path."""
+
+    def __init__(self, node: GuardedCallbacks, path: ControlPath) -> None:
+        """Subscribe on a node."""
+        self._node, self._path = node, path
+        self._refused, self.refusal = 0, ''
+        """Number of rejected messages, and why the latest was rejected; '' if it was accepted."""
+        self._accepted, self._goal = 0, list[float]()
+        self._reported = 0
+        """Number of accepted goals that is published at once; a stream does not change it."""
+        node.create_subscription(
+            JointTrajectory, '~/joint_trajectory', self.take, 10, refuse=self._refuse)
+
+    def take(self, message: JointTrajectory) -> None:
+        """Follow a trajectory, or count and log why it is rejected."""
+        try:
+            loop = self._path.loop
+            if loop is None:
+                raise InvalidInputError('no model yet: no trajectory can be followed')
+            trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
+            loop.follow(trajectory, stamp_from_ros(message.header.stamp))
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self._refuse(error)
+            return
+        self.refusal = ''
+        self._accepted += 1
+        self._goal = trajectory.points[-1].position.tolist()
+        if loop.stream.deadline == math.inf:
+            self._reported = self._accepted
+
+    def _refuse(self, error: Exception) -> None:
+        before, self.refusal = self.refusal, describe_error(error)
+        self._refused += 1
+        words = f'Rejected a joint trajectory: {self.refusal}'
+        if _NUMBER.sub('', self.refusal) == _NUMBER.sub('', before):  # of the same stream
+            self._node.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
+        else:
+            self._node.get_logger().error(words)
+
+    def status(self) -> Status:
+        """Return the status `reference` for the diagnostics."""
+        loop, following = self._path.loop, self._path.counters.following
+        level, words = WARN if self.refusal else OK, 'following' if following else 'none'
+        missing = shortfall(loop.controller) if loop is not None and following else ''
+        oscillation = '' if loop is None else str(loop.controller.adaptation)
+        if loop is not None and loop.interruption:
+            level, words = WARN, f'ended early: {loop.interruption}'
+        elif missing or oscillation:
+            level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
+        return Status('reference', level, words, {
+            'refused': self._refused, 'refusal of the latest': self.refusal,
+            'accepted': self._accepted, 'goal of the latest': self._goal,
+            'streams that paused': 0 if loop is None else loop.paused_streams,
+            'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
+            'share of the gains that the state rate allows':
+                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
+            **({} if loop is None else _stiffness_values(loop.controller))}, self._reported)
+
+
+def _stiffness_values(controller: Controller) -> dict[str, str]:
+    """Return stiffness and error at rest of each joint for the diagnostics."""
+    found, arm = rest_stiffness(controller), controller.arm
+    if found is None:
+        return {}
+    units = [('N/m', 'm') if kind == 'prismatic' else ('N m/rad', 'rad')
+             for kind in arm.joint_kinds]
+    return {
+        joint_key(beginning, name, unit[i]): f'{value:.4g}'
+        for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))
+        for name, unit, value in zip(arm.joint_names, units, values) if math.isfinite(value)}
