@@ -54,6 +54,8 @@ LINES: Mapping[str, LineStyle] = {
     'external': LineStyle(SKY, '-', 1.2),
 }
 """The style of every quantity that a figure may show."""
+LABELS = {'coriolis': 'Coriolis'}
+"""Labels of quantities in a legend that differ from their names."""
 
 STYLE = {
     'font.size': 11.0, 'axes.titlesize': 11.0, 'axes.labelsize': 11.0, 'legend.fontsize': 10.0,
@@ -61,8 +63,9 @@ STYLE = {
     'axes.grid': True, 'grid.color': '#DDDDDD', 'grid.linewidth': 0.6, 'axes.axisbelow': True,
     'axes.spines.top': False, 'axes.spines.right': False, 'figure.dpi': 110,
 }
-COLUMN_WIDTH, ROW_HEIGHT = 4.4, 2.3
+COLUMN_WIDTH, ROW_HEIGHT = 4.7, 2.3
 """[inch]"""
+LEGEND_COLUMNS = 5
 MAX_POINTS = 2000
 """Largest number of points per line in a figure."""
 MAX_DOTS = 5000
@@ -147,8 +150,9 @@ def joint_figure(
             axes[-1, column].set_xlabel('time [s]')
             axes[0, column].legend(
                 title=panel.title, title_fontproperties={'weight': 'bold'}, alignment='left',
-                ncols=3, loc='lower left', bbox_to_anchor=(0.0, 1.16), frameon=False,
-                borderaxespad=0.0, borderpad=0.0, handlelength=2.4, columnspacing=1.2)
+                ncols=LEGEND_COLUMNS, loc='lower left', bbox_to_anchor=(0.0, 1.16), frameon=False,
+                borderaxespad=0.0, borderpad=0.0, handlelength=1.7, handletextpad=0.4,
+                columnspacing=0.8)
     return figure
 
 
@@ -236,8 +240,8 @@ def _draw(axes: 'Axes', panel: Panel, row: int, prismatic: bool) -> None:
     for name, values in panel.lines.items():
         style = LINES[name]
         axes.plot(
-            times, panel.scale * values[::step, row], label=name, color=style.colour,
-            linestyle=style.dash, linewidth=style.width)
+            times, panel.scale * values[::step, row], label=LABELS.get(name, name),
+            color=style.colour, linestyle=style.dash, linewidth=style.width)
     axes.set_ylabel(f'{panel.quantity} [{panel.units[prismatic]}]')
     axes.margins(x=0.01)
     largest = max(float(np.nanmax(np.abs(values[:, row]))) for values in panel.lines.values())

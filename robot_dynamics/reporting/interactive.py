@@ -17,7 +17,14 @@ import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting import html_page
-from robot_dynamics.reporting.figures import GREY, LINES, LineStyle, Panel, TimeBoundary
+from robot_dynamics.reporting.figures import (
+    GREY,
+    LABELS,
+    LINES,
+    LineStyle,
+    Panel,
+    TimeBoundary,
+)
 
 MAX_POINTS = 6000
 """Largest number of points per line; more points make the page slow."""
@@ -98,7 +105,9 @@ def _figure(
         name: panel.scale * values[::step, row] for name, values in panel.lines.items()}}
     source = models.ColumnDataSource({
         name: np.asarray(values, dtype=np.float32) for name, values in columns.items()})
-    drawn = [(name, [_draw(figure, source, name, LINES[name])]) for name in panel.lines]
+    drawn = [
+        (LABELS.get(name, name), [_draw(figure, source, name, LINES[name])])
+        for name in panel.lines]
     figure.add_tools(models.HoverTool(tooltips=[
         ('', '$name'), ('time', '$x{0.000} s'), (panel.quantity, f'$y{{0.000}} {unit}')]))
     if row == 0:

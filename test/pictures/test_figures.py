@@ -65,6 +65,21 @@ def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
         assert [text.get_text().strip() for text in axes.texts] == ['training', 'test']
 
 
+def test_the_legend_of_the_terms_is_one_line_inside_the_figure():
+    pytest.importorskip('matplotlib')
+    names = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
+    figure = joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), [
+        position_panel(TIMES, WAVES, WAVES),
+        effort_panel('Effort', TIMES, dict.fromkeys(names, WAVES))])
+    figure.canvas.draw()
+    texts = figure.axes[1].get_legend().get_texts()
+    assert [text.get_text() for text in texts] == [
+        'gravity', 'inertial', 'Coriolis', 'friction', 'effort']
+    boxes = [text.get_window_extent() for text in texts]
+    assert np.ptp([box.y0 for box in boxes]) < 0.5 * boxes[0].height
+    assert max(box.x1 for box in boxes) < figure.bbox.x1
+
+
 def test_lines_show_the_values(figure):
     position, error, effort = figure.axes[:3]
     names = [line.get_label() for line in position.lines]
