@@ -205,7 +205,8 @@ def add_robot(
     """Add the option that names the robot, by default required without a default."""
     parser.add_argument(
         option, required=default is None if required is None else required, metavar=metavar,
-        help='URDF or .xacro file of the robot: a path, or package://PACKAGE/PATH'
+        help='URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
+             'sample robot, such as ur10'
              + (f' (default: {default})' if default is not None else ''))
 
 

@@ -134,8 +134,8 @@ def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
         f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
         'by the recorder']
     if run.lost:
-        lines.append('                 The recording is incomplete: try a lower real_time_factor '
-                     'or a lower --rate.')
+        lines.append('                 The recording is incomplete: try a lower --rate, or a '
+                     'lower real_time_factor of simulated_arm in --parameters.')
     if report.answered < FEW_ANSWERS:
         lines.append('                 This machine is too slow for the rate: errors may be '
                      'larger; try a lower --rate.')
