@@ -14,7 +14,7 @@ from robot_dynamics.model_check import report
 from robot_dynamics.model_check.finding import CHECKS, errors_of
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.tools import command_line
-from robot_dynamics.urdf.description_file import read_description
+from robot_dynamics.urdf.description_file import description_path, read_description
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -40,8 +40,8 @@ def _parser() -> command_line.Parser:
         epilog='checks:\n' + '\n'.join(f'  {name:20} {what}' for name, what in CHECKS.items())
                + '\n\nexit status: 0 no errors, 1 errors, 2 the file or the arguments are invalid')
     parser.add_argument(
-        'urdf', nargs='?', type=Path, metavar='URDF',
-        help='URDF file; a .xacro file is expanded if xacro is installed')
+        'urdf', nargs='?', metavar='URDF',
+        help=f'{command_line.ROBOT_HELP}; a .xacro file is expanded if xacro is installed')
     parser.add_argument(
         '--ignore', nargs='+', default=[], metavar='NAME', choices=tuple(CHECKS),
         help='Names of checks whose errors are ignored')
@@ -57,14 +57,15 @@ def _parser() -> command_line.Parser:
 
 
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
-    xml = read_description(arguments.urdf, 'URDF')
-    meshes = MeshReader(arguments.urdf.parent)
+    path = description_path(arguments.urdf, 'URDF')
+    xml = read_description(path, 'URDF')
+    meshes = MeshReader(path.parent)
     if arguments.report is not None:
         command_line.prepare_file(arguments.report, arguments.force)
     checked = report.check_description(xml, arguments.joints, meshes=meshes)
     if arguments.report is not None:
         text = report.findings_page(
-            f'{arguments.urdf.name}: model check', report.joint_names_of(xml, arguments.joints),
+            f'{path.name}: model check', report.joint_names_of(xml, arguments.joints),
             checked.findings, arguments.ignore, checked.unread,
             command_line.origin_of('check_model', argv, arguments.urdf, ''))
         command_line.write_file(arguments.report, text)

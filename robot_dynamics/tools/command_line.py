@@ -29,6 +29,8 @@ KEPT = 'results'
 """Directory below the output that keeps results, from which an interrupted run resumes."""
 COMMAND = 'command.json'
 """File in KEPT with the arguments of the run that made the output."""
+ROBOT_HELP = ('URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
+              'sample robot, such as ur10')
 LONGEST_LIST = 20
 """Number of printed lines of a list; the others are only counted."""
 _WIDTH = 110
@@ -205,8 +207,7 @@ def add_robot(
     """Add the option that names the robot, by default required without a default."""
     parser.add_argument(
         option, required=default is None if required is None else required, metavar=metavar,
-        help='URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
-             'sample robot, such as ur10'
+        help=ROBOT_HELP
              + (f' (default: {default})' if default is not None else ''))
 
 

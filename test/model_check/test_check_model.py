@@ -57,6 +57,16 @@ def test_a_good_model(tmp_path: Path):
     assert lines[-1] == f'{path}: no errors'
 
 
+def test_a_robot_is_given_by_name_or_package():
+    robot_path('ur3')
+    named = run('ur3')
+    assert (named.returncode, named.stderr) == (0, '')
+    assert named.stdout.splitlines()[-1] == 'ur3: no errors'
+    unknown = run('package://unknown_package/arm.urdf')
+    assert unknown.returncode == 2
+    assert "there is no package 'unknown_package'" in unknown.stderr
+
+
 def test_errors_and_warnings_by_level(bad: Path):
     done = run(bad)
     assert (done.returncode, done.stderr) == (1, '')
