@@ -127,6 +127,8 @@ def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
         descriptions.publish(String(data=default_arm_urdf().replace('planar_arm', 'other_arm')))
         bench.wait_status('reference', lambda status: (
             status.message == 'ended early: another model was loaded'))
+        bench.efforts.clear()
+        bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
         bench.set_point(Q)
         bench.wait_status('reference', lambda status: status.message == 'following')
         client.forget(NS)
