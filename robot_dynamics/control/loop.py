@@ -345,7 +345,7 @@ class ControlLoop:
             fault = fault or Fault('following_error', controller.following_error(output, q))
         used, limiter = output.velocity, supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
-                now - supervisor.last_state <= supervisor.options.state_timeout
+                now - supervisor.last_state <= supervisor.state_timeout
                 and limiter.limits.is_clear(q, used)):  # the usual case
             supervisor.last_state, supervisor.hold = now, output.hold
             passed = dt if dt is not None else now - supervisor.last_output
@@ -399,7 +399,8 @@ class ControlLoop:
         """
         Return position and velocity to use, None to estimate the velocity, and a fault.
 
-        The arm stops when a velocity comes into doubt. A joint without a signal is a fault, in
+        When a velocity comes into doubt, an arm in motion stops from where it is: the wrong
+        velocity has driven it away from its reference. A joint without a signal is a fault, in
         which its motion is predicted.
         """
         consistency, fault = self.consistency, None
@@ -413,7 +414,10 @@ class ControlLoop:
                 if self.controller.has_reference:
                     self.interruption = consistency.reason
                     self.stream.end()
-                    self.controller.stop()
+                    if self.controller.has_stopped:
+                        self.controller.stop()
+                    else:
+                        self.controller.stop_from_state()
         if not consistency.frozen.any():
             if self._frozen is not None:
                 self._frozen = None

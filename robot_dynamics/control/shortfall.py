@@ -6,6 +6,7 @@
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.joints.units import units_of
 
 TOLERANCE = 0.01
 """[rad] or [m] that a joint may rest away from the end of its reference."""
@@ -36,9 +37,9 @@ def shortfall(controller: Controller) -> str:
         feedback: FloatArray = K @ e
         needed = feedback[j] + body.gravity(q)[j]
         limit, is_held = arm.limits.effort[j], controller.is_held(q, e)[j]
-    unit, effort = ('m', 'N') if arm.joint_kinds[j] == 'prismatic' else ('rad', 'N m')
+    units = units_of(arm.joint_kinds[j])
     if abs(needed) > _OF_LIMIT * limit:
-        cause = f'its effort limit of {limit:g} {effort} does not suffice'
+        cause = f'its effort limit of {limit:g} {units.effort} does not suffice'
     elif is_held and arm.friction.at_rest.static[j] > 0.0:
         cause = (
             'dry friction can hold it: identify friction and rotor, or give '
@@ -50,6 +51,6 @@ def shortfall(controller: Controller) -> str:
     others = [arm.joint_names[k] for k in np.flatnonzero(np.abs(e) > TOLERANCE) if k != j]
     too = f' ({", ".join(others)} too)' if others else ''
     return (
-        f'{arm.joint_names[j]!r} rests {abs(e[j]):.3g} {unit} from its goal, expected at most '
-        f'{TOLERANCE:g}{too}: the feedback is {feedback[j]:.3g} {effort}, its stiffness '
-        f'{K[j, j]:.3g} {effort}/{unit}; {cause}')
+        f'{arm.joint_names[j]!r} rests {units.error_text(abs(e[j]))} from its goal, expected at '
+        f'most {units.error_text(TOLERANCE)}{too}: the feedback is {feedback[j]:.3g} '
+        f'{units.effort}, its stiffness {K[j, j]:.3g} {units.effort}/{units.position}; {cause}')

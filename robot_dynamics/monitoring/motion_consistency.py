@@ -40,8 +40,9 @@ RATIO = 0.3
 NOISE_FACTOR = 6.0
 WINDOWS = np.array([0.0, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32])
 """[s]; 0 means the latest stored state."""
-_DROP_WINDOW = 4
-"""Index of the window in which a velocity that is now exactly zero has moved the joint."""
+_START_WINDOW, _DROP_WINDOW = 2, 4
+"""Indices of windows: before the first and within the second, the joint has moved although its
+velocity is exactly zero."""
 DELAYS = np.array([0.01, 0.02, 0.04])
 """[s] by which a velocity may be late; 40 ms contain 93 % of a first-order filter of 15 ms."""
 STEP, CHECK, PAUSE = 0.005, 0.025, 0.1
@@ -276,8 +277,11 @@ class MotionConsistency:
         agrees = np.abs(difference) <= tolerance
         if not agrees.all():
             sampling = self._sampling_error(first, dt, v)
-            # A delayed velocity is not exactly zero while the joint moves on, nor a scaled one.
-            has_dropped = (v == 0.0) & (np.abs(integral[_DROP_WINDOW]) > FLOOR * self._unit)
+            # A delayed velocity is not exactly zero while the joint moves on, nor a scaled one,
+            # nor is it so for long after the joint has begun to move.
+            begun = moved[_DROP_WINDOW] - moved[_START_WINDOW]
+            has_dropped = (v == 0.0) & (np.maximum(
+                np.abs(integral[_DROP_WINDOW]), np.abs(begun)) > FLOOR * self._unit)
             difference = np.where(
                 has_dropped, difference, self._excess(first, integral, moved))
             tolerance = sampling + np.where(
@@ -305,8 +309,10 @@ class MotionConsistency:
         """Update the noise from the second difference of v, and from e while a joint rests."""
         if self._consecutive > 1:
             self._count += 1
-            d = np.minimum(
-                np.abs(v - 2.0 * self._v + self._v_before), 3.0 * LARGEST_NOISE * self._unit)
+            known = SLOW + FLOOR / dt  # a wrong velocity must not hide in the noise that it causes
+            d = np.minimum(np.abs(v - 2.0 * self._v + self._v_before), np.minimum(
+                3.0 * LARGEST_NOISE * self._unit,
+                known * self._unit + 3.0 * np.sqrt(6.0 * self._variance)))
             weight = max(_FORGETTING, 1.0 / self._count)
             self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
         if self._rest is not None:
@@ -387,7 +393,8 @@ class MotionConsistency:
         start = np.where(self.repeats_since_ns == _NEVER, start_ns, self.repeats_since_ns)
         duration = _NS * (stamp_ns - start)
         speed = np.abs(self._v) - SLOW * self._unit
-        ends = ~same & (self.repeats_since_ns != _NEVER) & (speed > -SLOW * self._unit)
+        ends = ~same & (self.repeats_since_ns != _NEVER) & (  # at rest samples repeat anyway
+            np.abs(self._v) * duration > _REST * self._unit)
         self._lively = np.where(
             same | (self.repeats_since_ns == _NEVER), self._lively, 0.0)
         self._hold = np.where(ends & (duration <= LONGEST_REPEATS), np.maximum(

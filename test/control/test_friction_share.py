@@ -27,7 +27,7 @@ FAST = SPEED_FRACTION * np.array([2.0, 4.0])
 
 
 def dynamics(coulomb: float) -> UncheckedArmDynamics:
-    """Return the default arm, whose joints are light or heavy by their friction [N m]."""
+    """Return the default arm, whose joints are light or heavy by their friction [N·m]."""
     return UncheckedArmDynamics(
         ARM.with_friction(make_friction(ARM.joint_names, coulomb=[coulomb] * 2)))
 

@@ -115,6 +115,19 @@ def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(
     assert one.loop.supervisor.fault is None
 
 
+@pytest.mark.parametrize('speed', [0.6, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize('delay', [0, 4, 8])
+def test_a_hit_starts_no_oscillation(delay: int, speed: float) -> None:
+    """The first joint of a stretched UR5 is heavy: the rate limit delays its effort."""
+    one = LockStep(arm_named('ur5'), q=np.zeros(6), rate=500.0, delay=delay)
+    one.run(1.0)
+    one.v = one.v + np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+    trace = one.run(2.5)
+    assert rests(trace)
+    assert np.abs(one.q).max() < 1e-3
+    assert one.loop.supervisor.fault is None
+
+
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('rate', [500.0, 100.0])
 @pytest.mark.parametrize('speed', [0.3, -0.6])
@@ -503,6 +516,23 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:
     assert supervisor.fault_count == 1
     assert supervisor.limiter.last is None  # the fault action has ended: brakes hold the arm
     assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
+
+
+@pytest.mark.parametrize('delay', [0, 4, 8])
+@pytest.mark.parametrize('factor', [0.0, -1.0])
+def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(
+    factor: float, delay: int,
+) -> None:
+    """It is not pulled back to the reference, from which it is far away by then."""
+    one = LockStep(arm_named('default'), q=np.zeros(2), delay=delay)
+    one.run(0.1)
+    one.follow(0.05 * directions(2))
+    one.run(0.05)
+    one.sensor = lambda q, v: (q, factor * v)
+    trace = one.run(3.0)
+    assert trace.speed.max() < 0.4 * one.arm.limits.velocity.min()
+    assert rests(trace)
+    assert one.loop.supervisor.fault is None
 
 
 @wrong_rates

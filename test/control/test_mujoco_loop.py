@@ -48,8 +48,8 @@ SLOW = {'ur10e': 90.0}
 """
 [s] that a run lasts in addition.
 
-The published damping, up to 350 N m s/rad, is unknown to the controller, whose stiffness at the
-wrists is a few N m/rad: the arm creeps to its final pose without oscillation.
+The published damping, up to 350 N·m·s/rad, is unknown to the controller, whose stiffness at the
+wrists is a few N·m/rad: the arm creeps to its final pose without oscillation.
 """
 IMPACT = {'ur10e': 6.0}
 """

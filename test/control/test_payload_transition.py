@@ -12,9 +12,8 @@ import pytest
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.payload_transition import PayloadTransition, scaled
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload, merged, Payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import WorkspaceInertia
 

@@ -28,12 +28,12 @@ COULOMB = {
     'panda': [0.6, 0.6, 0.5, 0.9, 0.9, 0.9, 0.6], 'ur10': [8.0, 8.0, 5.0, 2.0, 2.0, 1.5],
     'ur5': [6.0, 6.0, 4.0, 1.2, 1.2, 1.2], 'default': [4.0, 1.5],
     'xarm7': [1.0] * 7, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
-"""F_c [N m]; that of xarm7 and z1 is of their descriptions."""
+"""F_c [N·m]; that of xarm7 and z1 is of their descriptions."""
 VISCOUS = {'xarm7': 10.0, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
 ROTORS = {
     'ur10': [1.0, 1.0, 0.6, 0.1, 0.1, 0.1], 'ur5': [0.6, 0.6, 0.4, 0.05, 0.05, 0.05],
     'panda': [0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2]}
-"""[kg m²] at the joints."""
+"""[kg·m²] at the joints."""
 FASTEST = 500.0
 """[rad/s²]: effort limit / largest random rotor."""
 
@@ -57,7 +57,7 @@ class Plant(LockStep):
         self, arm: ArmModel, case: Case, coulomb: FloatArray | None = None,
         rotors: FloatArray | None = None,
     ) -> None:
-        """F_c [N m] and rotors [kg m²] (n,) are those of the tables unless they are given."""
+        """F_c [N·m] and rotors [kg·m²] (n,) are those of the tables unless they are given."""
         n = arm.joint_count
         self.coulomb = np.array(COULOMB[case.arm]) if coulomb is None else coulomb
         self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
@@ -211,7 +211,7 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
 
 
 def test_a_light_joint_that_ran_away_arrives_and_is_named(seen: Any) -> None:
-    """The stiffness of the last wrist is 0.2 N m/rad: without friction it would stay behind."""
+    """The stiffness of the last wrist is 0.2 N·m/rad: without friction it would stay behind."""
     one = Plant(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, 1.1))
     one.run(0.2)
     goal = one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0)

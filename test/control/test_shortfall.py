@@ -51,10 +51,11 @@ def test_a_joint_that_does_not_arrive_is_named(
     missing: float, coulomb: float, cause: str,
 ) -> None:
     words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
-    assert words.startswith(f"'joint2' rests {missing:.3g} rad from its goal, expected at most")
+    assert words.startswith(
+        f"'joint2' rests {1e3 * missing:.3g} mrad from its goal, expected at most 10 mrad")
     assert cause in words
     assert 'stiffness' in words
-    assert 'N m/rad' in words
+    assert 'N·m/rad' in words
 
 
 def test_all_joints_that_do_not_arrive_are_named() -> None:

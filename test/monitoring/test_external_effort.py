@@ -121,7 +121,7 @@ def test_a_push_is_followed_as_by_a_first_order_filter() -> None:
     """The mean external effort of each step is found; the error decreases with the step."""
     arm = with_everything(three_links())
     errors = [np.abs(run(arm, arm, dt, 0.2).off).max() for dt in (4e-3, 2e-3, 1e-3)]
-    assert errors[-1] < 2e-3  # compared with a push of up to 20 N m
+    assert errors[-1] < 2e-3  # compared with a push of up to 20 N·m
     assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
 
 
@@ -143,7 +143,7 @@ def test_friction_missing_in_the_model_is_estimated_as_external() -> None:
 def test_a_load_that_the_model_has_too_makes_no_step() -> None:
     arm, load = with_everything(three_links()), make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
     off = run(arm, arm, 1e-3, 0.2, push_at=1.0, load=load).off
-    # compared with 12 N m of weight, and with 1 N m s of momentum within 1 ms
+    # compared with 12 N·m of weight, and with 1 N·m·s of momentum within 1 ms
     assert np.abs(off).max() < 5e-3
 
 

@@ -103,7 +103,7 @@ def residuals(
 def test_the_right_model_leaves_little() -> None:
     dynamics = ArmDynamics(ARM)
     left, _ = residuals(dynamics, dynamics)
-    assert np.abs(left).max() < 0.25  # of 60 N m: the filter and the nonlinear M(q) do not commute
+    assert np.abs(left).max() < 0.25  # of 60 N·m: the filter and the nonlinear M(q) do not commute
 
 
 def test_what_the_model_lacks_is_left() -> None:

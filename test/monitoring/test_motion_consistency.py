@@ -243,6 +243,23 @@ def test_faults_are_found_within_a_small_displacement(
         assert not one.frozen.any()
 
 
+@pytest.mark.parametrize('speed', [0.15, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize('acceleration', [3.0, 6.0])
+def test_the_step_of_a_velocity_that_becomes_wrong_is_not_its_noise(
+    acceleration: float, speed: float,
+) -> None:
+    """At 30 Hz each state counts: the second one decides, while the arm is driven away."""
+    t, begin = np.arange(0.0, 3.0, 1.0 / 30.0), 60
+    driven = np.maximum(t - t[begin], 0.0)
+    v = speed + acceleration * driven
+    states = States(SECOND + np.rint(1e9 * t).astype(np.int64), *(
+        x[:, None] * np.array([1.0, 0.0, 0.0]) for x in (
+            speed * t + 0.5 * acceleration * driven**2, np.where(t < t[begin], v, -v))))
+    row, reason = next(alarms(consistency(), states))
+    assert row == begin + 1
+    assert 'wrong sign' in reason
+
+
 @pytest.mark.parametrize('fault', FAULTS)
 @pytest.mark.parametrize('rate', [100, 500])
 def test_the_cause_is_named_in_motion_from_rest(fault: str, rate: int) -> None:

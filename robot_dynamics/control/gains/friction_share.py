@@ -5,7 +5,7 @@
 How much of the compensation of dry friction acts at joints whose feedback is weak.
 
 A surplus of effort x acts for a delay T before the loop reacts, and accelerates the joint to
-x T / m. On a wrist with m = 5e-4 kg m², of which the model contains no rotor, 0.4 N·m too much
+x T / m. On a wrist with m = 5e-4 kg·m², of which the model contains no rotor, 0.4 N·m too much
 reach 8 rad/s in 10 ms: no gain prevents this. After a joint has run away in this way, only SHARE
 of its compensation acts.
 

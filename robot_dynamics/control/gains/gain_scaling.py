@@ -165,8 +165,8 @@ class StableGains:
         """The smallest of these factors."""
         self.reference_scale = 1.0
         """Factor by which references are slowed down, in (0, 1]."""
-        self._taken: tuple[float, FloatArray, FloatArray] | None = None
-        """Period, velocity and difference of the positions of the last state, until `evaluate`."""
+        self._taken: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
+        """Period, velocity, position and last position of the last state, until `evaluate`."""
         self.period = 0.0
         """[s]; follows a longer period at once, and a shorter one in about 50 states."""
         self.mean_period = 0.0
@@ -214,16 +214,14 @@ class StableGains:
             return v
         self._is_paused = dt >= PAUSE
         self._velocity_delay = velocity_delay
-        is_used = self._is_noisy or (self._count + 1) % _TURN < _SPARSE
-        difference = self._difference_of(dt, q, last) if is_used else v
-        self._taken = dt, v, difference
-        return difference if self.differs else v
+        self._taken = dt, v, q, last
+        return self._difference_of(dt, q, last) if self.differs else v
 
     def evaluate(self) -> bool:
         """Take the noise of the last state; return whether a scale has changed."""
         if self._taken is None:
             return False
-        (dt, v, difference), self._taken = self._taken, None
+        (dt, v, q, last), self._taken = self._taken, None
         self._count += 1
         rest = self.period - dt
         self.period = period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
@@ -231,6 +229,7 @@ class StableGains:
         self.mean_period += weight * (dt - self.mean_period)
         phase = self._count % _TURN
         if self._is_noisy:
+            difference = self._difference_of(dt, q, last)
             self._measured.take(v, _FORGETTING, difference)
             self._difference.take(difference, _FORGETTING)
             if not self.is_known:
@@ -243,7 +242,8 @@ class StableGains:
             if phase < _SPARSE:  # three consecutive states are enough for one estimate
                 if phase == 0:
                     self._measured.restart()
-                self._measured.take(v, _SPARSE_FORGETTING, difference)
+                self._measured.take(
+                    v, _SPARSE_FORGETTING, self._difference_of(dt, q, last))
         if not (is_due or period > self._free_period and period > _STEP * self._rated_period):
             return False
         self._rated_period = period

@@ -11,10 +11,20 @@ such a joint is multiplied by STEP, and again if the oscillation persists.
 
 White noise is no oscillation: a half-wave must exceed NOISE_FACTOR standard deviations σ of it.
 Samples x_k of an oscillation of any frequency obey x_{k+1} + x_{k-1} = a x_k; noise adds a
-residual with the variance (2 + a²) σ². An oscillation that does not depend on the gains, such as
-that of a machine nearby or of a filter, has not decreased when they reach LEAST: they are then
-restored, and only a larger oscillation of this joint counts.
+residual with the variance (2 + a²) σ². Oscillations of several frequencies, as those of coupled
+joints with elastic gearboxes, look like noise in this test. They count if the mean amplitude of
+the half-waves of a WINDOW is LOUD times that of the quietest window before, and is sustained.
+
+Coupled joints oscillate together. Factors that differ among them can let them oscillate at any
+gain: elastic joints with rotors J see the gains J⁻¹ M S, which have complex eigenvalues if the
+factors S differ. Joints that oscillate with at least SHARE of the amplitude are lowered together.
+
+An oscillation that does not depend on the gains, such as that of a machine nearby or of a filter,
+has not decreased when they reach LEAST: if it is smaller than HARMLESS, they are then restored,
+and only a larger oscillation of this joint counts.
 """
+
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -31,6 +41,10 @@ FLOOR, RIPPLE = 2.5e-4, 0.05
 """[rad/s] or [m/s] that a half-wave must exceed, and share of the velocity of the reference."""
 NOISE_FACTOR = 3.0
 """Standard deviations of the noise of the velocity that a half-wave must exceed."""
+WINDOW, LEAST_COUNT = 0.2, 4
+"""[s] over which amplitudes are averaged, and the least number of half-waves in it."""
+LOUD, FORGETTING = 4.0, 0.02
+"""Mean amplitude of an oscillation by that of the quietest window, and its increase per window."""
 STEP, LEAST = 0.7, 0.1
 """Factor of the bandwidth after an event, and the smallest product of these factors."""
 SETTLING = 1.0
@@ -38,39 +52,131 @@ SETTLING = 1.0
 SAME, HIGHER = 0.5, 3.0
 """Amplitude at LEAST, by the largest before, of an oscillation that does not depend on the gains,
 and the threshold after it, by that amplitude."""
+SHARE, HARMLESS = 0.2, 0.1
+"""Least amplitude of a joint that is lowered with another, by that of the other, and [rad/s] or
+[m/s] up to which an oscillation at LEAST is left to gains that are restored."""
 _MEMORY, _LEAST_WEIGHT, _LARGEST_WEIGHT = 0.1, 0.02, 0.1
 """[s] and weights of a state in the estimate of the noise."""
 
 
-class _Joint:
-    """The half-waves of the velocity error of one joint, and the moments of its samples."""
+class _Noise:
+    """The moments of the samples of one signal."""
 
     def __init__(self) -> None:
-        self.sign, self.since, self.peak = 0, 0.0, 0.0
-        self.peaks: list[float] = []
-        self.times: list[float] = []
         self.xx = self.xy = self.yy = 0.0
-        self.least, self.largest = FLOOR, 0.0
 
-    def is_noise(self, x: float) -> bool:
+    def take(self, weight: float, before: float, x: float, after: float) -> None:
+        """Take three successive samples."""
+        y = before + after
+        self.xx += weight * (x * x - self.xx)
+        self.xy += weight * (x * y - self.xy)
+        self.yy += weight * (y * y - self.yy)
+
+    def explains(self, x: float) -> bool:
         """Return whether white noise can explain a sample."""
         residual = self.yy * self.xx - self.xy**2  # σ² (2 + a²) xx, with a = xy / xx
         return x * x * (2.0 * self.xx**2 + self.xy**2) <= NOISE_FACTOR**2 * self.xx * residual
 
-    def begin_half_wave(self, now: float, x: float) -> bool:
-        """Begin a half-wave; return whether those before it are a sustained oscillation."""
+
+class _HalfWaves:
+    """The half-waves of a signal."""
+
+    def __init__(self) -> None:
+        self.sign, self.since, self.peak, self.before = 0, 0.0, 0.0, 0.0
+        self.count = 0
+        """Successive short half-waves."""
+        self.peaks: list[float] = []
+        self.times: list[float] = []
+
+    def begin(self, now: float, x: float) -> bool:
+        """Begin a half-wave; return whether the one before it was short."""
         duration, self.since = now - self.since, now
-        peak, self.peak = self.peak, abs(x)
+        self.before, self.peak = self.peak, abs(x)
         self.sign = 1 if x > 0.0 else -1
         if not 0.0 < duration <= LONGEST:
-            self.peaks, self.times = [], []
+            self.count, self.peaks, self.times = 0, [], []
             return False
-        self.peaks = [*self.peaks[1 - HALF_WAVES:], peak]
-        self.times = [*self.times[1 - HALF_WAVES:], duration]
+        self.count += 1
+        self.peaks.append(self.before)
+        self.times.append(duration)
+        return True
+
+    def amplitude(self, now: float) -> float:
+        """Return that of the last two half-waves, 0 if they are older than LONGEST."""
+        return max(self.peak, self.before) if now <= self.since + LONGEST else 0.0
+
+    @property
+    def frequency(self) -> float:
+        """[Hz], of the last half-waves."""
+        times = self.times[-HALF_WAVES // 2:]
+        return 0.5 * len(times) / sum(times)
+
+
+class _Regular(_HalfWaves):
+    """HALF_WAVES successive half-waves of similar amplitudes."""
+
+    def is_event(self, now: float, x: float) -> bool:
+        """Begin a half-wave; return whether those before it are a sustained oscillation."""
+        if not self.begin(now, x):
+            return False
+        del self.peaks[:-HALF_WAVES], self.times[:-HALF_WAVES]
         half = HALF_WAVES // 2
         first, second = self.peaks[:half], self.peaks[half:]
         return len(second) == half and max(second) >= SUSTAINED * max(first) and (
             min(second) >= REGULAR * max(second))
+
+
+class _Irregular(_HalfWaves):
+    """Half-waves whose mean amplitude is compared with that of the quietest WINDOW."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._begin, self._before, self._quietest = 0.0, 0.0, math.inf
+
+    def begin_at_rest(self, now: float) -> None:
+        """Begin with a signal that has no half-waves."""
+        self._begin = now
+
+    def is_event(self, now: float, x: float) -> bool:
+        """Begin a half-wave; return whether a WINDOW ended that is a sustained oscillation."""
+        if self.sign == 0 and now > self._begin + LONGEST:
+            self._quietest = FLOOR
+        if not self.begin(now, x):
+            self._begin, self._before = now, 0.0
+            return False
+        if now < self._begin + WINDOW or len(self.peaks) < LEAST_COUNT:
+            return False
+        mean, before = sum(self.peaks) / len(self.peaks), self._before
+        is_event = before > LOUD * self._quietest and mean >= SUSTAINED * before
+        self._quietest = min((1.0 + FORGETTING) * self._quietest, mean)
+        self._begin, self._before = now, mean
+        if not is_event:
+            self.peaks, self.times = [], []
+        return is_event
+
+
+class _Joint:
+    """What is known of the oscillations of one joint."""
+
+    def __init__(self) -> None:
+        self.noise, self.regular, self.irregular = _Noise(), _Regular(), _Irregular()
+        self.least, self.largest = FLOOR, 0.0
+
+    def forget(self) -> None:
+        """Forget the half-waves before the present ones."""
+        for waves in self.regular, self.irregular:
+            waves.count, waves.peaks, waves.times = 0, [], []
+
+    def frequency(self, now: float, x: float, ripple: float) -> float:
+        """Return that of an oscillation which a sample completes [Hz], 0 without one."""
+        found, is_small = 0.0, abs(x) < self.least or abs(x) < ripple
+        for waves in self.regular, self.irregular:
+            if is_small or x * waves.sign > 0.0:
+                waves.peak = max(waves.peak, abs(x))
+            elif (waves is self.irregular or not self.noise.explains(x)) and (
+                    waves.is_event(now, x)):
+                found = waves.frequency
+        return found
 
 
 class OscillationGuard:
@@ -97,34 +203,40 @@ class OscillationGuard:
         x: list[float] = error.tolist()
         before, last, self._before, self._last = self._before, self._last, self._last, x
         dt, self._time = now - self._time, now
-        if not before or max(x) < FLOOR and min(x) > -FLOOR:
+        if not before:
+            for one in self._joints:
+                one.irregular.begin_at_rest(now)
+            return False
+        if max(x) < FLOOR and min(x) > -FLOOR:
             return False
         weight = min(max(dt / _MEMORY, _LEAST_WEIGHT), _LARGEST_WEIGHT)
-        has_changed = False
+        events = []
         for j, (one, x_0, x_1, x_2) in enumerate(zip(self._joints, before, last, x)):
-            y = x_0 + x_2
-            one.xx += weight * (x_1 * x_1 - one.xx)
-            one.xy += weight * (x_1 * y - one.xy)
-            one.yy += weight * (y * y - one.yy)
-            size = abs(x_2)
-            if size < one.least or size < ripple or x_2 * one.sign > 0.0:
-                if size > one.peak:
-                    one.peak = size
-            elif not one.is_noise(x_2) and one.begin_half_wave(now, x_2):
-                has_changed = self._lower(j, now) or has_changed
-        return has_changed
+            one.noise.take(weight, x_0, x_1, x_2)
+            frequency = one.frequency(now, x_2, ripple)
+            if frequency:
+                events.append((one.irregular.amplitude(now), j, frequency))
+        return bool(events) and self._lower(now, *max(events))
 
-    def _lower(self, j: int, now: float) -> bool:
-        """Lower the gains of a joint, or restore them if they do not cause its oscillation."""
-        one = self._joints[j]
-        amplitude, factor = max(one.peaks), STEP * float(self.scale[j])
-        one.largest = max(one.largest, amplitude)
-        if factor < LEAST:
-            if now < self._changed + SETTLING or amplitude < SAME * one.largest:
+    def _lower(self, now: float, amplitude: float, event: int, frequency: float) -> bool:
+        """Lower the gains of joints, or restore them if they do not cause the oscillation."""
+        joints = [
+            (j, one, size) for j, one in enumerate(self._joints)
+            if (size := one.irregular.amplitude(now)) >= SHARE * amplitude and (
+                j == event or one.irregular.count >= HALF_WAVES)]
+        scale = self.scale.copy()
+        for j, one, size in joints:
+            one.largest = max(one.largest, size)
+            if STEP * scale[j] >= LEAST:
+                scale[j] *= STEP
+        if (scale == self.scale).all():
+            if now < self._changed + SETTLING or not all(
+                    SAME * one.largest <= size <= HARMLESS for _, one, size in joints):
                 return False
-            factor, one.least, one.largest = 1.0, HIGHER * amplitude, 0.0
-        self.frequency[j] = 0.25 * HALF_WAVES / sum(one.times[HALF_WAVES // 2:])
-        one.peaks, one.times = [], []
-        self.scale, self._changed = self.scale.copy(), now
-        self.scale[j] = factor
+            for j, one, size in joints:
+                scale[j], one.least, one.largest = 1.0, HIGHER * size, 0.0
+        for j, one, _ in joints:
+            self.frequency[j] = frequency
+            one.forget()
+        self.scale, self._changed = scale, now
         return True

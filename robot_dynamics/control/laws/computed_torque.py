@@ -11,7 +11,7 @@ period ahead (`gain_scaling`).
 PD feedback of a fast error computes a large effort, and soon after an effort of opposite sign. If
 the rate limit τ̇ of the effort delays it, the effort excites an oscillation instead of damping it.
 The feedback s² K_p e + s K_d ė has the same damping ratio. With ë ≈ −s K_d ė its effort changes by
-s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most half of τ̇ is used,
+s² M (K_p + K_d²) ė per second. The largest factor s for which this is at most 0.3 τ̇ is used,
 or the larger one for which s M (K_p e + K_d ė) is at most τ̇ 60 ms, an effort that the rate limit
 reverses in 120 ms. The effort of the position error alone, M K_p e, is in any case lowered to no
 less than this: it holds a load that falls. While a joint returns to its reference, the effort of
@@ -29,7 +29,7 @@ from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
-CHANGE_FRACTION = 0.5
+CHANGE_FRACTION = 0.3
 """Fraction of the rate limit of the effort that the feedback may take."""
 REVERSAL_TIME = 0.12
 """[s] in which the rate limit reverses an effort of the feedback that is not limited."""
