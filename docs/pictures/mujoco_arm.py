@@ -63,7 +63,7 @@ def main(directory: Path) -> Path:
             torques.plot(
                 t, efforts[arm.joint_names.index(name)], color=colour,
                 label=name.removeprefix('panda_'))
-        torques.set(xlabel='time [s]', ylabel='command [N m]', title='Commanded effort')
+        torques.set(xlabel='time [s]', ylabel='command [N·m]', title='Commanded effort')
         for axes in (scene, torques):
             legend_below(axes, 3)
         path = directory / 'mujoco_arm.png'

@@ -7,6 +7,7 @@ Draw docs/images/viewer.png: the page of the viewer, with a UR10 that moves a lo
 The script needs Chromium. Without Chromium it leaves the file unchanged.
 """
 
+from contextlib import ExitStack
 import os
 from pathlib import Path
 import re
@@ -55,7 +56,9 @@ def main(directory: Path) -> int:
     os.environ.update(choose_domain(os.environ))
     browser.SIZE.update(SIZE)
     robot = {'robot_description_file': str(robot_path('ur10')), 'joints': JOINTS}
-    with tempfile.TemporaryDirectory() as work, Nodes(Path(work)) as nodes:
+    with tempfile.TemporaryDirectory() as work, ExitStack() as stack:
+        nodes = Nodes(Path(work))
+        stack.callback(nodes.stop)
         nodes.start('dynamics', DYNAMICS, {**robot, **PATIENT})
         nodes.start('simulated_arm', SIMULATED_ARM, {
             **robot, **STEP_BY_STEP, 'initial_position': POSE})

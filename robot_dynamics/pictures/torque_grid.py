@@ -18,8 +18,7 @@ import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.worst_gravity import BRIEF, search_box, worst_gravity
 from robot_dynamics.validation import check_unique, check_vector, is_empty
 
@@ -117,7 +116,7 @@ def _chosen(arm: ArmModel, joints: Sequence[str]) -> tuple[int, int]:
 
 
 def _inverse_dynamics(
-    dynamics: RigidBody | ArmDynamics, grid: PositionGrid, v: FloatArray, a: FloatArray,
+    dynamics: ArmDynamics, grid: PositionGrid, v: FloatArray, a: FloatArray,
 ) -> FloatArray:
     shape = grid.positions.shape
     q = grid.positions.reshape(-1, shape[2])

@@ -15,15 +15,19 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions, worst_gravity
 from robot_dynamics.pictures.planar_view import PlanarView
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure
 from robot_dynamics.reporting import figures
 
-POSITIONS = 60000
-CELLS = 56
+POSITIONS = 300000
+CELLS = 80
 """Number of cells along the longer side of the workspace."""
+FINE = 4
+"""Points of the drawn map per cell, along each axis."""
+SMOOTHING = 1.3
+"""Standard deviation of the Gaussian filter of the drawn map, in cells."""
 
 
 class WorkspaceGravity(NamedTuple):
@@ -63,8 +67,7 @@ def map_gravity(
             f'robot {arm.name!r} has no effort limit at any of the joints '
             f'{list(arm.joint_names)}, expected at least one in its <limit effort="…">')
     q = sample_positions(arm, positions)
-    zero = np.zeros_like(q)
-    ratios = limit_ratios(arm, RigidBody(arm).inverse_dynamics_batch(q, zero, zero))
+    ratios = limit_ratios(arm, RigidBody(arm).gravity_batch(q))
     places, is_plane = _places(arm, figure.tip(q))
     low, high = places.min(axis=0), places.max(axis=0)
     size = max(float((high - low).max()) / cells, 1e-9)
@@ -96,8 +99,10 @@ def _places(arm: ArmModel, points: FloatArray) -> tuple[FloatArray, bool]:
     return np.column_stack([np.linalg.norm(away, axis=1), height]), False
 
 
-WIDTH, MAP_HEIGHT, BAR_HEIGHT, BAR_ROOM = 10.4, 5.2, 0.3, 0.9
+WIDTH, MAP_HEIGHT, BAR_HEIGHT, BAR_ROOM = 10.4, 5.8, 0.3, 0.9
 """[inch]; BAR_ROOM is the height of the bars' title and axis."""
+CHARACTER = 0.01
+"""Width of a character of a label, as a fraction of the width of the bars, rounded up."""
 _PERCENT = 100.0
 
 
@@ -105,8 +110,8 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
     """
     Return a matplotlib figure: the worst and the best pose by position, and bars by joint.
 
-    The worst pose of all, from the search of `worst_gravity`, is drawn at its position. Raises
-    MissingDependencyError without matplotlib.
+    The maps and their edges are smoothed. The worst pose of all, from the search of
+    `worst_gravity`, is drawn at its position. Raises MissingDependencyError without matplotlib.
     """
     worst = worst_gravity(arm)
     bars = BAR_ROOM + BAR_HEIGHT * arm.joint_count
@@ -117,9 +122,10 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
         most, least = (figure.add_subplot(grid[0, column]) for column in range(2))
         joints = figure.add_subplot(grid[1, :])
         top = max(float(np.nanmax(found.most)), 1e-9)
-        _draw_places(most, found, found.most, top, f'Worst pose at each position of {link}')
-        image = _draw_places(
-            least, found, found.least, top, f'Best pose at each position of {link}')
+        _draw_places(
+            most, found, found.most, top, 'Worst pose at each position',
+            '; black: the worst pose of all' if found.is_plane else '')
+        image = _draw_places(least, found, found.least, top, 'Best pose at each position')
         bar = figure.colorbar(image, ax=[most, least], shrink=0.9, aspect=26, pad=0.01)
         bar.set_label('largest share of an effort limit [%]')
         bar.outline.set_visible(False)
@@ -128,30 +134,58 @@ def workspace_figure(title: str, arm: ArmModel, link: str, found: WorkspaceGravi
         if found.is_plane:
             q = worst.position[int(np.argmax(worst.effort / arm.limits.effort))]
             _draw_pose(most, arm, link, q)
-            most.annotate('black: the worst pose of all', (1.0, 0.0), (0.0, 4.0), 'axes fraction',
-                          'offset points', ha='right', fontsize=10,
-                          bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
         _draw_joints(joints, arm, worst.effort)
     return figure
 
 
 def _draw_places(
-    axes: Any, found: WorkspaceGravity, ratios: FloatArray, top: float, title: str,
+    axes: Any, found: WorkspaceGravity, ratios: FloatArray, top: float, title: str, note: str = '',
 ) -> Any:
+    size = float(found.up[1] - found.up[0]) / FINE
+    smooth, reached = smoothed(ratios)
+    across, up = (
+        edges[0] + size * (np.arange(count) + 0.5 - FINE)
+        for edges, count in zip((found.across, found.up), smooth.shape[::-1]))
     image = axes.pcolormesh(
-        found.across, found.up, _PERCENT * ratios, vmin=0.0, vmax=_PERCENT * top, rasterized=True,
-        cmap=figures.colour_map(figures.POSITIVE_COLOURS))
+        across, up, _PERCENT * smooth, vmin=0.0, vmax=_PERCENT * top, shading='gouraud',
+        rasterized=True, cmap=figures.colour_map(figures.POSITIVE_COLOURS))
     beyond = bool(np.nanmax(ratios) > 1.0)
     if beyond:
-        centres = [0.5 * (edges[1:] + edges[:-1]) for edges in (found.across, found.up)]
-        axes.contourf(*centres, ratios, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
-        axes.contour(*centres, ratios, levels=[1.0], colors=figures.VERMILION, linewidths=2.4)
+        axes.contourf(across, up, smooth, levels=[1.0, 2.0 * top], colors='none', hatches=['///'])
+        axes.contour(across, up, smooth, levels=[1.0], colors=figures.VERMILION, linewidths=2.4)
+    axes.contourf(across, up, reached, levels=[-1.0, 0.5], colors='white', zorder=2.1)
+    axes.contour(
+        across, up, reached, levels=[0.5], colors=figures.GREY, linewidths=0.8, zorder=2.1)
     axes.set_aspect('equal')
     axes.set(xlabel='x [m]' if found.is_plane else 'distance from the vertical [m]',
              ylabel='height [m]')
-    figures.title_axes(axes, title, 'hatched: gravity exceeds an effort limit' if beyond else (
-        'gravity is within the effort limits everywhere'))
+    axes.grid(False)
+    figures.title_axes(axes, title, ('hatched: above an effort limit' if beyond else (
+        'within the effort limits everywhere')) + note)
     return image
+
+
+def smoothed(cells: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """
+    Return a map (l, k) through a Gaussian filter, and which fraction of each point is reachable.
+
+    Both have FINE points per cell and a margin of one cell, (FINE (l + 2), FINE (k + 2)). A point
+    that is not reachable has the value of its reachable neighbours.
+    """
+    places = np.arange(-4.0 * FINE * SMOOTHING, 4.0 * FINE * SMOOTHING + 1.0)
+    kernel = np.exp(-0.5 * (places / (FINE * SMOOTHING)) ** 2)
+    kernel /= kernel.sum()
+
+    def blurred(values: FloatArray) -> FloatArray:
+        fine = np.kron(np.pad(values, 1), np.ones((FINE, FINE)))
+        for axis in (0, 1):
+            fine = np.apply_along_axis(np.convolve, axis, fine, kernel, 'same')
+        return np.asarray(fine, dtype=np.float64)
+
+    known = np.isfinite(cells)
+    reached = blurred(known.astype(float))
+    values = blurred(np.where(known, cells, 0.0))
+    return values / np.maximum(reached, 1e-12), reached
 
 
 def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
@@ -159,7 +193,7 @@ def _draw_pose(axes: Any, arm: ArmModel, link: str, q: FloatArray) -> None:
     flat = points @ side_view(arm, points).T
     for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
         axes.plot(flat[:, 0], flat[:, 1], color=colour, linewidth=width, marker='o',
-                  markersize=1.4 * width)
+                  markersize=1.4 * width, zorder=2.2)
 
 
 def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
@@ -178,8 +212,11 @@ def _draw_joints(axes: Any, arm: ArmModel, efforts: FloatArray) -> None:
             places, ratios, efforts, arm.limits.effort, arm.joint_kinds):
         unit = 'N' if kind == 'prismatic' else 'N·m'
         of = f' of {limit:g} {unit}' if np.isfinite(limit) else f' {unit}, no limit'
-        effort = round(float(effort), 6) + 0.0
+        label = f'{round(float(effort), 6) + 0.0:.3g}{of}'
+        start = ratio + 0.02 * right
+        if start < _PERCENT < start + CHARACTER * len(label) * right:  # it would cross the limit
+            start = _PERCENT + 0.02 * right
         axes.text(
-            ratio + 0.02 * right, place, f'{effort:.3g}{of}', va='center', fontsize=10,
+            start, place, label, va='center', fontsize=10,
             bbox={'facecolor': 'white', 'edgecolor': 'none', 'pad': 1.0})
     figures.title_axes(axes, 'Largest gravity effort of each joint; dashed: its limit')

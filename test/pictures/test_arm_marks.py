@@ -7,9 +7,9 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.pictures.arm_marks import (
     ArmMarks,
     effort_line,

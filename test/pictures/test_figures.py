@@ -74,7 +74,7 @@ def test_the_legend_of_the_terms_is_one_line_inside_the_figure():
     figure.canvas.draw()
     texts = figure.axes[1].get_legend().get_texts()
     assert [text.get_text() for text in texts] == [
-        'gravity', 'inertial', 'Coriolis', 'friction', 'effort']
+        'gravity', 'inertial', 'Coriolis', 'friction', 'sum']
     boxes = [text.get_window_extent() for text in texts]
     assert np.ptp([box.y0 for box in boxes]) < 0.5 * boxes[0].height
     assert max(box.x1 for box in boxes) < figure.bbox.x1

@@ -11,9 +11,8 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import worst_gravity
 from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.pictures.torque_grid import (
@@ -22,7 +21,13 @@ from robot_dynamics.pictures.torque_grid import (
     make_grid,
     motion_efforts,
 )
-from robot_dynamics.pictures.workspace_map import limit_ratios, map_gravity
+from robot_dynamics.pictures.workspace_map import (
+    FINE,
+    limit_ratios,
+    map_gravity,
+    smoothed,
+    workspace_figure,
+)
 from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
@@ -222,3 +227,38 @@ def test_an_arm_in_space_is_mapped_by_distance_and_height():
     assert found.across[0] >= 0.0
     assert found.held == 1.0
     assert np.nanmax(found.most) < 1.0
+
+
+def test_a_smoothed_map_keeps_values_and_its_edge():
+    x = np.arange(41) - 20.0
+    radius = np.hypot(x[:, None], x)
+    smooth, reached = smoothed(np.where(radius < 15.0, 0.7 + 0.01 * x, np.nan))
+    fine = (np.arange(len(reached)) + 0.5) / FINE - 0.5 * len(reached) / FINE
+    away = np.hypot(fine[:, None], fine)
+    npt.assert_allclose(np.where(away < 10.0, smooth - 0.7 - 0.01 * fine, 0.0), 0.0, atol=1e-3)
+    assert away[reached > 0.5].max() < 15.6
+    assert away[reached < 0.5].min() > 14.4
+
+
+def test_contours_of_the_workspace_are_smooth():
+    arm = load_arm(robot_urdf('ur10'))
+    arm = arm.with_payloads([make_payload('tool0', 20.0)])
+    found = map_gravity(arm, 'tool0')
+    cell = found.up[1] - found.up[0]
+    worst = workspace_figure('', arm, 'tool0', found).axes[0]
+    lines = [part for contour in worst.collections if list(contour.get_linewidths()[:1]) == [2.4]
+             for path in contour.get_paths()
+             for part in np.split(path.vertices, np.flatnonzero(path.codes == path.MOVETO)[1:])]
+    assert 0 < len(lines) < 6  # no islands of single cells
+    known = np.isfinite(np.pad(found.most, 2, constant_values=np.nan))
+    known = (known[1:-1, 1:-1] & known[2:, 1:-1] & known[:-2, 1:-1]
+             & known[1:-1, 2:] & known[1:-1, :-2])  # with all neighbours
+    for line in lines:
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        even = np.arange(0.0, length[-1], cell)
+        x, y = (np.interp(even, length, line[:, k]) for k in (0, 1))
+        angles = np.unwrap(np.arctan2(np.diff(y), np.diff(x)))
+        row, column = np.array([y - found.up[0], x - found.across[0]]) // cell
+        within = known[row.astype(int) + 1, column.astype(int) + 1]
+        turns = np.abs(np.diff(angles))[within[1:-1]]
+        assert turns.max(initial=0.0) < 0.6

@@ -26,6 +26,7 @@ from robot_dynamics.tools.torque_map import main
 from robots import robot_path
 
 pytest.importorskip('matplotlib')
+from matplotlib.collections import QuadMesh  # noqa: E402
 from matplotlib.image import imread  # noqa: E402
 
 DEFAULT = load_arm(default_arm_urdf())
@@ -94,8 +95,53 @@ def test_poses_start_at_their_points_and_have_the_shape_of_the_arm(grid):
 
 
 def test_contours_have_labels(grid):
-    labels = {text.get_text() for text in figure_of(grid, 40.0).axes[0].texts}
+    labels = {text.get_text() for text in figure_of(grid, 60.0).axes[0].texts}
     assert labels > {'0', '40', '−40'}
+
+
+def parts_of(path):
+    """Return the parts of a path of matplotlib, (m, 2) each."""
+    return np.split(path.vertices, np.flatnonzero(path.codes == path.MOVETO)[1:])
+
+
+def along(points):
+    """Return points between points (m, 2), four per line."""
+    return np.vstack([points[:1], *(
+        start + (end - start) * np.linspace(0.25, 1.0, 4)[:, None]
+        for start, end in zip(points, points[1:]))])
+
+
+def points_in(text, points):
+    """Return which of the points (m, 2) [pixel] are within the box of a rotated text."""
+    angle = np.radians(text.get_rotation())
+    text.set_rotation(0.0)
+    size = text.get_window_extent().size
+    text.set_rotation(np.degrees(angle))
+    middle = text.axes.transData.transform(text.get_position())
+    turned = (points - middle) @ np.array([
+        [np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return np.all(np.abs(turned) < 0.5 * size, axis=1)
+
+
+@pytest.mark.parametrize('joint', [0, 1])
+@pytest.mark.parametrize('limit', [30.0, 40.0, np.inf])
+def test_labels_cross_no_line_and_no_hatched_area(joint, limit):
+    grid = make_grid(DEFAULT)
+    values = gravity_efforts(DEFAULT, grid)[..., joint]
+    figure = map_figure('', DEFAULT, grid, [MapPanel('', values, 'N·m', True, limit)])
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    hatched = np.argwhere(np.abs(values) > limit)
+    lines = [along(part) for contour in axes.collections
+             if not isinstance(contour, QuadMesh) and not contour.get_hatch()
+             for path in contour.get_paths() for part in parts_of(path)]
+    lines += [along(line.get_xydata()) for line in axes.lines]
+    points = axes.transData.transform(np.vstack([
+        *lines, np.column_stack([grid.x[hatched[:, 1]], grid.y[hatched[:, 0]]])]))
+    labels = [text for text in axes.texts if re.fullmatch(r'−?[\d.]+', text.get_text())]
+    assert len(labels) >= 4
+    for label in labels:
+        assert not points_in(label, points).any(), label.get_text()
 
 
 def test_a_constant_panel_is_a_line_of_text(grid):
@@ -231,5 +277,5 @@ def test_the_report_of_a_map(tmp_path, capsys, what):
     assert page.is_complete
     assert len(page.links) == 1
     for words in (
-            'Verdict: ', 'the planar two-link arm', f'command torque_map {what} --payload 3'):
+            'Verdict on ', 'the planar two-link arm', f'command torque_map {what} --payload 3'):
         assert words in page.text

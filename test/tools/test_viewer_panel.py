@@ -99,6 +99,21 @@ def drawn_of(plot):
     return np.array(plot._handle.data), plot._handle.scales['y']['range']
 
 
+def test_a_plot_without_values_has_axes_and_says_so(plot):
+    plot.show(100.0)
+    columns, span = drawn_of(plot)
+    assert columns.shape == (3, 0)
+    assert span == pytest.approx((-1.2, 1.2))
+    assert plot._handle.title == 'a plot: no data'
+    plot.add(100.0, [1.0, 2.0])
+    plot.show(100.0)
+    assert plot._handle.title == 'a plot'
+
+
+def test_the_sum_of_the_terms_is_labelled_so(plot):
+    assert [line['label'] for line in plot._handle.series] == ['t [s]', 'gravity', 'sum']
+
+
 def test_a_plot_shows_the_last_seconds(plot):
     for time in np.arange(100.0, 140.0, 0.5):
         plot.add(time, [time, -time])

@@ -21,7 +21,6 @@ from robots import must_have_everything, robot_path, robot_urdf
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
     pytest.importorskip('trimesh', reason='the viewer needs trimesh')
-from robot_dynamics.tools.viewer.labels import label_anchor, newest_view, View
 from robot_dynamics.tools.viewer.scene import ArmScene
 import trimesh
 from viewer_bench import arm_called
@@ -135,12 +134,12 @@ def test_marks_come_change_and_go(server, tmp_path):
     scene.mark(marks)
     first = shown(marks)
     assert None not in first
-    assert texts(first) == ['joint1: 10.0 N m', 'joint2: -5.0 N m']
+    assert texts(first) == ['joint1: 10.0 N·m', 'joint2: -5.0 N·m']
 
     changed = drawn(ArmMarks(arm), arm, q + 0.5, 2.0 * effort, 2.0 * external).markers
     scene.mark(changed)
     assert shown(changed) == first
-    assert texts(first) == ['joint1: 20.0 N m', 'joint2: -10.0 N m']
+    assert texts(first) == ['joint1: 20.0 N·m', 'joint2: -10.0 N·m']
     for marker, handle in zip(changed, first):
         if marker.points:
             written = np.array([(point.x, point.y, point.z) for point in marker.points])
@@ -157,45 +156,3 @@ def test_marks_come_change_and_go(server, tmp_path):
     scene.mark(marks)
     scene.close()
     assert set(shown(changed)) == {None}
-
-
-def test_labels_keep_their_distance(server, tmp_path):
-    arm = arm_called('ur10')
-    scene = ArmScene(server, arm, robot_path('ur10').read_text(), tmp_path)
-    q = np.zeros(arm.joint_count)
-    scene.mark(drawn(ArmMarks(arm), arm, q, np.ones(arm.joint_count), None).markers)
-    places = np.array([
-        server.scene.get_handle_by_name(f'/marks/effort in numbers/{i}').position
-        for i in range(arm.joint_count)])
-    for i, place in enumerate(places[:-1]):
-        apart = np.linalg.norm(places[i + 1:] - place, axis=1)
-        assert apart.min() > 0.119 * scene.reach
-    scene.close()
-
-
-VIEW = View(
-    position=np.array([0.0, -4.0, 0.0]),
-    rotation=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
-    field_of_view=0.8, width=700.0, height=800.0)
-"""A view along y, with x to the right."""
-
-
-def test_a_point_in_the_image_has_its_column():
-    focal_length = 400.0 / np.tan(0.4)
-    assert VIEW.column(np.zeros(3)) == pytest.approx(350.0)
-    assert VIEW.column(np.array([1.0, 0.0, 0.5])) == pytest.approx(350.0 + focal_length / 4.0)
-    assert VIEW.column(np.array([0.0, -5.0, 0.0])) is None
-
-
-@pytest.mark.parametrize(('x', 'text', 'anchor'), [
-    (0.0, 'wrist_2_joint: 1.2 N m', 'top-left'),
-    (1.2, 'wrist_2_joint: 1.2 N m', 'top-right'),
-    (1.2, '0 N', 'top-left'),
-    (-1.2, 'wrist_2_joint: 1.2 N m', 'top-left')])
-def test_no_label_extends_below_the_panel(x, text, anchor):
-    assert label_anchor(VIEW, np.array([x, 0.0, 0.0]), text) == anchor
-
-
-def test_without_a_page_labels_extend_to_the_right(server):
-    assert newest_view(server.get_clients().values()) is None
-    assert label_anchor(None, np.zeros(3), 'wrist_2_joint: 1.2 N m') == 'top-left'

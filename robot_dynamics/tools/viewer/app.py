@@ -22,6 +22,7 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.tools.viewer.actions import PageActions, Shown
+from robot_dynamics.tools.viewer.framing import Cameras
 from robot_dynamics.tools.viewer.node import Received, ViewerNode, worst_words
 from robot_dynamics.tools.viewer.panel import ArmPanel
 from robot_dynamics.tools.viewer.scene import ArmScene
@@ -31,10 +32,6 @@ from sensor_msgs.msg import JointState
 if TYPE_CHECKING:
     import viser
 
-CAMERA = (0.95, -1.45, 0.65)
-"""Position of the camera, in multiples of the reach of the arm."""
-FIELD_OF_VIEW = 0.8
-"""[rad]"""
 PERIOD = 0.05
 """[s] between two updates of the arm."""
 PLOT_PERIOD = 0.2
@@ -57,7 +54,7 @@ class Viewer:
 
         `mesh_paths` are directories in which meshes of a URDF from a topic may be opened.
         """
-        self._server, self._node = server, node
+        self._server, self._node, self._cameras = server, node, Cameras(server)
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._words = server.gui.add_markdown('Waiting for an arm …')
         self._shown: Shown | None = None
@@ -116,12 +113,8 @@ class Viewer:
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
         self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
         self._actions = PageActions(self._node, self._shown)
-        reach = scene.reach
-        camera = self._server.initial_camera
-        camera.fov = FIELD_OF_VIEW
-        camera.position = tuple(reach * np.array(CAMERA))
-        camera.look_at = (0.0, 0.0, 0.3 * reach)
         scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
+        self._cameras.restart(scene.extent())
 
     # ------------------------------------------------------------------ what is received
 
@@ -199,6 +192,8 @@ class Viewer:
             return
         self._plot_time = now
         shown.panel.show_plots(self._newest_stamp)
+        if self._q is not None or not self._node.has_states:
+            self._cameras.show(shown.scene.extent())
         lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
         if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
             shown.panel.follow(self._q)

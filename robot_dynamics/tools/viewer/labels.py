@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Placement of the labels of the viewer: distance between labels, and the side of their anchor."""
+"""Placement of the labels of the viewer in the image: no overlap, and the side of their anchor."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 CHARACTER = 6.3
 """Width of a character of a label on the screen [pixel], rounded up."""
+LINE = 16.0
+"""Height of a label on the screen [pixel]."""
 BEHIND = 1e-6
 """Smallest distance [m] of a visible point in front of the camera."""
 
@@ -35,35 +37,46 @@ class View(NamedTuple):
     height: float
     """[pixel]"""
 
-    def column(self, point: FloatArray) -> float | None:
-        """Return the horizontal position [pixel] of a point (3,); None behind the camera."""
-        x, _, z = self.rotation.T @ (point - self.position)
-        if z < BEHIND:
-            return None
-        focal_length = 0.5 * self.height / np.tan(0.5 * self.field_of_view)
-        return float(0.5 * self.width + focal_length * x / z)
+    @property
+    def focal_length(self) -> float:
+        """Focal length [pixel]."""
+        return float(0.5 * self.height / np.tan(0.5 * self.field_of_view))
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Return column, row [pixel] and depth [m] of points (m, 3), (3, m)."""
+        x, y, z = ((points - self.position) @ self.rotation).T
+        scale = self.focal_length / np.maximum(z, BEHIND)
+        return np.array([0.5 * self.width + scale * x, 0.5 * self.height + scale * y, z])
 
 
-def label_anchor(view: View | None, point: FloatArray, text: str) -> str:
+def spread(view: View | None, points: FloatArray, texts: Sequence[str]) -> list[str]:
     """
-    Return the anchor of a label at a point (3,), for which the text stays within the image.
+    Raise points (m, 3) in place until the labels at them do not overlap; return their anchors.
 
-    The text extends to the right of the point, or to the left if it would exceed the right edge
-    of the image, where a panel of the page begins.
+    A label extends down and to the right of its point, or to the left if it would exceed the right
+    edge of the image, where a panel of the page begins.
     """
-    column = None if view is None else view.column(point)
-    if view is None or column is None:
-        return 'top-left'
-    is_too_wide = column + CHARACTER * len(text) > view.width
-    return 'top-right' if is_too_wide else 'top-left'
+    anchors = ['top-left'] * len(texts)
+    taken: list[tuple[float, float, float]] = []
+    if view is None:
+        return anchors
+    for i, (column, row, depth) in enumerate(view.project(points).T.tolist()):
+        if depth < BEHIND:
+            continue
+        width, top = CHARACTER * len(texts[i]), row
+        if column + width > view.width:
+            anchors[i] = 'top-right'
+            column -= width
+        for left, right, other in sorted(taken, key=lambda one: -one[2]):  # from below
+            if left < column + width and column < right and abs(other - top) < LINE:
+                top = other - LINE
+        taken.append((column, column + width, top))
+        points[i] -= (row - top) * depth / view.focal_length * view.rotation[:, 1]
+    return anchors
 
 
-def newest_view(clients: 'Iterable[viser.ClientHandle]') -> View | None:
-    """Return the view of the client of viser whose camera moved last; None without a client."""
-    cameras = [client.camera for client in clients]
-    if not cameras:
-        return None
-    camera = max(cameras, key=lambda one: float(one.update_timestamp))
+def view_of(camera: 'viser.CameraHandle') -> View | None:
+    """Return the view of a camera of viser; None if its image has no size."""
     if not camera.image_width or not camera.image_height:
         return None
     rotation = pin.Quaternion(*camera.wxyz.tolist()).matrix()
@@ -71,10 +84,7 @@ def newest_view(clients: 'Iterable[viser.ClientHandle]') -> View | None:
         camera.position, rotation, camera.fov, camera.image_width, camera.image_height)
 
 
-def spread(point: FloatArray, taken: list[FloatArray], gap: float) -> None:
-    """Raise a point (3,) in place until its distance to each of `taken` is at least `gap` [m]."""
-    for _ in taken:
-        near = [one for one in taken if np.linalg.norm(one - point) < gap]
-        if not near:
-            break
-        point[2] = max(one[2] for one in near) + gap
+def newest_view(clients: 'Iterable[viser.ClientHandle]') -> View | None:
+    """Return the view of the client of viser whose camera moved last; None without a client."""
+    cameras = [client.camera for client in clients]
+    return view_of(max(cameras, key=lambda one: float(one.update_timestamp))) if cameras else None

@@ -135,9 +135,9 @@ class ArmPanel:
         name = self._arm.joint_names[self.shown_joint]
         with self._plot_tab:
             return (
-                LivePlot(self._gui, f'{name}: effort by term [{"N" if slides else "N m"}]', TERMS),
+                LivePlot(self._gui, f'{name}: effort by term [{"N" if slides else "N·m"}]', TERMS),
                 LivePlot(self._gui, f'{name}: tracking error [{"mm" if slides else "mrad"}]',
-                         ('error',), LEAST_ERROR))
+                         ('error',), LEAST_ERROR, 'no reference'))
 
     def _change_joint(self) -> None:
         for plot in self._plots:

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.reporting.figures import LINES
+from robot_dynamics.reporting.figures import LABELS, LINES
 
 if TYPE_CHECKING:
     import viser
@@ -29,23 +29,29 @@ class LivePlot:
 
     def __init__(
         self, gui: 'viser.GuiApi', title: str, names: Sequence[str], least_span: float = 1.0,
+        nothing: str = 'no data',
     ) -> None:
-        """`title` has the unit of all lines; the axis spans at least `least_span`."""
-        self._least_span = least_span
+        """
+        Draw an empty chart.
+
+        `title` has the unit of all lines; it ends with `nothing` while there are no values. The
+        axis spans at least `least_span`.
+        """
+        self._title, self._nothing, self._least_span = title, nothing, least_span
         self._rows: deque[tuple[float, ...]] = deque()
         series: list[dict[str, Any]] = [{'label': 't [s]'}]
         for name in names:
             style = LINES[name]
             line: dict[str, Any] = {
-                'label': name, 'stroke': style.colour, 'width': style.width}
+                'label': LABELS.get(name, name), 'stroke': style.colour, 'width': style.width}
             if not isinstance(style.dash, str):
                 line['dash'] = [2.0 * length for length in style.dash[1]]
             series.append(line)
         self._width = 1 + len(names)
         self._handle = gui.add_uplot(
             tuple(np.zeros((self._width, 0))), tuple(series), title=title, height=HEIGHT,
-            scales=X_SCALE,
-            axes=({'label': 'time before now [s]', 'labelSize': 18}, {'size': 56}),
+            scales=self._scales(np.zeros((1, len(names)))),
+            axes=({'label': 'time before now [s]', 'labelSize': 18}, {'size': 64}),
             legend={'show': len(names) > 1})
 
     def add(self, time: float, values: Sequence[float]) -> None:
@@ -63,14 +69,15 @@ class LivePlot:
         rows: FloatArray = np.array(self._rows).reshape(-1, self._width)
         rows[:, 0] -= now
         self._handle.data = tuple(np.ascontiguousarray(column) for column in rows.T)
+        self._handle.title = self._title if len(rows) else f'{self._title}: {self._nothing}'
         if len(rows):
-            self._handle.scales = {**X_SCALE, 'y': {'range': self._range(rows[:, 1:])}}
+            self._handle.scales = self._scales(rows[:, 1:])
 
-    def _range(self, values: FloatArray) -> tuple[float, float]:
+    def _scales(self, values: FloatArray) -> dict[str, Any]:
         low, high = float(values.min()), float(values.max())
         span = max(high - low, self._least_span)
         middle, half = 0.5 * (low + high), (0.5 + MARGIN) * span
-        return middle - half, middle + half
+        return {**X_SCALE, 'y': {'range': (middle - half, middle + half)}}
 
     def remove(self) -> None:
         """Remove the chart."""

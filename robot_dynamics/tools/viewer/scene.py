@@ -19,10 +19,10 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks
-from robot_dynamics.tools.viewer.labels import label_anchor, newest_view, spread
+from robot_dynamics.tools.viewer.labels import newest_view, spread
 from robot_dynamics.urdf.inertials import read_joint_origins
 from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
-from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere, Visual
+from robot_dynamics.urdf.visuals import Box, Mesh, read_visuals, Sphere, Visual
 import trimesh
 from visualization_msgs.msg import Marker
 
@@ -34,8 +34,6 @@ COLOURED = ('.dae', '.glb', '.gltf', '.obj')
 """Formats of mesh files that define colours."""
 _BONE = 0.35
 """Radius of a bone, as a fraction of the radius of the arcs of effort."""
-_LABEL_GAP = 0.12
-"""Smallest distance between two labels, as a fraction of the reach."""
 _STILL = 1e-6
 """Smallest motion that is sent [m], also of the components of a quaternion."""
 
@@ -44,10 +42,11 @@ _Key = tuple[str, int, int]
 
 
 class _Part(NamedTuple):
-    """A drawn link: its Pinocchio frame, and the handle of its scene node."""
+    """A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
 
     frame: int
     handle: Any
+    corners: FloatArray
 
 
 class ArmScene:
@@ -70,7 +69,7 @@ class ArmScene:
         """Radius of the arcs of effort [m]."""
         self.reach = ArmMarks(arm).reach
         """[m]"""
-        self._gap = _LABEL_GAP * self.reach
+        self._marked = np.zeros((0, 3))
         self.missing: list[str] = []
         """Meshes that are not drawn, each with the reason."""
         self._grid = self._scene.add_grid(
@@ -93,7 +92,7 @@ class ArmScene:
         model, data = self._arm.pinocchio_model, self._data
         pin.framesForwardKinematics(model, data, self._arm.coordinates.position(q))
         with self._server.atomic():
-            for frame, handle in self._parts:
+            for frame, handle, _ in self._parts:
                 place = data.oMf[frame]
                 x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
                 _set(handle, 'wxyz', np.array([w, x, y, z]))
@@ -104,22 +103,29 @@ class ArmScene:
         frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
         return np.array(self._data.oMf[frame].rotation)
 
+    def extent(self) -> FloatArray:
+        """Return points (m, 3) around the arm and its marks, as they were shown last."""
+        return np.vstack([self._marked, *(
+            corners @ self._data.oMf[frame].rotation.T + self._data.oMf[frame].translation
+            for frame, _, corners in self._parts)])
+
     def _draw_links(self, xml: str) -> list[_Part]:
         visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
         for i, link in enumerate(self._arm.link_names):
             node = f'/arm/{i}'
             handle = self._scene.add_frame(node, show_axes=False)
             own = [visual for visual in visuals if visual.link == link]
-            drawn = [self._draw_visual(f'{node}/{k}', visual)
-                     for k, visual in enumerate(own)]
-            if not any(drawn):
-                self._draw_bones(node, bones.get(link, []))
+            drawn = [trimesh.bounds.corners(bounds) @ visual.rotation.T + visual.place
+                     for k, visual in enumerate(own)
+                     if (bounds := self._draw_visual(f'{node}/{k}', visual)) is not None]
+            if not drawn:
+                drawn = self._draw_bones(node, bones.get(link, []))
             frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
-            parts.append(_Part(frame, handle))
+            parts.append(_Part(frame, handle, np.vstack([np.zeros(3), *drawn])))
         return parts
 
-    def _draw_visual(self, node: str, visual: Visual) -> bool:
-        """Draw one shape; return whether that was possible."""
+    def _draw_visual(self, node: str, visual: Visual) -> FloatArray | None:
+        """Draw one shape; return its lower and upper bounds (2, 3), None if it is not drawn."""
         x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
         pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
         colour, shape = visual.colour or LINK_COLOUR, visual.shape
@@ -128,22 +134,23 @@ class ArmScene:
         looks = {'color': colour[:3], 'opacity': None if colour[3] == 1.0 else colour[3]}
         if isinstance(shape, Box):
             self._scene.add_box(node, dimensions=tuple(shape.size.tolist()), **looks, **pose)
-        elif isinstance(shape, Sphere):
+            return np.outer((-0.5, 0.5), shape.size)
+        if isinstance(shape, Sphere):
             self._scene.add_icosphere(node, radius=shape.radius, **looks, **pose)
-        elif isinstance(shape, Cylinder):
-            body = trimesh.creation.cylinder(radius=shape.radius, height=shape.length)
-            self._scene.add_mesh_simple(
-                node, body.vertices, body.faces, flat_shading=False, **looks, **pose)
-        return True
+            return np.outer((-shape.radius, shape.radius), np.ones(3))
+        body = trimesh.creation.cylinder(radius=shape.radius, height=shape.length)
+        self._scene.add_mesh_simple(
+            node, body.vertices, body.faces, flat_shading=False, **looks, **pose)
+        return np.array(body.bounds)
 
     def _draw_mesh(
         self, node: str, mesh: Mesh, visual: Visual, pose: dict[str, Any],
-    ) -> bool:
+    ) -> FloatArray | None:
         try:
             path = self._mesh_file(mesh.name)
         except ModelError as error:
             self.missing.append(str(error))
-            return False
+            return None
         scale = tuple(mesh.scale.tolist())
         try:
             check_mesh_file(path)
@@ -152,15 +159,15 @@ class ArmScene:
                 raise ValueError('the mesh has no triangles')
             if path.suffix.lower() in COLOURED:
                 self._scene.add_mesh_trimesh(node, scene, scale=scale, **pose)
-                return True
-            body = scene.to_mesh()
-            colour = visual.colour or LINK_COLOUR
-            self._scene.add_mesh_simple(
-                node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
+            else:
+                body = scene.to_mesh()
+                colour = visual.colour or LINK_COLOUR
+                self._scene.add_mesh_simple(
+                    node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
         except Exception as error:  # any error of a mesh reader
             self.missing.append(f'{mesh.name}: {error}')
-            return False
-        return True
+            return None
+        return np.sort(scene.bounds * mesh.scale, axis=0)
 
     def _mesh_file(self, name: str) -> Path:
         """Return the file of a mesh; raise ModelError if it is missing or not allowed."""
@@ -171,13 +178,16 @@ class ArmScene:
             raise ModelError(f'{name}: not found')
         return path
 
-    def _draw_bones(self, node: str, ends: Sequence[FloatArray]) -> None:
-        for k, end in enumerate(ends):
-            if np.isfinite(end).all() and float(np.linalg.norm(end)) > self.size * _BONE:
-                bone = trimesh.creation.cylinder(
-                    radius=_BONE * self.size, segment=[np.zeros(3), end])
-                self._scene.add_mesh_simple(
-                    f'{node}/bone{k}', bone.vertices, bone.faces, color=LINK_COLOUR[:3])
+    def _draw_bones(self, node: str, ends: Sequence[FloatArray]) -> list[FloatArray]:
+        """Draw lines from the origin of a link to `ends`; return the vertices, (m, 3) each."""
+        bones = {
+            f'{node}/bone{k}': trimesh.creation.cylinder(
+                radius=_BONE * self.size, segment=[np.zeros(3), end])
+            for k, end in enumerate(ends)
+            if np.isfinite(end).all() and float(np.linalg.norm(end)) > self.size * _BONE}
+        for name, bone in bones.items():
+            self._scene.add_mesh_simple(name, bone.vertices, bone.faces, color=LINK_COLOUR[:3])
+        return [np.array(bone.vertices) for bone in bones.values()]
 
     # ------------------------------------------------------------------ efforts and forces
 
@@ -186,8 +196,12 @@ class ArmScene:
         named = {
             (marker.ns, marker.id, marker.type): marker for marker in markers
             if _can_be_drawn(marker)}
-        named.update(self._labels(
-            {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING}))
+        self._marked = np.vstack([np.zeros((0, 3)), *(
+            _points(one) if one.points else _position(one)
+            for one in named.values() if one.type != Marker.ARROW)])
+        labels, anchors = self._labels(
+            {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING})
+        named.update(labels)
         with self._server.atomic():
             for key in [key for key in self._marks if key not in named]:
                 self._marks.pop(key).remove()
@@ -196,29 +210,23 @@ class ArmScene:
                     _UPDATES[marker.type](self._marks[key], marker)
                 else:
                     self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
-            self._anchor_labels(named)
+            for key, anchor in zip(labels, anchors):
+                if self._marks[key].anchor != anchor:
+                    self._marks[key].anchor = anchor
 
-    def _labels(self, texts: Mapping[_Key, Marker]) -> dict[_Key, Marker]:
-        """Return the texts with the names of their joints; too close ones are raised."""
-        taken: list[FloatArray] = []
+    def _labels(self, texts: Mapping[_Key, Marker]) -> tuple[dict[_Key, Marker], list[str]]:
+        """Return the texts with the names of their joints, spread in the image; their anchors."""
         labels = copy.deepcopy(dict(texts))
         for label in labels.values():
             if label.id < self._arm.joint_count:
                 label.text = f'{self._arm.joint_names[label.id]}: {label.text}'
-            place = _position(label)
-            spread(place, taken, self._gap)
-            label.pose.position.z = float(place[2])
-            taken.append(place)
-        return labels
-
-    def _anchor_labels(self, marks: Mapping[_Key, Marker]) -> None:
-        """Extend labels to the side on which they stay within the image of the page."""
-        view = newest_view(self._server.get_clients().values())
-        for key, marker in marks.items():
-            if marker.type == Marker.TEXT_VIEW_FACING:
-                anchor = label_anchor(view, _position(marker), marker.text)
-                if self._marks[key].anchor != anchor:
-                    self._marks[key].anchor = anchor
+        places = np.array([_position(label) for label in labels.values()]).reshape(-1, 3)
+        anchors = spread(
+            newest_view(self._server.get_clients().values()), places,
+            [label.text for label in labels.values()])
+        for label, place in zip(labels.values(), places.tolist()):
+            label.pose.position.x, label.pose.position.y, label.pose.position.z = place
+        return labels, anchors
 
     def _add_mark(self, node: str, marker: Marker) -> Any:
         colour = _rgb(marker)
