@@ -60,13 +60,13 @@ COULOMB, VISCOUS, FRICTION_ERROR = 0.01, 0.005, 0.3
 NOISE = 0.01
 """Standard deviation of the measured efforts relative to the smallest effort limit."""
 ROTOR = 0.01
-"""Inertia of the rotors on the joint side [kg m²], relative to the effort limits [N m]."""
+"""Inertia of the rotors on the joint side [kg·m²], relative to the effort limits [N·m]."""
 RATE = 125.0
 """Joint states per second."""
 FREQUENCY = 30.0
 """Natural frequency [rad/s] of the control law: an unknown load must not displace an arm far."""
 EFFORT_RATE = 1e5
-"""[N m/s] Drives that follow any effort: the feedback of slower ones is softer under a load."""
+"""[N·m/s] Drives that follow any effort: the feedback of slower ones is softer under a load."""
 FIRST_MOVE = 3.0
 """[s] to the first pose."""
 SETTLING = 1.0

@@ -390,7 +390,8 @@ class Scene:
             elif self.loop.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
                 self._active = None
-                self.hull.begin(before, limits)
+                is_true = self.loop.consistency.is_consistent
+                self.hull.begin(before if is_true else reference, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
         consistency = self.loop.consistency
         if not self._doubt and not consistency.is_consistent:

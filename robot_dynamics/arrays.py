@@ -39,6 +39,12 @@ def any_of(mask: BoolArray) -> bool:
     return True in mask.tolist()
 
 
+def column_scale(A: FloatArray) -> FloatArray:
+    """Return the factors (k,) with which the columns of A (m, k) have length 1; 0 for a zero."""
+    norm = np.linalg.norm(A, axis=0)
+    return np.asarray(np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0))
+
+
 def wrap_to_pi(angle: FloatArray) -> FloatArray:
     """Return the angles [rad] in (−π, π] that are whole turns away, of the same shape."""
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))

@@ -13,7 +13,7 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.recordings.reader import JointSeries, RecordedTopic, Recording
+from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
 
 ROBOT_DESCRIPTION = '/robot_description'
@@ -97,10 +97,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
 
 
 def _recorded_urdf(recording: Recording) -> str:
-    described: list[RecordedTopic] = [
-        topic for topic in recording.topics
-        if topic.name == ROBOT_DESCRIPTION and topic.message_count]
-    if not described:
+    if not any(topic.name == ROBOT_DESCRIPTION and topic.message_count
+               for topic in recording.topics):
         raise InvalidInputError(
             f'recording {str(recording.path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF '
             'with --urdf')

@@ -21,9 +21,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, TermSeries
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, RigidBody, TermSeries
 from robot_dynamics.model.arm_parameters import convention_from_parameters
-from robot_dynamics.model.rigid_body import RigidBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +123,7 @@ def with_joint_effort(
     motion: FilteredMotion, arm: ArmModel, parameters: Mapping[str, object],
 ) -> tuple[FilteredMotion, str]:
     """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
-    zero = np.zeros_like(motion.position)
-    gravity = RigidBody(arm).inverse_dynamics_batch(motion.position, zero, zero)
+    gravity = RigidBody(arm).gravity_batch(motion.position)
     effort, remark = joint_effort(motion, gravity, arm, parameters)
     if effort is None:
         raise RecordingError('the recording has no effort, expected the measured effort')

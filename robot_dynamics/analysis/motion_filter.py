@@ -24,6 +24,8 @@ from robot_dynamics.recordings.reader import JointSeries
 from robot_dynamics.validation import check_scalar
 
 FILTER_ORDER = 4
+LEAST_SAMPLES = 4 * (FILTER_ORDER + 1)
+"""Smallest number of samples that can be filtered."""
 SHORTEST_SEGMENT = 2.0
 """Shortest usable segment between two gaps, in periods of the cut-off frequency."""
 EDGE = 0.5
@@ -63,6 +65,13 @@ class FilteredMotion:
         """Seconds since the first sample, (m,)."""
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
 
+    @property
+    def measured_effort(self) -> FloatArray:
+        """The effort (m, n); raises RecordingError if none was recorded."""
+        if self.effort is None:
+            raise RecordingError('the recording has no effort, expected the measured effort')
+        return self.effort
+
 
 class _Signals(NamedTuple):
     position: FloatArray
@@ -71,17 +80,15 @@ class _Signals(NamedTuple):
     effort: FloatArray | None
 
 
-def filter_motion(
-    series: JointSeries, cutoff_hz: float | None = None, order: int = FILTER_ORDER,
-) -> FilteredMotion:
+def filter_motion(series: JointSeries, cutoff_hz: float | None = None) -> FilteredMotion:
     """
     Return a recorded motion, filtered, with velocity and acceleration, at its own stamps.
 
-    At `cutoff_hz` [Hz] the filter of this `order`, run forward and backward, halves an amplitude;
-    None chooses it from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled to the
-    median interval between gaps, and the results are interpolated at the stamps. Velocity that was
-    not recorded, or is inconsistent with the position, is differentiated from the position. The
-    position must not step by whole turns (`JointSeries.unwrapped`).
+    At `cutoff_hz` [Hz] the filter, run forward and backward, halves an amplitude; None chooses it
+    from the data (`cutoff.choose_cutoff`). Uneven stamps are resampled to the median interval
+    between gaps, and the results are interpolated at the stamps. Velocity that was not recorded,
+    or is inconsistent with the position, is differentiated from the position. The position must
+    not step by whole turns (`JointSeries.unwrapped`).
 
     Raises RecordingError if there is no position or if there are too few samples,
     InvalidInputError for a cut-off that is too high for the sampling rate, MissingDependencyError
@@ -89,10 +96,10 @@ def filter_motion(
     """
     if series.position is None:
         raise RecordingError('the recording has no position, expected joint states with position')
-    if len(series.stamps_ns) < 4 * (order + 1):
+    if len(series.stamps_ns) < LEAST_SAMPLES:
         raise RecordingError(
             f'the recording has {len(series.stamps_ns)} samples, expected at least '
-            f'{4 * (order + 1)} to filter')
+            f'{LEAST_SAMPLES} to filter')
     interval = float(np.median(np.diff(series.times)))
     rate = 1.0 / interval
     segments = series.stretches()
@@ -114,12 +121,12 @@ def filter_motion(
         chosen = Cutoff(given, 'as given')
     shortest = SHORTEST_SEGMENT / chosen.hz
     kept = [rows for rows in segments if series.times[rows[-1]] - series.times[rows[0]] > shortest
-            and len(rows) >= 4 * (order + 1)]
+            and len(rows) >= LEAST_SAMPLES]
     if not kept:
         raise RecordingError(
             f'the recording has no {shortest:.3g} s without a gap, expected at least that much '
             f'for a cut-off of {chosen.hz:.3g} Hz')
-    return _join(series, kept, chosen, rate, order, bad)
+    return _join(series, kept, chosen, rate, bad)
 
 
 def filter_motion_below(series: JointSeries, cutoff_hz: float) -> FilteredMotion:
@@ -131,10 +138,9 @@ def filter_motion_below(series: JointSeries, cutoff_hz: float) -> FilteredMotion
 
 
 def _join(
-    series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, order: int,
-    bad: BoolArray,
+    series: JointSeries, segments: list[IntArray], cutoff: Cutoff, rate: float, bad: BoolArray,
 ) -> FilteredMotion:
-    parts = [_filter_segment(series, rows, cutoff.hz, rate, order, bad) for rows in segments]
+    parts = [_filter_segment(series, rows, cutoff.hz, rate, bad) for rows in segments]
     rows = np.concatenate(segments)
     ends = [series.times[part[[0, -1]]] for part in segments]
     usable = np.concatenate([
@@ -182,16 +188,22 @@ def _on_grid(times: FloatArray, values: FloatArray, interval: float) -> (
     return grid, np.stack([np.interp(grid, times, column) for column in values.T], axis=1)
 
 
+def _smooth(
+    times: FloatArray, values: FloatArray, cutoff_hz: float, rate: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return an even grid, and the filtered values on it."""
+    grid, even = _on_grid(times, values, 1.0 / rate)
+    return grid, zero_phase(even, cutoff_hz, (len(grid) - 1) / (grid[-1] - grid[0]))
+
+
 def _filter_segment(
-    series: JointSeries, rows: IntArray, cutoff_hz: float, rate: float, order: int,
-    bad: BoolArray,
+    series: JointSeries, rows: IntArray, cutoff_hz: float, rate: float, bad: BoolArray,
 ) -> _Signals:
     times = series.times[rows]
     make_spline = optional('scipy.interpolate', 'filtering').make_interp_spline
 
     def smooth(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        grid, even = _on_grid(times, values[rows], 1.0 / rate)
-        return grid, zero_phase(even, cutoff_hz, (len(grid) - 1) / (grid[-1] - grid[0]), order)
+        return _smooth(times, values[rows], cutoff_hz, rate)
 
     assert series.position is not None
     position = make_spline(*smooth(series.position), k=5)
@@ -207,9 +219,7 @@ def _filter_segment(
         np.asarray(velocity.derivative()(times)), effort)
 
 
-def zero_phase(
-    values: FloatArray, cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER,
-) -> FloatArray:
+def zero_phase(values: FloatArray, cutoff_hz: float, rate_hz: float) -> FloatArray:
     """
     Return evenly sampled signals, (m, n), after a Butterworth filter forward and backward.
 
@@ -217,14 +227,12 @@ def zero_phase(
     cut-off frequency if they are long enough. Raises MissingDependencyError without scipy.
     """
     signal = optional('scipy.signal', 'filtering')
-    sections = signal.butter(order, cutoff_hz, fs=rate_hz, output='sos')
+    sections = signal.butter(FILTER_ORDER, cutoff_hz, fs=rate_hz, output='sos')
     padding = min(len(values) - 1, int(np.ceil(3.0 * rate_hz / cutoff_hz)))
     return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
 
 
-def filter_like(
-    motion: FilteredMotion, values: FloatArray, order: int = FILTER_ORDER,
-) -> FloatArray:
+def filter_like(motion: FilteredMotion, values: FloatArray) -> FloatArray:
     """
     Return signals (m, k) at the samples of a motion after the filter of this motion.
 
@@ -236,18 +244,14 @@ def filter_like(
     for number in np.unique(motion.segment):
         rows = np.flatnonzero(motion.segment == number)
         times = motion.times[rows]
-        grid, even = _on_grid(times, values[rows], 1.0 / motion.sample_rate_hz)
-        smooth = zero_phase(
-            even, motion.cutoff_hz, (len(grid) - 1) / (grid[-1] - grid[0]), order)
+        grid, smooth = _smooth(times, values[rows], motion.cutoff_hz, motion.sample_rate_hz)
         filtered[rows] = smooth if len(grid) == len(rows) and (
             np.abs(times - grid).max() < _EVEN / motion.sample_rate_hz) else np.stack([
                 np.interp(times, grid, column) for column in smooth.T], axis=1)
     return filtered
 
 
-def samples_per_independent_sample(
-    cutoff_hz: float, rate_hz: float, order: int = FILTER_ORDER,
-) -> float:
+def samples_per_independent_sample(cutoff_hz: float, rate_hz: float) -> float:
     """
     Return the number of filtered samples of white noise that equal one independent sample.
 
@@ -255,4 +259,4 @@ def samples_per_independent_sample(
     the mean of |H|⁴, because the filter runs twice.
     """
     ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
-    return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * order))**2))
+    return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * FILTER_ORDER))**2))

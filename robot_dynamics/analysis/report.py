@@ -20,10 +20,10 @@ from robot_dynamics.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics.analysis.residual import ResidualStatistics
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.reporting.figures import (
+    comparison_panels,
     effort_panel,
     joint_figure,
     Panel,
-    residual_panel,
     scatter_figure,
 )
 from robot_dynamics.reporting.html_page import Grade, Origin, Page, png, Verdict
@@ -133,8 +133,7 @@ def joint_verdict(
     `relative` is the RMS of the residual divided by that of the measured effort.
     """
     if np.isnan(relative):
-        return Verdict(name, Grade.UNKNOWN, 'the measured effort is zero',
-                       'check that the driver publishes the effort of this joint')
+        return without_effort(name)
     size = f'residual {percent(relative)} of the effort'
     if relative <= GOOD:
         return Verdict(
@@ -142,6 +141,12 @@ def joint_verdict(
     grade = Grade.CHECK if relative <= POOR else Grade.BAD
     text, step = _cause(residual, velocity, model)
     return Verdict(name, grade, f'{text}; {size}', step)
+
+
+def without_effort(name: str) -> Verdict:
+    """Return the verdict on a joint whose measured effort is zero."""
+    return Verdict(name, Grade.UNKNOWN, 'the measured effort is zero',
+                   'check that the driver publishes the effort of this joint')
 
 
 def _cause(residual: FloatArray, velocity: FloatArray, model: FloatArray) -> tuple[str, str]:
@@ -174,12 +179,9 @@ def effort_panels(analysis: BagAnalysis) -> list[Panel]:
     """Return the panels of measured and modelled effort, and of the modelled effort by term."""
     times, terms = analysis.motion.times, analysis.terms
     panels: list[Panel] = []
-    measured, residual = analysis.measured, analysis.residual
-    if measured is not None and residual is not None:
-        panels.append(effort_panel('Measured and model', times, {
-            'measured': _with_gaps(analysis, measured),
-            'model': _with_gaps(analysis, terms.effort)}))
-        panels.append(residual_panel(times, _with_gaps(analysis, residual)))
+    if analysis.measured is not None:
+        panels += comparison_panels(times, *(
+            _with_gaps(analysis, values) for values in (analysis.measured, terms.effort)))
     by_term = {name: values for name, values in terms.by_name.items()
                if name != 'friction' or np.any(values)}
     panels.append(effort_panel('Model by term', times, {

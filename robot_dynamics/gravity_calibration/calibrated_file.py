@@ -84,8 +84,7 @@ def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
 
 def header(found: RecordedCalibration, path: Path) -> list[str]:
     """Return the comments of a parameter file with this path."""
-    recordings = [one for one in (found.without_weight, found.with_weight) if one is not None]
-    names = ', '.join(bag.name for one in recordings for bag in one.bags)
+    names = ', '.join(bag.name for one in found.recorded for bag in one.bags)
     return [
         f'Effort scale and offset by `calibrate_gravity` from {names}.',
         found.calibration.reference.value,

@@ -11,18 +11,14 @@ the scale.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.gravity_model import (
-    gravity_regressor,
-    gravity_torque,
-    link_columns,
-)
+from robot_dynamics.gravity_calibration.gravity_model import gravity_regressor, link_columns
 from robot_dynamics.gravity_calibration.holds import Hold, pair_holds, PairedHolds
 from robot_dynamics.gravity_calibration.scale_fit import (
     fit_scales,
@@ -35,6 +31,7 @@ from robot_dynamics.gravity_calibration.scale_fit import (
 from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
 from robot_dynamics.joints.drive_effort import DriveEffort
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.worst_gravity import sample_positions
 
@@ -64,6 +61,10 @@ class HoldSet(NamedTuple):
 
     paired: PairedHolds
     weight: Payload | None = None
+
+    @property
+    def title(self) -> str:
+        return 'without weight' if self.weight is None else 'with the weight'
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,42 +126,36 @@ def calibrate_holds(
     sets = [HoldSet(pair_holds(without_weight, arm.joint_kinds))]
     if weight is not None:
         sets.append(HoldSet(pair_holds(with_weight, arm.joint_kinds), weight))
-    return _calibrate(arm, sets, tool)
-
-
-def _calibrate(arm: ArmModel, sets: Sequence[HoldSet], tool: Tool | None) -> Calibration:
     for one in sets:
         _check_poses(one)
-    has_weight = any(one.weight is not None for one in sets)
-    if tool is not None and tool.mass is None and not has_weight:
+    if tool is not None and tool.mass is None and weight is None:
         raise InvalidInputError(
             'the mass of the tool is not given, expected it, or holds with a known weight: effort '
             'scale and mass are confounded')
-    reference = ScaleReference.WEIGHT if has_weight else (
+    reference = ScaleReference.WEIGHT if weight is not None else (
         ScaleReference.TOOL if tool is not None else ScaleReference.URDF)
-    counts = sum((one.paired.is_paired.sum(axis=0) for one in sets),
-                 start=np.zeros(arm.joint_count, dtype=np.int64))
+    counts = np.sum([one.paired.is_paired.sum(axis=0) for one in sets], axis=0)
     seen, basis = _observations(arm, sets, tool, reference)
-    seen = seen.only(counts >= LEAST_POSES)
+    n, has_enough = arm.joint_count, counts >= LEAST_POSES
+    seen = replace(seen, is_used=seen.is_used & has_enough)
     previous = arm.given_drive
     fit, is_observable = _fit(seen, arm, 1.0 / previous.scale)
     torque = seen.known + seen.columns @ fit.beta
-    n, has_enough = arm.joint_count, counts >= LEAST_POSES
     scale, offset = _values(seen, torque, fit, is_observable, has_enough, previous)
     used = np.where(seen.is_used, 1.0, np.nan)
     spread = fit.spread(np.eye(2 * n, len(fit.is_lost)))
-    k, o = (Spread(*(part[half] for part in spread)) for half in (np.s_[:n], np.s_[n:]))
     return Calibration(
         arm, reference, tuple(sets),
-        None if tool is None else estimate_tool(arm, tool, has_weight, basis, fit),
+        None if tool is None else estimate_tool(
+            arm, tool, weight is not None, basis, fit),
         scale, offset,
-        np.where(is_observable, k.interval * scale**2, np.inf),
-        np.where(has_enough, o.interval, np.inf),
+        np.where(is_observable, spread.interval[:n] * scale**2, np.inf),
+        np.where(has_enough, spread.interval[n:], np.inf),
         _covariance(arm, seen, fit, spread, scale, is_observable, has_enough), is_observable,
         counts, fit.noise,
         np.array([np.ptp(torque[rows, j]) if rows.any() else 0.0
                   for j, rows in enumerate(seen.is_used.T)]),
-        np.ptp(gravity_torque(arm, sample_positions(arm, 128)), axis=0), fit.condition,
+        np.ptp(RigidBody(arm).gravity_batch(sample_positions(arm, 128)), axis=0), fit.condition,
         np.concatenate([one.paired.times for one in sets]), used * seen.effort,
         used * (torque / scale + offset))
 
@@ -186,12 +181,11 @@ def _covariance(
 def _check_poses(one: HoldSet) -> None:
     count = len(one.paired.times)
     if count < LEAST_POSES:
-        load = 'with the weight' if one.weight is not None else 'without weight'
         raise InvalidInputError(
-            f'{len(one.paired.holds)} holds {load} have {count} poses that a joint approached '
-            f'from both sides, expected at least {LEAST_POSES}: hold each pose for 1 s or longer '
-            'after a motion in the positive direction, and again after one in the negative '
-            'direction')
+            f'{len(one.paired.holds)} holds {one.title} have {count} poses that a joint '
+            f'approached from both sides, expected at least {LEAST_POSES}: hold each pose for 1 s '
+            'or longer after a motion in the positive direction, and again after one in the '
+            'negative direction')
 
 
 def _observations(
@@ -208,7 +202,7 @@ def _observations(
     if reference is ScaleReference.WEIGHT:
         return Observations(effort, known, Y @ (basis := _basis(Y[is_used])), is_used), basis
     known += np.concatenate([
-        one.paired.mean(gravity_torque(arm, one.paired.positions)) for one in sets])
+        one.paired.mean(RigidBody(arm).gravity_batch(one.paired.positions)) for one in sets])
     basis = np.zeros((Y.shape[2], 0))
     if tool is not None and tool.mass is not None:
         T = link_columns(arm, tool.link)

@@ -11,18 +11,16 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.model.regressor import TorqueRegressor
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 
 NAMES = ('m', 'mx', 'my', 'mz')
 """Names of φ of a body."""
 UNITS = ('kg', 'kg·m', 'kg·m', 'kg·m')
 
 
-def gravity_torque(arm: ArmModel, q: FloatArray) -> FloatArray:
-    """Return g (m, n) of the arm with its payloads [N·m] or [N], at positions (m, n)."""
-    zero = np.zeros_like(q)
-    return RigidBody(arm).inverse_dynamics_batch(q, zero, zero)
+def gravity_parameters(arm: ArmModel) -> FloatArray:
+    """Return φ (4 × bodies,) of the arm, with its payload."""
+    return inertial_parameters(arm).reshape(-1, COUNT)[:, :len(NAMES)].ravel()
 
 
 def gravity_regressor(arm: ArmModel, q: FloatArray) -> FloatArray:

@@ -17,9 +17,11 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.gravity_model import gravity_regressor, gravity_torque
+from robot_dynamics.gravity_calibration.gravity_model import gravity_regressor
 from robot_dynamics.gravity_calibration.holds import per_joint
+from robot_dynamics.gravity_calibration.scale_fit import joint_columns
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import search_box
 from robot_dynamics.validation import check_vector
 
@@ -102,7 +104,7 @@ def _candidates(
     q, g = np.zeros((2, 0, arm.joint_count))
     for _ in range(_DRAWS):
         drawn = rng.uniform(low, high, (CANDIDATES, arm.joint_count))
-        gravity = gravity_torque(arm, drawn)
+        gravity = RigidBody(arm).gravity_batch(drawn)
         good = (np.abs(gravity) <= EFFORT_FRACTION * arm.limits.effort).all(axis=1)
         q, g = np.concatenate([q, drawn[good]]), np.concatenate([g, gravity[good]])
         if len(q) >= CANDIDATES:
@@ -117,14 +119,8 @@ def _candidates(
 
 def _information_rows(arm: ArmModel, q: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return the Jacobian (m, n, 2n + 3) of the effort, each column of size 1."""
-    n = arm.joint_count
-    J = np.zeros((len(q), n, 2 * n + 3))
-    joints = np.arange(n)
-    J[:, joints, joints] = gravity
-    J[:, joints, n + joints] = 1.0
-    J[:, :, 2 * n:] = gravity_regressor(arm, q)[:, :, -3:]
-    weights = 1.0 / _relative_noise(arm, gravity)
-    J *= weights[:, None]
+    J = joint_columns(gravity, 1.0, gravity_regressor(arm, q)[:, :, -3:])
+    J *= 1.0 / _relative_noise(arm, gravity)[:, None]
     size = np.sqrt((J**2).sum(axis=1).mean(axis=0))
     return np.asarray(np.divide(J, size, out=np.zeros_like(J), where=size > 1e-9 * size.max()))
 

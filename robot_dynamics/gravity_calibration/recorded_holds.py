@@ -30,11 +30,10 @@ class RecordedHolds:
 
 @dataclass(frozen=True, eq=False)
 class RecordedCalibration:
-    """A calibration, and the recordings without and with the weight that it is from."""
+    """A calibration, and the holds that it is from: without the weight, and with it if known."""
 
     calibration: Calibration
-    without_weight: RecordedHolds
-    with_weight: RecordedHolds | None
+    recorded: tuple[RecordedHolds, ...]
 
 
 def calibrate_recordings(
@@ -47,14 +46,13 @@ def calibrate_recordings(
     Raises RecordingError if a recording cannot be used, ModelError, or InvalidInputError as
     `calibrate_holds`, or if the recordings have different joints.
     """
-    without = read_holds(bags, settings)
-    loaded = read_holds(weighted_bags, settings) if weighted_bags else None
-    if loaded is not None and loaded.arm.joint_names != without.arm.joint_names:
-        raise _different_joints(loaded, without)
+    recorded = [read_holds(group, settings) for group in (bags, weighted_bags) if group]
+    _check_joints(recorded)
     return RecordedCalibration(
         calibrate_holds(
-            without.arm, without.holds, loaded.holds if loaded is not None else (), weight, tool),
-        without, loaded)
+            recorded[0].arm, recorded[0].holds, recorded[1].holds if weighted_bags else (),
+            weight, tool),
+        tuple(recorded))
 
 
 def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHolds:
@@ -65,10 +63,9 @@ def read_holds(bags: Sequence[Path], settings: AnalysisSettings) -> RecordedHold
     the driver. Raises as `calibrate_recordings`.
     """
     read = [_read(bag, settings) for bag in bags]
+    _check_joints(read)
     holds: list[Hold] = []
     for one in read:
-        if one.arm.joint_names != read[0].arm.joint_names:
-            raise _different_joints(one, read[0])
         before = holds[-1].end if holds else 0.0
         holds += [hold._replace(start=hold.start + before, end=hold.end + before)
                   for hold in one.holds]
@@ -93,7 +90,10 @@ def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
         tuple(f'{bag.name}: {line}' for line in (*read.losses, *read.remarks)))
 
 
-def _different_joints(one: RecordedHolds, other: RecordedHolds) -> InvalidInputError:
-    return InvalidInputError(
-        f'{one.bags[0].name} has the joints {list(one.arm.joint_names)}, expected those of '
-        f'{other.bags[0].name}: {list(other.arm.joint_names)}')
+def _check_joints(recorded: Sequence[RecordedHolds]) -> None:
+    first = recorded[0]
+    for one in recorded:
+        if one.arm.joint_names != first.arm.joint_names:
+            raise InvalidInputError(
+                f'{one.bags[0].name} has the joints {list(one.arm.joint_names)}, expected those '
+                f'of {first.bags[0].name}: {list(first.arm.joint_names)}')

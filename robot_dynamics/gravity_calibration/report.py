@@ -8,7 +8,7 @@ from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_PO
 from robot_dynamics.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration, RecordedHolds
 from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
-from robot_dynamics.reporting.figures import effort_panel, joint_figure, residual_panel
+from robot_dynamics.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.text_table import Rows
 
@@ -18,11 +18,8 @@ def fact_rows(found: RecordedCalibration) -> Rows:
     calibration = found.calibration
     arm = calibration.arm
     rows: Rows = [('arm', f'{arm.name}, {arm.joint_count} joints')]
-    for title, one, holds in zip(
-            ('without weight', 'with the weight'), calibration.sets,
-            (found.without_weight, found.with_weight)):
-        assert holds is not None
-        rows.append((title, f'{", ".join(bag.name for bag in holds.bags)}: {len(holds.holds)} '
+    for one, holds in zip(calibration.sets, found.recorded):
+        rows.append((one.title, f'{", ".join(bag.name for bag in holds.bags)}: {len(holds.holds)} '
                             f'holds, {len(one.paired.times)} poses approached from both sides'))
     weight = calibration.sets[-1].weight
     if weight is not None:
@@ -168,8 +165,7 @@ def effort_unit(found: Calibration, j: int) -> str:
 def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
     """Return the report; raise MissingDependencyError without matplotlib."""
     calibration = found.calibration
-    recordings = [one for one in (found.without_weight, found.with_weight) if one is not None]
-    lines = [line for one in recordings for line in one.lines]
+    lines = [line for one in found.recorded for line in one.lines]
     page = Page(
         f'{calibration.arm.name}: calibration of gravity', joint_verdicts(calibration), RULE,
         origin)
@@ -191,9 +187,9 @@ def calibration_page(found: RecordedCalibration, origin: Origin) -> str:
     page.section('Effort at the poses')
     page.text('Measured: mean effort of the driver of both approaches. Model: calibrated.')
     _add_figures(page, calibration)
-    for title, one in zip(('without weight', 'with the weight'), recordings):
-        page.section(f'Holds {title}')
-        page.table(hold_rows(one))
+    for one, holds in zip(calibration.sets, found.recorded):
+        page.section(f'Holds {one.title}')
+        page.table(hold_rows(holds))
         page.text('+ and −: direction of the motion of the joint to the hold; ?: it did not '
                   'move, or overshot.')
     return page.html()
@@ -203,12 +199,12 @@ def _add_figures(page: Page, found: Calibration) -> None:
     """Add the efforts at the poses of each set, over the time of the recording."""
     arm, first = found.arm, 0
     for one in found.sets:
+        title = one.title.capitalize()
         rows = slice(first, first + len(one.paired.times))
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
-        title = 'With the weight' if one.weight is not None else 'Without weight'
-        page.figure(joint_figure(title, arm.joint_names, arm.joint_kinds, [
-            effort_panel('Effort', found.times[rows], {'measured': measured, 'model': model}),
-            residual_panel(found.times[rows], measured - model)]),
+        page.figure(joint_figure(
+            title, arm.joint_names, arm.joint_kinds,
+            comparison_panels(found.times[rows], measured, model)),
             f'{title}: measured and modelled effort at the poses')
         first = rows.stop

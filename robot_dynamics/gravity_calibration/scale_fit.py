@@ -12,11 +12,11 @@ weighted by joint with the variance of its residual: G. A. F. Seber, C. J. Wild,
 Regression*, Wiley 1989, sections 2.1 and 2.8.8 (iteratively estimated weights).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
 from robot_dynamics.dependencies import optional
 
 CONFIDENCE = 0.95
@@ -50,10 +50,6 @@ class Observations:
     known: FloatArray
     columns: FloatArray
     is_used: BoolArray
-
-    def only(self, joints: BoolArray) -> 'Observations':
-        """Return the equations of these joints (n,)."""
-        return replace(self, is_used=self.is_used & joints)
 
 
 class Spread(NamedTuple):
@@ -120,13 +116,24 @@ def model_effort(
 
 def effort_jacobian(inverse: FloatArray, beta: FloatArray, seen: Observations) -> FloatArray:
     """Return the derivative (P, n, 2n + k) of the modelled effort by k, o and β."""
-    P, n, count = seen.columns.shape
-    J = np.zeros((P, n, 2 * n + count))
+    return joint_columns(
+        seen.known + seen.columns @ beta, 1.0, inverse[:, None] * seen.columns)
+
+
+def joint_columns(of_scale: FloatArray, of_offset: float, of_beta: FloatArray) -> FloatArray:
+    """
+    Return equations (P, n, 2n + k), in which each joint has separate columns.
+
+    Their coefficients are `of_scale` (P, n) and `of_offset` for the scale and the offset of the
+    joint, and `of_beta` (P, n, k) for the parameters of all joints.
+    """
+    P, n, count = of_beta.shape
+    A = np.zeros((P, n, 2 * n + count))
     joints = np.arange(n)
-    J[:, joints, joints] = seen.known + seen.columns @ beta
-    J[:, joints, n + joints] = 1.0
-    J[:, :, 2 * n:] = inverse[:, None] * seen.columns
-    return J
+    A[:, joints, joints] = of_scale
+    A[:, joints, n + joints] = of_offset
+    A[:, :, 2 * n:] = of_beta
+    return A
 
 
 def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
@@ -135,7 +142,7 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
 
     k is pulled to `assumed` (n,) with TYPICAL_SCALE_ERROR, and is free where that is NaN.
     """
-    n, count = seen.columns.shape[1:]
+    n = seen.effort.shape[1]
     values = _first_values(seen)
     noise = np.ones(n)
     floor = _LEAST_NOISE * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3)
@@ -159,18 +166,12 @@ def fit_scales(seen: Observations, assumed: FloatArray) -> ScaleFit:
 
 def _first_values(seen: Observations) -> FloatArray:
     """Return k, o and β of the linear equation, with a weak pull of s to 1."""
-    P, n, count = seen.columns.shape
-    A = np.zeros((P, n, 2 * n + count))
-    joints = np.arange(n)
-    A[:, joints, joints] = seen.effort
-    A[:, joints, n + joints] = -1.0
-    A[:, :, 2 * n:] = -seen.columns
+    A = joint_columns(seen.effort, -1.0, -seen.columns)
+    _, n, size = A.shape
     used = seen.is_used.ravel()
     weak = 1e-6 * max(float(np.abs(seen.effort).max(initial=0.0)), 1e-3)
-    pull = np.zeros((n, 2 * n + count))
-    pull[joints, joints] = weak
     x = np.linalg.lstsq(
-        np.concatenate([A.reshape(-1, 2 * n + count)[used], pull]),
+        np.concatenate([A.reshape(-1, size)[used], weak * np.eye(n, size)]),
         np.concatenate([seen.known.ravel()[used], np.full(n, weak)]), rcond=1e-12)[0]
     scale = np.where(np.abs(x[:n]) > 0.1, x[:n], 1.0)
     return np.concatenate([1.0 / scale, x[n:2 * n] / scale, x[2 * n:]])
@@ -190,8 +191,7 @@ def _weighted_jacobian(
     n = len(noise)
     J = effort_jacobian(values[:n], values[2 * n:], seen) / noise[:, None]
     J *= seen.is_used[:, :, None]
-    pull = np.zeros((n, J.shape[2]))
-    pull[np.arange(n), np.arange(n)] = np.isfinite(assumed) / TYPICAL_SCALE_ERROR
+    pull = np.eye(n, J.shape[2]) * np.isfinite(assumed)[:, None] / TYPICAL_SCALE_ERROR
     return _without_rounding(np.concatenate([J.reshape(-1, J.shape[2]), pull]))
 
 
@@ -220,8 +220,7 @@ def _without_rounding(A: FloatArray) -> FloatArray:
 
 def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return U, all singular values, and S V Σ⁻¹ of the determined part of J S = U Σ Vᵀ."""
-    norm = np.linalg.norm(J, axis=0)
-    scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
+    scale = column_scale(J)
     U, singular, Vt = np.linalg.svd(J * scale, full_matrices=False)
     kept = singular > _SINGULAR * singular[0]
     return U[:, kept], singular, scale[:, None] * Vt[kept].T / singular[kept]
@@ -229,11 +228,10 @@ def _decomposed(J: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _is_lost(J: FloatArray) -> BoolArray:
     """Return which parameters J (m, p) does not determine, (p,)."""
-    norm = np.linalg.norm(J, axis=0)
-    scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
+    scale = column_scale(J)
     _, singular, Vt = np.linalg.svd(J * scale, full_matrices=True)
     lost = Vt[(singular > _SINGULAR * singular[0]).sum():]
-    return np.asarray((norm == 0.0) | (np.abs(lost) > _LOST).any(axis=0))
+    return np.asarray((scale == 0.0) | (np.abs(lost) > _LOST).any(axis=0))
 
 
 def linear_fit(A: FloatArray, covariance: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -8,7 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.gravity_calibration.gravity_model import link_columns, NAMES
+from robot_dynamics.gravity_calibration.gravity_model import (
+    gravity_parameters,
+    link_columns,
+    NAMES,
+)
 from robot_dynamics.gravity_calibration.scale_fit import linear_fit, ScaleFit
 from robot_dynamics.model.arm import ArmModel
 
@@ -51,7 +55,7 @@ def estimate_tool(
     is_lost = ~known
     if has_weight:
         T = basis.T @ link_columns(arm, tool.link)
-        target = fit.beta - basis.T @ _urdf_parameters(arm) - T[:, :len(given)] @ given
+        target = fit.beta - basis.T @ gravity_parameters(arm) - T[:, :len(given)] @ given
         G = np.zeros((len(NAMES) - len(given), len(fit.beta)))
         G[:, known], is_lost = linear_fit(
             T[known, of_unknown], fit.covariance[2 * n:, 2 * n:][np.ix_(known, known)])
@@ -59,10 +63,3 @@ def estimate_tool(
     no_spread = np.zeros(len(given))
     return ToolEstimate(tool.link, np.concatenate([given, G @ target]), *(
         np.concatenate([no_spread, np.where(is_lost, np.inf, one)]) for one in spread))
-
-
-def _urdf_parameters(arm: ArmModel) -> FloatArray:
-    """Return the gravity parameters (4 × bodies,) of the arm."""
-    return np.concatenate([
-        inertia.toDynamicParameters()[:len(NAMES)]
-        for inertia in list(arm.pinocchio_model.inertias)[1:]])

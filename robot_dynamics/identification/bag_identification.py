@@ -12,6 +12,7 @@ processes or on a cluster.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from robot_dynamics.analysis.bag_analysis import with_joint_effort
 from robot_dynamics.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.identification.pipeline import Identification, identify_recordings
+from robot_dynamics.identification.pipeline import Identification, identify_recordings, Recordings
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.steps import (
     evaluate_recording,
@@ -75,13 +76,14 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotio
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks
-    return FilteredArmMotion(arm, motion, recording_facts(motion, read.losses, remarks))
+    return FilteredArmMotion(
+        arm, motion, recording_facts(motion, read.losses, remarks), settings.train_fraction)
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, Reduction]) -> QrInformation:
     """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
     settings, step = task
-    return reduce_recording(read_motion(bag, settings), settings.train_fraction, step)
+    return reduce_recording(read_motion(bag, settings), step)
 
 
 def evaluate_task(
@@ -89,7 +91,7 @@ def evaluate_task(
 ) -> EvaluatedRecording:
     """Return the tests of models on a recording; raise the errors of `read_motion`."""
     settings, step = task
-    return evaluate_recording(read_motion(bag, settings), settings.train_fraction, step)
+    return evaluate_recording(read_motion(bag, settings), step)
 
 
 TaskRunner = Callable[[Task[Any, Any], Sequence[Path], Any], list[TaskOutcome[Any]]]
@@ -110,38 +112,6 @@ class BagIdentification:
     failed: tuple[tuple[Path, str], ...]
 
 
-class BagRecordings:
-    """Recordings on disk; a recording that fails in a step is excluded from the later steps."""
-
-    def __init__(
-        self, bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
-    ) -> None:
-        self.left = list(bags)
-        self.failed: dict[Path, str] = {}
-        self._settings, self._run = settings, run
-
-    def arm(self, joint_names: Sequence[str]) -> ArmModel:
-        """Return the arm of these joints."""
-        return self._settings.arm(joint_names)
-
-    def reduce(self, step: Reduction) -> list[QrInformation]:
-        """Return the information in each recording; raise RecordingError if all fail."""
-        return self._results(self._run(reduce_task, self.left, (self._settings, step)))
-
-    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return the tests of the models on each recording; raise RecordingError if all fail."""
-        return self._results(self._run(evaluate_task, self.left, (self._settings, step)))
-
-    def _results(self, outcomes: Sequence[TaskOutcome[Outcome]]) -> list[Outcome]:
-        self.failed.update({
-            outcome.bag: outcome.error for outcome in outcomes if outcome.result is None})
-        self.left = [outcome.bag for outcome in outcomes if outcome.result is not None]
-        if not self.left:
-            raise RecordingError('no recording can be used: ' + '; '.join(
-                f'{bag.name}: {error}' for bag, error in self.failed.items()))
-        return [outcome.result for outcome in outcomes if outcome.result is not None]
-
-
 def identify_bags(
     bags: Sequence[Path], settings: IdentificationSettings, run: TaskRunner,
     effort_is_current: bool | None = None, on_stage: Callable[[str], None] = lambda _: None,
@@ -150,11 +120,23 @@ def identify_bags(
     """
     Return the identification of an arm from recordings on disk, like `identify_recordings`.
 
-    Recordings that fail are excluded. Raises RecordingError if all fail, and the errors of
-    `identify_recordings`.
+    A recording that fails in a step is excluded from the later steps. Raises RecordingError if
+    all fail, and the errors of `identify_recordings`.
     """
-    recordings = BagRecordings(bags, settings, run)
+    left, failed = list(bags), dict[Path, str]()
+
+    def results(task: Task[Any, Outcome], step: Reduction | Evaluation) -> list[Outcome]:
+        nonlocal left
+        outcomes: list[TaskOutcome[Outcome]] = run(task, left, (settings, step))
+        done = [(each.bag, each.result) for each in outcomes if each.result is not None]
+        left = [bag for bag, _ in done]
+        failed.update((each.bag, each.error) for each in outcomes if each.result is None)
+        if not left:
+            raise RecordingError('no recording can be used: ' + '; '.join(
+                f'{bag.name}: {error}' for bag, error in failed.items()))
+        return [result for _, result in done]
+
     identification = identify_recordings(
-        recordings, effort_is_current, on_stage, keeps_samples)
-    return BagIdentification(
-        identification, tuple(recordings.left), tuple(recordings.failed.items()))
+        Recordings(settings.arm, partial(results, reduce_task), partial(results, evaluate_task)),
+        effort_is_current, on_stage, keeps_samples)
+    return BagIdentification(identification, tuple(left), tuple(failed.items()))

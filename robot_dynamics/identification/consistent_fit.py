@@ -18,7 +18,13 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import FrictionStructure
-from robot_dynamics.identification.regularized_fit import bounded_problem, Fit, fit_of, Prior
+from robot_dynamics.identification.regularized_fit import (
+    bounded_problem,
+    Fit,
+    fit_of,
+    own_variables,
+    Prior,
+)
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     divergence_residuals,
@@ -41,9 +47,10 @@ def consistent_fit(
     `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
-    p, bodies = prior.count, prior.count // COUNT
+    p = prior.count
+    parts = [slice(i, i + COUNT) for i in range(0, p, COUNT)]
     regularization = max(regularization, LEAST_REGULARIZATION)
-    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
+    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
     n, k, _ = factors.shape
     # the divergence replaces the regularization of φ itself
     A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
@@ -54,36 +61,31 @@ def consistent_fit(
 
     def bodies_of(x: FloatArray) -> FloatArray:
         return np.concatenate([
-            from_coordinates(L0, x[COUNT * i:COUNT * (i + 1)])
-            for i, L0 in enumerate(prior.roots)])
+            from_coordinates(L0, x[part]) for L0, part in zip(prior.roots, parts)])
 
     def residuals(x: FloatArray) -> FloatArray:
         r = A @ np.concatenate([bodies_of(x), x[p:]]) - b
-        for i in range(bodies):
-            part = slice(COUNT * i, COUNT * (i + 1))
-            r[data + COUNT * i:data + COUNT * (i + 1)] = root * divergence_residuals(x[part])[0]
+        for part in parts:
+            r[data:][part] = root * divergence_residuals(x[part])[0]
         return np.asarray(r)
 
     def derivative(x: FloatArray) -> FloatArray:
         J = A.copy()
-        for i, L0 in enumerate(prior.roots):
-            part = slice(COUNT * i, COUNT * (i + 1))
-            rows = slice(data + COUNT * i, data + COUNT * (i + 1))
+        for L0, part in zip(prior.roots, parts):
             J[:, part] = A[:, part] @ jacobian(L0, x[part])
-            J[rows, part] = root * np.diag(divergence_residuals(x[part])[1])
+            J[data:][part, part] = root * np.diag(divergence_residuals(x[part])[1])
         return J
 
-    values = np.concatenate([
-        start.joint_values[j, columns - p] for j, columns in enumerate(own)])
-    x0 = np.concatenate([np.zeros(p), values])
-    low, high = low.copy(), high.copy()
+    x0 = np.concatenate([np.zeros(p), *(
+        start.joint_values[j, columns - p]
+        for j, (columns, _) in enumerate(own_variables(structures, p)))])
     low[:p], high[:p] = -np.inf, np.inf
     x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
     found = least_squares(
         residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
         max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
     x = np.asarray(found.x)
-    fit = fit_of(x, own, structures, p)
+    fit = fit_of(x, structures, p)
     # the solver stops just inside its bounds; without effort, parameters are undetermined
     is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
     values = np.where(is_zero, 0.0, fit.joint_values)

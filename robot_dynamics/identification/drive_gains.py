@@ -15,7 +15,7 @@ robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
 from robot_dynamics.identification.friction_regressor import PAYLOAD, structure
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Prior
@@ -131,8 +131,7 @@ def _first_value(
     value, noise, by_masses = 0.0, np.inf, np.inf
     for _ in range(_ITERATIONS):
         A = np.vstack([X, sigma * np.eye(k)[k - unit_count:]])
-        norm = np.linalg.norm(A, axis=0)
-        scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
+        scale = column_scale(A)
         inverse = np.linalg.pinv(A * scale, rcond=1e-10)
         x = scale * (inverse @ target)
         value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]) * scale[0])

@@ -91,20 +91,17 @@ def _is_separable(G: FloatArray, columns: Sequence[int]) -> bool:
     return bool(np.linalg.eigvalsh(kept / np.outer(norm, norm))[0] >= LEAST_EIGENVALUE)
 
 
-def excitation_of(
-    motion: FilteredMotion, kinds: Sequence[str], rows: slice,
-) -> JointExcitation:
-    """Return the excitation by these samples of a motion, with joints of these kinds."""
-    v = motion.velocity[rows]
+def excitation_of(motion: FilteredMotion, kinds: Sequence[str], count: int) -> JointExcitation:
+    """Return the excitation by the first samples of a motion, with joints of these kinds."""
+    v = motion.velocity[:count]
     is_moving = np.abs(v) > MOVING * np.sqrt(np.mean(v**2, axis=0)) if len(v) else v > 0.0
     columns = np.stack([v, np.sign(v), np.ones_like(v)], axis=2) * is_moving[:, :, np.newaxis]
     n = v.shape[1]
     scale = LEAST_TRAVEL * scales_of(kinds)
-    travel = np.ptp(motion.position[rows], axis=0) / scale if len(v) else np.zeros(n)
-    effort = np.zeros((1, n)) if motion.effort is None else motion.effort[rows]
+    travel = np.ptp(motion.position[:count], axis=0) / scale if len(v) else np.zeros(n)
     return JointExcitation(
         np.einsum('mji,mjk->jik', columns, columns), travel,
-        np.abs(effort).max(axis=0, initial=0.0))
+        np.abs(motion.measured_effort[:count]).max(axis=0, initial=0.0))
 
 
 def merged_excitation(parts: Sequence[JointExcitation]) -> JointExcitation:

@@ -177,12 +177,10 @@ def _best_structure(
 ) -> FrictionStructure:
     """Return the simplest structure that predicts as well as the best; dry before an offset."""
     offered: list[tuple[FrictionStructure, FloatArray]] = []
-    largest = validation.prior.largest[joint:joint + 1]
     for structure in structures(left_out):
         trial = [*chosen[:joint], structure, *chosen[joint + 1:]]
-        if is_physical(_of_joint(
-                solve(validation.all, trial, weights, validation.prior, regularization), joint),
-                largest):
+        fit = solve(validation.all, trial, weights, validation.prior, regularization)
+        if is_physical(fit.joint_values[joint], validation.prior.largest[joint]):
             squares = validation.squares(trial, weights, regularization)
             offered.append((structure, squares[:, joint]))
     if not offered:
@@ -198,8 +196,3 @@ def _is_as_good(squares: FloatArray, best: FloatArray) -> bool:
     error = float(difference.std(ddof=1)) / np.sqrt(len(difference))
     return bool(difference.mean() <= error
                 and squares.sum() <= (1.0 + LARGEST_LOSS)**2 * best.sum())
-
-
-def _of_joint(fit: Fit, joint: int) -> Fit:
-    return Fit(
-        fit.parameters, fit.joint_values[joint:joint + 1], fit.structures[joint:joint + 1])

@@ -12,6 +12,7 @@ URDF with friction.
 from collections.abc import Sequence
 
 import numpy as np
+from robot_dynamics.analysis.report import GOOD, POOR, without_effort
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification import summary
 from robot_dynamics.identification.bag_identification import BagIdentification
@@ -21,9 +22,8 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
 from robot_dynamics.reporting.figures import (
-    effort_panel,
+    comparison_panels,
     joint_figure,
-    residual_panel,
     scatter_figure,
     TimeBoundary,
 )
@@ -31,8 +31,6 @@ from robot_dynamics.reporting.html_page import Grade, Origin, Page, png, Verdict
 from robot_dynamics.reporting.interactive import Zoomable, zoomable_figures
 from robot_dynamics.reporting.text_table import percent, Rows
 
-GOOD, POOR = 0.1, 0.5
-"""Relative residuals up to which a model is good, and above which it is bad."""
 BETTER = 1.05
 """Ratio of residuals above which another model is better."""
 DOMINANT = 0.5
@@ -73,8 +71,7 @@ def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> V
     They are those of the URDF, of the URDF with friction (`simple`), and of the consistent set.
     """
     if np.isnan(consistent):
-        return Verdict(name, Grade.UNKNOWN, 'the measured effort is zero',
-                       'check that the driver publishes the effort of this joint')
+        return without_effort(name)
     size = f'residual {percent(consistent)} of the effort (URDF: {percent(urdf)})'
     if simple**2 < (1.0 - DOMINANT) * urdf**2:
         size += f'; friction dominates (URDF with friction: {percent(simple)})'
@@ -165,10 +162,7 @@ def _efforts(found: BagIdentification) -> Zoomable:
     arm, shown = found.identification.arm, found.identification.recordings[0].shown
     boundary = None if np.isnan(shown.test_from) else TimeBoundary(
         shown.test_from, 'training', 'test')
-    panels = [
-        effort_panel('Measured and model', shown.times, {
-            'measured': shown.measured, 'model': shown.model}),
-        residual_panel(shown.times, shown.measured - shown.model)]
+    panels = comparison_panels(shown.times, shown.measured, shown.model)
     static = joint_figure(
         f'{found.bags[0].name}: {summary.MODELS["consistent"]} model', arm.joint_names,
         arm.joint_kinds, panels, boundary)

@@ -5,13 +5,13 @@
 Identification of an arm from recordings: the sequence of all steps.
 
 `identify_recordings` runs the steps. Steps that process samples (`steps`) run on each recording
-separately, in memory (`identify`) or on files (`bag_identification`). The steps between them
-(`fit_model`, `describe`) take one or two seconds for any number of recordings.
+separately, in memory (`identify`) or on files (`bag_identification`). The steps between them take
+one or two seconds for any number of recordings.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
@@ -36,6 +36,7 @@ from robot_dynamics.identification.steps import (
 )
 from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.regressor import (
@@ -44,7 +45,6 @@ from robot_dynamics.model.regressor import (
     random_states,
     TorqueRegressor,
 )
-from robot_dynamics.model.rigid_body import RigidBody
 
 TRAIN_FRACTION = 0.6
 STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
@@ -74,45 +74,17 @@ class Identification:
     is_cross_validated: bool = False
 
 
-class Recordings(Protocol):
-    """Recordings of one arm; the steps run on each recording separately."""
+class Recordings(NamedTuple):
+    """
+    Recordings of one arm; the steps run on each recording separately.
 
-    def arm(self, joint_names: Sequence[str]) -> ArmModel:
-        """Return the arm of these joints, with its payloads."""
+    `arm` returns the arm of these joints with its payloads, `reduce` the information in each
+    recording, and `evaluate` the tests of the models on each recording.
+    """
 
-    def reduce(self, step: Reduction) -> list[QrInformation]:
-        """Return the information in each recording."""
-
-    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return the tests of the models on each recording."""
-
-
-class MotionRecordings:
-    """Recordings in memory, of all joints of the arm in its order."""
-
-    def __init__(
-        self, arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float,
-        payloads: Sequence[Sequence[Payload]] = (),
-    ) -> None:
-        """`payloads` are those of each motion, empty for those of the arm."""
-        self._arm, self._train_fraction = arm, train_fraction
-        arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
-        self._motions = [
-            FilteredArmMotion(loaded, motion, recording_facts(motion))
-            for loaded, motion in zip(arms, motions)]
-
-    def arm(self, joint_names: Sequence[str]) -> ArmModel:
-        """Return the arm."""
-        return self._arm
-
-    def reduce(self, step: Reduction) -> list[QrInformation]:
-        """Return the information in each motion; raise the errors of `reduce_recording`."""
-        return [reduce_recording(motion, self._train_fraction, step) for motion in self._motions]
-
-    def evaluate(self, step: Evaluation) -> list[EvaluatedRecording]:
-        """Return the tests of the models on each motion."""
-        return [
-            evaluate_recording(motion, self._train_fraction, step) for motion in self._motions]
+    arm: Callable[[Sequence[str]], ArmModel]
+    reduce: Callable[[Reduction], list[QrInformation]]
+    evaluate: Callable[[Evaluation], list[EvaluatedRecording]]
 
 
 def prior_of(arm: ArmModel) -> Prior:
@@ -133,8 +105,7 @@ def base_parameters_of(
     `gravities` (3,) [m/s²] are several vectors of gravity, empty for that of the arm.
     """
     q, v, a = random_states(arm, _STATES)
-    rotors = np.zeros((*q.shape, arm.joint_count))
-    rotors[:, np.arange(arm.joint_count), np.arange(arm.joint_count)] = a
+    rotors = a[:, :, np.newaxis] * np.eye(arm.joint_count)
     X = np.concatenate([
         np.concatenate([TorqueRegressor(each)(q, v, a), rotors], axis=2)
         for each in [arm.with_gravity(gravity) for gravity in gravities] or [arm]])
@@ -153,14 +124,6 @@ def fit_model(
         information.together(), choice, prior, inertial_parameters(bare_arm(arm)))
 
 
-def describe(arm: ArmModel, models: FittedModels, information: QrInformation) -> (
-        tuple[BaseParameters, ParameterEstimate]):
-    """Return the base parameters and their estimates from the information, with deviations."""
-    base = base_parameters_of(bare_arm(arm))
-    return base, estimate_parameters(
-        information, base, prior_of(arm), models.choice.structures)
-
-
 def identify(
     arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
     effort_is_current: bool | None = False, payloads: Sequence[Sequence[Payload]] = (),
@@ -173,8 +136,12 @@ def identify(
     Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
     and the errors of `identify_recordings`. Needs scipy.
     """
-    return identify_recordings(
-        MotionRecordings(arm, motions, train_fraction, payloads), effort_is_current)
+    arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
+    recorded = [FilteredArmMotion(loaded, motion, recording_facts(motion), train_fraction)
+                for loaded, motion in zip(arms, motions)]
+    return identify_recordings(Recordings(
+        lambda _: arm, lambda step: [reduce_recording(each, step) for each in recorded],
+        lambda step: [evaluate_recording(each, step) for each in recorded]), effort_is_current)
 
 
 def identify_recordings(
@@ -201,7 +168,8 @@ def identify_recordings(
     information = merge(recordings.reduce(Reduction(begun.base, scale)))
     on_stage(STAGES[3])
     models = fit_model(arm, information, begun.choice.structures)
-    base, estimate = describe(arm, models, information)
+    base = base_parameters_of(bare_arm(arm))
+    estimate = estimate_parameters(information, base, prior_of(arm), models.choice.structures)
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))

@@ -10,7 +10,6 @@ explain (P. J. Huber, *Robust Statistics*, Wiley 1981), such as a contact.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import (
@@ -19,7 +18,6 @@ from robot_dynamics.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
     INERTIA,
@@ -40,13 +38,6 @@ SAMPLES_A_PERIOD = 5.0
 _PART = 2000
 _NORMAL = 1.4826
 _MOST_LAGS = 2000
-
-
-class MotionParts(NamedTuple):
-    """Indices of the samples of a motion for training and for the test."""
-
-    train: slice
-    test: slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +61,9 @@ class RegressionRows:
         return np.asarray(np.einsum('mjk,jk->mj', self.X, theta, optimize=True))
 
 
-def parts_of(motion: FilteredMotion, train_fraction: float) -> MotionParts:
-    """Return the first fraction of the samples for training, the rest for the test."""
-    m = len(motion.stamps_ns)
-    count = int(train_fraction * m)
-    return MotionParts(slice(0, count), slice(count, m))
+def train_count(motion: FilteredMotion, train_fraction: float) -> int:
+    """Return the number of the first samples that are for training; the rest is for the test."""
+    return int(train_fraction * len(motion.stamps_ns))
 
 
 def regression_rows(
@@ -90,7 +79,7 @@ def regression_rows(
     subtracted from y, or with `keeps_payload` is the column PAYLOAD. Raises RecordingError if no
     effort was recorded.
     """
-    efforts = _measured(motion)
+    efforts = motion.measured_effort
     of_payload = _of_payload(arm, motion)
     own = _own_columns(arm, motion, reference, of_payload)
     if is_filtered:
@@ -119,12 +108,6 @@ def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
         bodies + np.einsum('mjk,jk->mj', own, each.joint_values)
         for each in (fit, without_memory(fit)))
     return along, single
-
-
-def _measured(motion: FilteredMotion) -> FloatArray:
-    if motion.effort is None:
-        raise RecordingError('the recording has no effort, expected the measured effort')
-    return motion.effort
 
 
 def _own_columns(
@@ -185,8 +168,8 @@ def reduce_motion(
     step = decimation(motion)
     rows = regression_rows(
         arm, motion, reference, is_filtered=True, step=step, keeps_payload=keeps_payload)
-    train = parts_of(motion, train_fraction).train
-    usable = np.flatnonzero(motion.usable[:train.stop:step])
+    count = train_count(motion, train_fraction)
+    usable = np.flatnonzero(motion.usable[:count:step])
     X, y = rows.X[usable], rows.y[usable]
     n = y.shape[1]
     rate = motion.sample_rate_hz / step
@@ -201,7 +184,7 @@ def reduce_motion(
     gap = int(np.ceil(rate / motion.cutoff_hz))
     return reduce_rows(
         arm.joint_names, (*parameter_names(arm), *COLUMN_NAMES), X, y, gap, independent,
-        excitation_of(motion, arm.joint_kinds, train), step)
+        excitation_of(motion, arm.joint_kinds, count), step)
 
 
 def huber_weights(residual: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_COUNT,
@@ -169,6 +169,20 @@ def without_memory(fit: Fit) -> Fit:
     return Fit(fit.parameters, values, fit.structures)
 
 
+def own_variables(
+    structures: Sequence[FrictionStructure], p: int,
+) -> list[tuple[IntArray, slice]]:
+    """
+    Return the columns of a factor that belong to each joint, and the place of their variables.
+
+    The variables of the joints follow the p variables of the bodies; the reflected inertia is the
+    first one of its joint.
+    """
+    ends = p + np.cumsum([0, *(len(structure.columns) for structure in structures)])
+    return [(np.array(structure.columns) + p, slice(first, last))
+            for structure, first, last in zip(structures, ends, ends[1:])]
+
+
 def grams_of(factors: FloatArray) -> FloatArray:
     """Return RᵀR of factors R (..., k, k)."""
     return np.asarray(np.swapaxes(factors, -1, -2) @ factors)
@@ -184,15 +198,14 @@ def solve(
     `weights` are w (n,), `regularization` is κ. The solution is fast, for selecting models.
     """
     p = prior.count
-    own = [np.array(structure.columns) + p for structure in structures]
-    size = p + sum(len(columns) for columns in own)
+    own = own_variables(structures, p)
+    size = own[-1][1].stop
     H, g = np.zeros((size, size)), np.zeros(size)
     W = prior.rows.T @ prior.rows
     H[:p, :p] = regularization * W
     g[:p] = regularization * W @ prior.parameters
-    first = p
-    for j, columns in enumerate(own):
-        G, part = weights[j] * grams[j], slice(first, first + len(columns))
+    for j, (columns, part) in enumerate(own):
+        G = weights[j] * grams[j]
         H[:p, :p] += G[:p, :p]
         H[:p, part] = G[:p, columns]
         H[part, :p] = H[:p, part].T
@@ -200,12 +213,11 @@ def solve(
             prior.friction[j, columns - p]**2)
         g[:p] += G[:p, -1]
         g[part] = G[columns, -1]
-        H[first, first] += regularization / prior.inertia[j]**2  # reflected inertia comes first
-        first += len(columns)
+        H[part.start, part.start] += regularization / prior.inertia[j]**2
     scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
     x = scale * np.linalg.solve(
         scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
-    return fit_of(x, own, structures, p)
+    return fit_of(x, structures, p)
 
 
 def solve_bounded(
@@ -218,63 +230,56 @@ def solve_bounded(
     The method is least squares with bounds, which does not square the condition number.
     """
     lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
-    A, b, low, high, own = bounded_problem(factors, structures, weights, prior, regularization)
+    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
     scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     found = lsq_linear(
         A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
-    return fit_of(scale * found.x, own, structures, prior.count)
+    return fit_of(scale * found.x, structures, prior.count)
 
 
 def bounded_problem(
     factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
     prior: Prior, regularization: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, list[FloatArray]]:
-    """Return A, b of |A x − b|², the bounds of x, and the sources of the joints' own columns."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return A, b of |A x − b|², and the bounds of x (`own_variables`)."""
     n, k, _ = factors.shape
     p = prior.count
-    own = [np.array(structure.columns) + p for structure in structures]
-    size = p + sum(len(columns) for columns in own)
+    own = own_variables(structures, p)
+    size = own[-1][1].stop
     A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
-    first = p
-    for j, columns in enumerate(own):
-        rows, part = slice(j * k, (j + 1) * k), slice(first, first + len(columns))
+    for j, (columns, part) in enumerate(own):
+        rows = slice(j * k, (j + 1) * k)
         root = np.sqrt(weights[j]) * factors[j]
         A[rows, :p], A[rows, part], b[rows] = root[:, :p], root[:, columns], root[:, -1]
         A[n * k:, part][part] = np.diag(prior.friction[j, columns - p])
-        A[n * k + first, first] = np.sqrt(regularization) / prior.inertia[j]
+        A[n * k + part.start, part.start] = np.sqrt(regularization) / prior.inertia[j]
         # a joint may have two columns of dry friction, which together have the bound
         count = max(structures[j].dry_count, 1)
         high[part] = prior.largest[j, columns - p] / np.where(
             np.isin(columns - p, DRY), count, 1)
         low[part] = np.where(np.isin(columns - p, OFFSET), -high[part], 0.0)
-        first += len(columns)
     A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
     b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
-    return A, b, low, high, own
+    return A, b, low, high
 
 
-def is_physical(fit: Fit, largest: FloatArray) -> bool:
+def is_physical(joint_values: FloatArray, largest: FloatArray) -> bool:
     """
-    Return whether friction of the fit is not below 0, and dry friction and F_b within `largest`.
+    Return whether friction is not below 0, and dry friction and F_b are within `largest`.
 
-    `largest` (n, COLUMN_COUNT) are the bounds of `Prior`; rotors are not checked.
+    Both are of one joint, (COLUMN_COUNT,), `largest` as in `Prior`; the rotor is not checked.
     """
-    values = fit.joint_values.copy()
-    values[:, INERTIA] = 0.0
-    values[:, OFFSET] = np.abs(values[:, OFFSET])
-    dry = values[:, DRY].sum(axis=1)
+    values = joint_values.copy()
+    values[INERTIA] = 0.0
+    values[OFFSET] = np.abs(values[OFFSET])
     return bool((values >= 0.0).all() and (values <= largest).all()
-                and (dry <= largest[:, DRY[0]]).all())
+                and values[DRY].sum() <= largest[DRY[0]])
 
 
-def fit_of(
-    x: FloatArray, own: Sequence[FloatArray], structures: Sequence[FrictionStructure], p: int,
-) -> Fit:
-    """Return the fit of the variables x: p of the bodies, then those of the columns `own`."""
-    values = np.zeros((len(own), COLUMN_COUNT))
-    first = p
-    for j, columns in enumerate(own):
-        values[j, columns - p] = x[first:first + len(columns)]
-        first += len(columns)
+def fit_of(x: FloatArray, structures: Sequence[FrictionStructure], p: int) -> Fit:
+    """Return the fit of the variables x: p of the bodies, then those of `own_variables`."""
+    values = np.zeros((len(structures), COLUMN_COUNT))
+    for j, (columns, part) in enumerate(own_variables(structures, p)):
+        values[j, columns - p] = x[part]
     return Fit(x[:p], values, tuple(structures))

@@ -25,7 +25,7 @@ from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.model_selection import fit_models, FittedModels
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.regression import model_effort, parts_of, reduce_motion
+from robot_dynamics.identification.regression import model_effort, reduce_motion, train_count
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
 
@@ -66,28 +66,23 @@ def evaluate_motion(
     arm: ArmModel, motion: FilteredMotion, train_fraction: float, models: Mapping[str, Fit],
 ) -> dict[str, ModelTest]:
     """Return the test of each model on the samples of one recording."""
-    parts = parts_of(motion, train_fraction)
+    effort, count = motion.measured_effort, train_count(motion, train_fraction)
     tests = {}
     for name, fit in models.items():
-        along, single = model_effort(arm, motion, fit)
-        effort = np.zeros_like(along) if motion.effort is None else motion.effort
-        residual, by_sample = effort - along, (effort - single)[parts.test]
+        along, single = (effort - modelled for modelled in model_effort(arm, motion, fit))
         tests[name] = ModelTest(
-            _squares(residual[parts.train]), _squares(residual[parts.test]), _squares(by_sample),
-            _squares(effort[parts.train]), _squares(effort[parts.test]),
-            (len(residual[parts.train]), len(residual[parts.test])))
+            _squares(along[:count]), _squares(along[count:]), _squares(single[count:]),
+            _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count))
     return tests
 
 
 def merge_tests(tests: Sequence[ModelTest]) -> ModelTest:
     """Return the combined test of a model on several recordings."""
-    def total(field: str) -> FloatArray:
-        return np.asarray(np.sum([getattr(test, field) for test in tests], axis=0))
-
+    squares = ('train', 'test', 'test_by_sample', 'train_effort', 'test_effort')
+    train, test = zip(*(each.samples for each in tests))
     return ModelTest(
-        total('train'), total('test'), total('test_by_sample'), total('train_effort'),
-        total('test_effort'), (
-            sum(test.samples[0] for test in tests), sum(test.samples[1] for test in tests)))
+        **{name: np.sum([getattr(each, name) for each in tests], axis=0) for name in squares},
+        samples=(sum(train), sum(test)))
 
 
 def _squares(values: FloatArray) -> FloatArray:
@@ -129,11 +124,21 @@ class RecordingFacts:
 
 @dataclass(frozen=True, eq=False)
 class FilteredArmMotion:
-    """A filtered motion of an arm with its payloads, joints in the order of the arm."""
+    """
+    A filtered motion of an arm with its payloads, joints in the order of the arm.
+
+    The first `train_fraction` of its samples is for training.
+    """
 
     arm: ArmModel
     motion: FilteredMotion
     facts: RecordingFacts
+    train_fraction: float
+
+    def with_gain(self, drive_gain: FloatArray | None) -> FilteredMotion:
+        """Return the motion, its effort multiplied by the gains of the drives (n,)."""
+        return self.motion if drive_gain is None else replace(
+            self.motion, effort=self.motion.measured_effort * drive_gain)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,43 +210,32 @@ def recording_facts(
         motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks)
 
 
-def reduce_recording(
-    recording: FilteredArmMotion, train_fraction: float, step: Reduction,
-) -> QrInformation:
+def reduce_recording(recording: FilteredArmMotion, step: Reduction) -> QrInformation:
     """
     Return the information in the training samples of a recording.
 
     Raises RecordingError without effort, InvalidInputError with too few samples.
     """
-    motion = _with_gain(recording.motion, step.drive_gain)
     return reduce_motion(
-        recording.arm, motion, train_fraction, step.reference, step.keeps_payload)
+        recording.arm, recording.with_gain(step.drive_gain), recording.train_fraction,
+        step.reference, step.keeps_payload)
 
 
-def evaluate_recording(
-    recording: FilteredArmMotion, train_fraction: float, step: Evaluation,
-) -> EvaluatedRecording:
+def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> EvaluatedRecording:
     """Return the tests of models on a recording."""
-    motion = _with_gain(recording.motion, step.drive_gain)
-    assert motion.effort is not None
-    every = max(1, int(np.ceil(len(motion.effort) / SHOWN)))
+    motion, train_fraction = recording.with_gain(step.drive_gain), recording.train_fraction
+    effort, first = motion.measured_effort, train_count(motion, train_fraction)
+    every = max(1, int(np.ceil(len(effort) / SHOWN)))
     model, _ = model_effort(recording.arm, motion, step.models[step.shown])
-    first = parts_of(motion, train_fraction).test.start
-    efforts = {'measured': motion.effort, 'model': model, 'residual': motion.effort - model}
+    efforts = {'measured': effort, 'model': model, 'residual': effort - model}
     samples = {name: column[first:] for name, column in motion_columns(
         recording.arm, motion, efforts).items()}
     test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
     return EvaluatedRecording(
         recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
-        EffortSeries(motion.times[::every], motion.velocity[::every], motion.effort[::every],
+        EffortSeries(motion.times[::every], motion.velocity[::every], effort[::every],
                      model[::every], test_from),
         samples if step.keeps_samples else None)
-
-
-def _with_gain(motion: FilteredMotion, drive_gain: FloatArray | None) -> FilteredMotion:
-    if motion.effort is None or drive_gain is None:
-        return motion
-    return replace(motion, effort=motion.effort * drive_gain)
 
 
 def write_samples(

@@ -196,9 +196,10 @@ def _of_bounds(identification: Identification) -> Iterator[str]:
         listed = ', '.join(
             f'{bound.parameter} {bound.value:.3g} instead of {bound.unbounded:.3g} {bound.unit}'
             for bound in bounds)
-        yield (f'{identification.arm.joint_names[j]}: bounds act: {listed}; without '
-               f'bounds, the residual of the base parameters is {percent(unbounded[j])} instead '
-               f'of {percent(base[j])}')
+        text, without = percent(base[j]), percent(unbounded[j])
+        yield f'{identification.arm.joint_names[j]}: bounds act: {listed}' + (
+            '' if text == without else '; without bounds, the residual of the base parameters is '
+            f'{without} instead of {text}')
 
 
 def _of_excitation(identification: Identification) -> Iterator[str]:

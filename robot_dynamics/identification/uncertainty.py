@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.identification.friction_regressor import (
     COLUMN_NAMES,
     FrictionStructure,
@@ -82,8 +82,7 @@ def estimate_parameters(
     for _ in range(4):
         A = np.concatenate([np.sqrt(weights[j]) * factors[j] @ blocks[j] for j in range(n)])
         b = np.concatenate([np.sqrt(weights[j]) * factors[j][:, -1] for j in range(n)])
-        norm = np.linalg.norm(A, axis=0)
-        scale = np.divide(1.0, norm, out=np.zeros_like(norm), where=norm > 0.0)
+        scale = column_scale(A)
         U, s, Vt = np.linalg.svd(A * scale, full_matrices=False)
         kept = s > 1e-10 * s[0]
         x = scale * (Vt[kept].T @ ((U[:, kept].T @ b) / s[kept]))
@@ -96,8 +95,8 @@ def estimate_parameters(
     inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), np.inf)
     with np.errstate(invalid='ignore'):
         variance = np.nansum((Vt.T * inverse)**2, axis=1)
-        deviations = np.where(norm > 0.0, scale * np.sqrt(variance), np.inf)
-    s_base = np.linalg.svd(A[:, :r] * scale[:r], compute_uv=False)
+        deviations = np.where(scale > 0.0, scale * np.sqrt(variance), np.inf)
+    s_base = np.asarray(np.linalg.svd(A[:, :r] * scale[:r], compute_uv=False))
     size = _scale_of(base, prior, n)
     before = np.concatenate([
         base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
-from robot_dynamics.identification.regularized_fit import bounded_problem
+from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
 from robot_dynamics.validation import lower_triangle
 
 LARGEST_REGULARIZATION = 1.0
@@ -50,7 +50,7 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
     arm, information = bare_arm(identification.arm), identification.information
     choice = identification.models.choice
     prior = prior_of(arm).for_effort(information)
-    A, b, _, _, own = bounded_problem(
+    A, b, _, _ = bounded_problem(
         information.together(), choice.structures, choice.weights, prior,
         min(choice.regularization, LARGEST_REGULARIZATION))
     base = base_parameters_of(arm, GRAVITIES)
@@ -58,20 +58,18 @@ def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...
     names = [base.names[column] for column in base.columns]
     T = np.zeros((r + size - p - arm.joint_count, size))
     T[:r, :p] = base.matrix[:, :p]
-    first = p
-    for j, columns in enumerate(own):
-        T[:r, first] = base.matrix[:, p + j]  # the reflected inertia comes first
-        for place, column in enumerate(columns[1:].tolist(), start=first + 1):
+    own = own_variables(choice.structures, p)
+    for j, (columns, part) in enumerate(own):
+        T[:r, part.start] = base.matrix[:, p + j]  # the reflected inertia comes first
+        for place, column in enumerate(columns[1:].tolist(), start=part.start + 1):
             T[len(names), place] = 1.0
             parameter = FRICTION_COLUMNS[column - p - 1].parameter
             names.append(f'{parameter.name}({arm.joint_names[j]})')
-        first += len(columns)
     # the friction of a joint without effort has no information, and its written values are 0
-    norm = np.linalg.norm(A, axis=0)
-    scale = np.divide(1.0, norm, out=np.zeros(size), where=norm > 0.0)
+    scale = column_scale(A)
     inverse = scale[:, np.newaxis] * np.linalg.pinv(A * scale, rcond=1e-12)
     fit = identification.models.consistent
     written = np.concatenate([fit.parameters, *(
-        values[columns - p] for values, columns in zip(fit.joint_values, own))])
+        values[columns - p] for values, (columns, _) in zip(fit.joint_values, own))])
     root = T @ np.column_stack([inverse, written - inverse @ b])
     return tuple(names), np.asarray(root @ root.T)

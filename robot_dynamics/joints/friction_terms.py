@@ -27,7 +27,7 @@ from robot_dynamics.joints.parameter_field import ParameterField
 VISCOUS_FRICTION, DRY_FRICTION, OFFSET_EFFORT = 'viscous friction', 'dry friction', 'offset'
 """Kinds of terms, which a recording may be unable to separate."""
 LARGEST_LOAD_FRACTION = 0.95
-_EFFORT, _VELOCITY = '[N m] or [N]', '[rad/s] or [m/s]'
+_EFFORT, _VELOCITY = '[N·m] or [N]', '[rad/s] or [m/s]'
 
 Part = Callable[[Any, FloatArray], FloatArray]
 """A part of the parameters, which are attributes (n,), and the velocity (..., n)."""
@@ -61,7 +61,7 @@ def stribeck_curve(v: FloatArray, velocity: FloatArray) -> FloatArray:
 
 VISCOUS = FrictionTerm(VISCOUS_FRICTION, (
     ParameterField(
-        'viscous', '[N m s/rad] or [N s/m]', None, 0.0, 1e6, 'Viscous friction F_v {unit}',
+        'viscous', '[N·m·s/rad] or [N·s/m]', None, 0.0, 1e6, 'Viscous friction F_v {unit}',
         'viscous', otherwise='the damping in the URDF', counterpart='damping'),
 ), shape=lambda f, v: v, size='viscous')
 

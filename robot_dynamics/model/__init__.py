@@ -4,13 +4,12 @@
 """The arm and its equation of motion: M(q), C(q, q̇), g(q), friction, motors and loads."""
 
 from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms
+from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import TorqueRegressor
-from robot_dynamics.model.rigid_body import RigidBody
 
 __all__ = [
     'arm_from_parameters',

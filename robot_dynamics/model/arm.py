@@ -284,7 +284,7 @@ def arm_from_urdf(
         if joint.name in still:
             q0[row] = still[joint.name]
             continue
-        leader, multiplier, offset = _leader_of(joint, robot)
+        leader, multiplier, offset = resolve_mimic(joint, robot.joints)
         column = index[leader]
         G[row, column], q0[row] = multiplier, offset
         # Friction of a mimic joint acts on its leader, with the same power on both sides.
@@ -338,7 +338,7 @@ def _locked_positions(robot: UrdfRobot, locked: dict[str, float]) -> dict[str, f
     positions = {}
     for joint in robot.joints:
         if joint.moves:
-            leader, multiplier, offset = _leader_of(joint, robot)
+            leader, multiplier, offset = resolve_mimic(joint, robot.joints)
             if leader in locked:
                 positions[joint.name] = multiplier * locked[leader] + offset
     return positions
@@ -359,13 +359,6 @@ def _without_joints(model: pin.Model, positions: dict[str, float]) -> pin.Model:
         return pin.buildReducedModel(model, [model.getJointId(name) for name in positions], q)
     except ValueError:
         return model
-
-
-def _leader_of(joint: UrdfJoint, robot: UrdfRobot) -> tuple[str, float, float]:
-    if joint.mimic is None:
-        return joint.name, 1.0, 0.0
-    relation = resolve_mimic(joint, robot.joints)
-    return relation.leader, relation.multiplier, relation.offset
 
 
 def _build_pinocchio_model(robot: UrdfRobot) -> pin.Model:

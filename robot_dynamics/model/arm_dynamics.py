@@ -7,24 +7,30 @@ The dynamics of an arm, which are those of its rigid bodies and of friction toge
 τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f; τ is on the joint side of the gearbox.
 Friction (`friction`) may depend on the load: the effort of the rigid bodies, M q̈ + C q̇ + g − Jᵀ
 f.
+
+Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008: the recursive
+Newton–Euler algorithm (section 5.3), the composite rigid body algorithm (6.2), the articulated
+body algorithm (7.3); Christoffel symbols: B. Siciliano et al., *Robotics*, Springer 2009,
+eqs. (7.43) to (7.45).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partialmethod
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.joints.stiction import choose_modes, hold
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.rigid_body import check_threads, ManipulatorEquation, RigidBody
+from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
+from robot_dynamics.validation import check_samples, check_scalar, check_states, check_vector
 
 
 class EffortTerms(NamedTuple):
@@ -56,8 +62,7 @@ class UncheckedArmDynamics:
         self.is_frictionless = self.friction.is_zero
 
     def inverse_dynamics(
-        self, q: FloatArray, v: FloatArray, a: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, a: FloatArray, wrenches: Wrenches = (),
     ) -> FloatArray:
         """
         Return the effort (n,) that produces the acceleration a at the state (q, v).
@@ -85,22 +90,19 @@ class UncheckedArmDynamics:
         """
         return self.friction.smooth_effort(v, load) if smooth else self.friction.effort(v, load)
 
-    def friction_along(
-        self, q: FloatArray, v: FloatArray, load: FloatArray, state: FloatArray | None = None,
-    ) -> FloatArray:
+    def friction_along(self, q: FloatArray, v: FloatArray, load: FloatArray) -> FloatArray:
         """
         Return the friction (m, n) along a motion: m samples in the order of time.
 
         For measured motions: around rest the sign is smooth. If gears have a presliding distance,
         dry friction follows the displacement since the last velocity reversal
-        (`presliding_state`), with `state` (n,) at the first sample.
+        (`presliding_state`).
         """
-        sign = presliding_state(q, v, self.friction.presliding_distance, state)
+        sign = presliding_state(q, v, self.friction.presliding_distance)
         return self.friction.effort(v, load, sign)
 
     def forward_dynamics(
-        self, q: FloatArray, v: FloatArray, tau: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Wrenches = (),
     ) -> FloatArray:
         """
         Return the acceleration (n,) that the effort tau produces at the state (q, v).
@@ -124,7 +126,7 @@ class UncheckedArmDynamics:
         return self.friction.load_behind(v, effort, smooth_sign(v, SMOOTHING_VELOCITY))
 
     def _acceleration_from_rest(
-        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Sequence[ExternalWrench],
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Wrenches,
     ) -> FloatArray:
         body, friction = self.rigid_body, self.friction
         M, sliding = body.mass_matrix(q), friction.dry(v)
@@ -142,7 +144,7 @@ class UncheckedArmDynamics:
 
     def terms(
         self, q: FloatArray, v: FloatArray, a: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (), friction: FloatArray | None = None,
+        wrenches: Wrenches = (), friction: FloatArray | None = None,
     ) -> EffortTerms:
         """
         Return the effort of `inverse_dynamics` split by term, and the energies.
@@ -159,27 +161,93 @@ class UncheckedArmDynamics:
             inertial + coriolis + gravity + friction + external, *energies)
 
 
-class ArmDynamics(ManipulatorEquation):
+class ArmDynamics:
     """
     Dynamics of an arm with friction: τ = M(q) q̈ + C(q, q̇) q̇ + g(q) + τ_friction − Jᵀ f.
 
-    M, C, the Christoffel symbols and g are methods of `ManipulatorEquation`; its docstring states
-    the accepted inputs and the units. `unchecked` has methods without checks, for control loops,
-    and shares the scratch memory.
+    All vectors are (n,) in the order of `arm.joint_names`: q [rad] or [m], v and a its
+    derivatives, tau [N·m] or [N]. Each method accepts lists, tuples and arrays of numbers, and
+    raises InvalidInputError, naming field, index, joint and value, if a length is wrong or a
+    value is not a finite number. Not for two threads at a time. `unchecked` has methods without
+    checks, for control loops, and shares the scratch memory.
     """
 
     def __init__(self, arm: ArmModel) -> None:
+        self.arm = arm
         self.unchecked = UncheckedArmDynamics(arm)
-        super().__init__(arm, self.unchecked.rigid_body)
+        self._body = self.unchecked.rigid_body
+
+    def __repr__(self) -> str:
+        return f'<{type(self).__name__} of {self.arm!r}>'
 
     @cached_property
-    def rigid_body(self) -> RigidBody:
+    def rigid_body(self) -> 'RigidBody':
         """The same arm without friction."""
         return RigidBody(self.arm)
 
+    def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return the mass matrix M(q), (n, n), of τ = M(q) q̈ + C(q, q̇) q̇ + g(q).
+
+        Symmetric and positive definite; ½ q̇ᵀ M q̇ is the kinetic energy, with the reflected
+        inertia of the rotors. M_ij is [kg·m²] between two revolute joints, [kg·m] between a
+        revolute and a prismatic one, [kg] between two prismatic ones. Composite rigid body
+        algorithm (Featherstone 2008, section 6.2).
+        """
+        return self._body.mass_matrix(**self._vectors(q=q))
+
+    def coriolis_matrix(self, q: npt.ArrayLike, v: npt.ArrayLike) -> FloatArray:
+        """
+        Return C(q, v), (n, n), with C_ij = Σ_k c_ijk v_k and the Christoffel symbols c_ijk.
+
+        C(q, v) v are the Coriolis and centrifugal torques [N·m] or forces [N]. With this choice
+        of C, Ṁ − 2 C is skew-symmetric (Siciliano et al. 2009, eq. (7.44)).
+        """
+        return self._body.coriolis_matrix(**self._vectors(q=q, v=v))
+
+    def christoffel_symbols(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n).
+
+        Row i of C(q, v) v is Σ_jk c_ijk v_j v_k (Siciliano et al. 2009, eq. (7.45)). Units are
+        those of M per [rad] or [m].
+        """
+        return self._body.christoffel_symbols(**self._vectors(q=q))
+
+    def gravity(self, q: npt.ArrayLike) -> FloatArray:
+        """
+        Return g(q), (n,) [N·m] or [N]: the effort that holds the arm still.
+
+        g(q) = ∂U/∂q with the potential energy U(q) of all links and payloads.
+        """
+        return self._body.gravity(**self._vectors(q=q))
+
+    def gravity_batch(self, q: npt.ArrayLike) -> FloatArray:
+        """Return g(q), (samples, n) [N·m] or [N], at many positions (samples, n)."""
+        return self._body.gravity_batch(**self._samples(q=q))
+
+    def nonlinear(self, q: npt.ArrayLike, v: npt.ArrayLike) -> FloatArray:
+        """Return N(q, v) = C(q, v) v + g(q), (n,) [N·m] or [N]."""
+        return self._body.nonlinear(**self._vectors(q=q, v=v))
+
+    def external(self, q: npt.ArrayLike, wrenches: Wrenches) -> FloatArray:
+        """Return −J(q)ᵀ f, (n,) [N·m] or [N]: the effort that balances the external wrenches."""
+        return self._body.external(**self._vectors(q=q), wrenches=wrenches)
+
+    def kinetic_energy(self, q: npt.ArrayLike, v: npt.ArrayLike) -> float:
+        """Return ½ vᵀ M(q) v [J], of links and rotors."""
+        return self._body.kinetic_energy(**self._vectors(q=q, v=v))
+
+    def potential_energy(self, q: npt.ArrayLike) -> float:
+        """Return U(q) = −Σ m gᵀ c [J] of all mass, measured from the origin of the base frame."""
+        return self._body.potential_energy(**self._vectors(q=q))
+
+    def potential_energy_batch(self, q: npt.ArrayLike) -> FloatArray:
+        """Return the potential energy (samples,) [J] of many positions (samples, n)."""
+        return self._body.potential_energy_batch(**self._samples(q=q))
+
     def inverse_dynamics(
-        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, wrenches: Wrenches = (),
     ) -> FloatArray:
         """
         Return τ = M(q) a + C(q, v) v + g(q) + τ_friction − Jᵀ f, (n,) [N·m] or [N].
@@ -198,11 +266,10 @@ class ArmDynamics(ManipulatorEquation):
         `threads` >= 1 share the work if Pinocchio was built with OpenMP.
         """
         return self.unchecked.inverse_dynamics_batch(
-            **self._samples(q=q, v=v, a=a), threads=check_threads(threads))
+            **self._samples(q=q, v=v, a=a), threads=int(check_scalar('threads', threads, 1)))
 
     def forward_dynamics(
-        self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: npt.ArrayLike, v: npt.ArrayLike, tau: npt.ArrayLike, wrenches: Wrenches = (),
     ) -> FloatArray:
         """
         Return the acceleration a, (n,), of M(q) a + C(q, v) v + g(q) + τ_friction − Jᵀ f = τ.
@@ -216,17 +283,10 @@ class ArmDynamics(ManipulatorEquation):
             **self._vectors(q=q, v=v, tau=tau), wrenches=wrenches)
 
     def terms(
-        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
-        wrenches: Sequence[ExternalWrench] = (), friction: npt.ArrayLike | None = None,
+        self, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike, wrenches: Wrenches = (),
     ) -> EffortTerms:
-        """
-        Return the terms of `inverse_dynamics`, each (n,) [N·m] or [N], and the energies [J].
-
-        `friction` (n,) replaces the friction at the velocity v.
-        """
-        return self.unchecked.terms(
-            **self._vectors(q=q, v=v, a=a), wrenches=wrenches,
-            friction=None if friction is None else self._vectors(friction=friction)['friction'])
+        """Return the terms of `inverse_dynamics`, each (n,) [N·m] or [N], and the energies [J]."""
+        return self.unchecked.terms(**self._vectors(q=q, v=v, a=a), wrenches=wrenches)
 
     def friction_effort(
         self, v: npt.ArrayLike, load: npt.ArrayLike, smooth: bool = False,
@@ -241,18 +301,40 @@ class ArmDynamics(ManipulatorEquation):
 
     def friction_along(
         self, q: npt.ArrayLike, v: npt.ArrayLike, load: npt.ArrayLike,
-        state: npt.ArrayLike | None = None,
     ) -> FloatArray:
         """
         Return the friction (samples, n) [N·m] or [N] along a motion, samples in order of time.
 
         Smooth around rest. If gears have a presliding distance, dry friction follows the
-        displacement since the last velocity reversal (`presliding`), with the presliding state
-        `state` (n,) at the first sample.
+        displacement since the last velocity reversal (`presliding`).
         """
-        return self.unchecked.friction_along(
-            **self._samples(q=q, v=v, load=load),
-            state=None if state is None else self._vectors(state=state)['state'])
+        return self.unchecked.friction_along(**self._samples(q=q, v=v, load=load))
+
+    def _checked(
+        self, check: Callable[[str, npt.ArrayLike, int, Sequence[str]], FloatArray],
+        **values: npt.ArrayLike,
+    ) -> dict[str, FloatArray]:
+        """Return arrays of one shape that pass the check; raise InvalidInputError."""
+        names = self.arm.joint_names
+        arrays = {field: check(field, value, len(names), names) for field, value in values.items()}
+        (first, expected), *others = arrays.items()
+        for field, array in others:
+            if array.shape != expected.shape:
+                raise InvalidInputError(
+                    f'{field} has the shape {array.shape}, expected {expected.shape} as {first} '
+                    'has')
+        return arrays
+
+    _vectors = partialmethod(_checked, check_vector)
+    _samples = partialmethod(_checked, check_samples)
+    _states = partialmethod(_checked, check_states)
+
+
+class RigidBody(ArmDynamics):
+    """The dynamics of the rigid bodies of one arm: those of the arm without friction."""
+
+    def __init__(self, arm: ArmModel) -> None:
+        super().__init__(arm.with_friction(make_friction(arm.joint_names)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +382,7 @@ def model_terms(
     """
     body, zero = dynamics.unchecked.rigid_body, np.zeros_like(position)
     q, v, a = (np.ascontiguousarray(x) for x in (position, velocity, acceleration))
-    gravity = body.inverse_dynamics_batch(q, zero, zero)
+    gravity = body.gravity_batch(q)
     nonlinear = body.inverse_dynamics_batch(q, v, zero)
     whole = body.inverse_dynamics_batch(q, v, a)
     momentum = body.inverse_dynamics_batch(q, zero, v) - gravity

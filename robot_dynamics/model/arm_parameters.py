@@ -11,6 +11,7 @@ ROS 2: it contains nodes by name (`dynamics`, or `/**` for all), and for each no
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 import warnings
@@ -102,10 +103,7 @@ def arm_from_parameters(
     whole = arm_from_urdf(urdf, values.get('joints', ()), gravity)
     names = tuple(joints) or whole.joint_names
     arm = whole if names == whole.joint_names else arm_from_urdf(urdf, names, gravity)
-
-    def of_joints(name: str) -> Sequence[float]:
-        return _of_joints(values, name, whole, names)
-
+    of_joints = partial(_of_joints, values, whole, names)
     friction, motors = (
         {field.name: of_joints(f'{group}.{field.name}') for field in of_group}
         for group, of_group in (('friction', FRICTION_FIELDS), ('actuator', fields(Actuators))))
@@ -148,7 +146,7 @@ def _has_no_motor_data(motors: Mapping[str, Sequence[float]], values: Mapping[st
 
 
 def _of_joints(
-    values: Mapping[str, Any], name: str, arm: ArmModel, joints: Sequence[str],
+    values: Mapping[str, Any], arm: ArmModel, joints: Sequence[str], name: str,
 ) -> Sequence[float]:
     """Return the values of an array parameter at `joints`: none, one for all, or one per joint."""
     value = values.get(name, ())

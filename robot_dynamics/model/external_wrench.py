@@ -3,6 +3,7 @@
 
 """A force and torque that the environment exerts on a link of an arm."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_dynamics.arrays import FloatArray
@@ -26,3 +27,7 @@ class ExternalWrench:
         for field in ('force', 'torque'):
             value = check_vector(field, getattr(self, field), 3, ('x', 'y', 'z'))
             object.__setattr__(self, field, value)
+
+
+Wrenches = Sequence[ExternalWrench]
+"""Wrenches on links, any number of them on the same link."""

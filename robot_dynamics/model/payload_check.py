@@ -18,8 +18,8 @@ import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions, search_box
 
 REACH_MULTIPLE = 2.0
@@ -127,8 +127,9 @@ def _held_masses(arm: ArmModel, payload: Payload) -> tuple[FloatArray, FloatArra
     """Return the smallest and largest held mass, (poses,) each, of poses that hold any mass."""
     q = sample_positions(arm, POSES)
     unit = replace(payload, mass=1.0, inertia=np.zeros((3, 3)))
-    without = _gravity(arm, q)
-    per_mass = _gravity(arm.with_payloads([*arm.payloads, unit]), q) - without
+    without, with_unit = (RigidBody(each).gravity_batch(q) for each in (
+        arm, arm.with_payloads([*arm.payloads, unit])))
+    per_mass = with_unit - without
     limit = arm.limits.effort + _ROUNDING
     with np.errstate(divide='ignore', invalid='ignore'):
         ends = np.stack([(-limit - without) / per_mass, (limit - without) / per_mass])
@@ -145,11 +146,6 @@ def _held_count(lower: FloatArray, upper: FloatArray, mass: FloatArray) -> Float
     return np.asarray(
         np.searchsorted(np.sort(lower), mass, side='right')
         - np.searchsorted(np.sort(upper), mass, side='left'), dtype=np.float64)
-
-
-def _gravity(arm: ArmModel, q: FloatArray) -> FloatArray:
-    zero = np.zeros_like(q)
-    return RigidBody(arm).inverse_dynamics_batch(q, zero, zero)
 
 
 def _travel(arm: ArmModel) -> list[float]:

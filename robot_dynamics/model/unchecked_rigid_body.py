@@ -4,11 +4,10 @@
 """
 The manipulator equation of the rigid bodies without checks of its inputs, computed by Pinocchio.
 
-Inputs and units are those of `rigid_body`, which checks them. Source: R. Featherstone, *Rigid
+Inputs and units are those of `arm_dynamics`, which checks them. Source: R. Featherstone, *Rigid
 Body Dynamics Algorithms*, Springer 2008.
 """
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ import pinocchio as pin
 from robot_dynamics.arrays import all_finite, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.external_wrench import Wrenches
 
 HAS_PARALLEL_RNEA = hasattr(pin, 'rneaInParallel')
 """Whether Pinocchio was built with OpenMP, which is disabled in its build by default."""
@@ -61,8 +60,7 @@ class UncheckedRigidBody:
     # ------------------------------------------------------------------ efforts
 
     def inverse_dynamics(
-        self, q: FloatArray, v: FloatArray, a: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, a: FloatArray, wrenches: Wrenches = (),
     ) -> FloatArray:
         """Return M(q) a + C(q, v) v + g(q) − Jᵀ f."""
         x = self._x
@@ -87,7 +85,7 @@ class UncheckedRigidBody:
         return x.effort(
             pin.nonLinearEffects(self._model, self._data, x.position(q), x.rate(v)))
 
-    def external(self, q: FloatArray, wrenches: Sequence[ExternalWrench]) -> FloatArray:
+    def external(self, q: FloatArray, wrenches: Wrenches) -> FloatArray:
         """Return −Jᵀ f, the effort that balances the external wrenches on the links."""
         if not wrenches:
             return np.zeros(self.arm.joint_count)
@@ -97,8 +95,7 @@ class UncheckedRigidBody:
             self._weightless, self._data, x.position(q), zero, zero, forces))
 
     def terms(
-        self, q: FloatArray, v: FloatArray, a: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, a: FloatArray, wrenches: Wrenches = (),
     ) -> RigidBodyTerms:
         """Return the effort of inverse_dynamics by term; the terms add up to the effort."""
         x, data = self._x, self._data
@@ -131,6 +128,11 @@ class UncheckedRigidBody:
                 self._rnea_in_parallel(*states, threads) if HAS_PARALLEL_RNEA else
                 self._rnea_one_by_one(*states))
         return x.effort(tau)
+
+    def gravity_batch(self, q: FloatArray) -> FloatArray:
+        """Return g(q) of many positions; both arrays are (samples, n)."""
+        zero = np.zeros_like(q)
+        return self.inverse_dynamics_batch(q, zero, zero)
 
     def _rnea_in_parallel(
         self, q: FloatArray, v: FloatArray, a: FloatArray, threads: int,
@@ -189,8 +191,7 @@ class UncheckedRigidBody:
     # ------------------------------------------------------------------ motion and energy
 
     def forward_dynamics(
-        self, q: FloatArray, v: FloatArray, tau: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Wrenches = (),
     ) -> FloatArray:
         """
         Return the acceleration a with M a + C v + g − Jᵀ f = tau.
@@ -203,8 +204,7 @@ class UncheckedRigidBody:
         return a
 
     def acceleration(
-        self, q: FloatArray, v: FloatArray, tau: FloatArray,
-        wrenches: Sequence[ExternalWrench] = (),
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, wrenches: Wrenches = (),
     ) -> FloatArray:
         """Return the same acceleration unchecked: it is not finite if M(q) is singular."""
         x = self._x
@@ -212,8 +212,8 @@ class UncheckedRigidBody:
             a: FloatArray = pin.aba(self._model, self._data, q, v, tau)
             return a
         if x.is_identity or x.is_permutation:
-            tau_tree = tau if x.is_identity else tau @ x.G.T
-            arguments = (self._model, self._data, x.position(q), x.rate(v), tau_tree)
+            # a permutation orders efforts like rates
+            arguments = (self._model, self._data, x.position(q), x.rate(v), x.rate(tau))
             return np.asarray(x.effort(
                 pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else
                 pin.aba(*arguments)))
@@ -241,14 +241,14 @@ class UncheckedRigidBody:
         moving = np.array([compute(model, data, row) for row in self._x.position(q)])
         return np.asarray(moving + self._base_energy)
 
-    def _joint_forces(self, wrenches: Sequence[ExternalWrench]) -> pin.StdVec_Force:
+    def _joint_forces(self, wrenches: Wrenches) -> pin.StdVec_Force:
         """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""
         forces = [pin.Force.Zero() for _ in range(self._model.njoints)]
         for wrench in wrenches:
             frame = self.arm.link_frame(wrench.link)
             forces[frame.parentJoint] += frame.placement.act(
                 pin.Force(wrench.force, wrench.torque))
-        return pin.StdVec_Force(forces) if forces else pin.StdVec_Force()
+        return pin.StdVec_Force(forces)
 
 
 def singular_mass_matrix(q: FloatArray) -> InvalidInputError:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.arm_dynamics import RigidBody
 
 UNLIMITED_TRAVEL = 1.0
 """Assumed range [m] of a prismatic joint without a limit, in each direction."""
@@ -94,15 +94,14 @@ class _Ascent:
         self._body = RigidBody(arm)
         self._low, self._high = search_box(arm)
         G = arm.coordinates.G
-        alone = (np.count_nonzero(G, axis=0) == 1) & (np.abs(G).sum(axis=0) == 1.0)
         self._slides = np.array([kind == 'prismatic' for kind in arm.joint_kinds])
-        self._exact = alone
+        self._exact = (np.count_nonzero(G, axis=0) == 1) & (np.abs(G).sum(axis=0) == 1.0)
         self._related = _related(arm)
 
     def climb(self) -> WorstGravity:
         n, starts = self._arm.joint_count, self._search.starts
         q = sample_positions(self._arm, self._search.samples)
-        best = np.argsort(-np.abs(self._gravity(q)), axis=0, kind='stable')[:starts]
+        best = np.argsort(-np.abs(self._body.gravity_batch(q)), axis=0, kind='stable')[:starts]
         starts = len(best)
         self._joint = np.repeat(np.arange(n), starts)
         self._q = q[best.T.ravel()]
@@ -171,12 +170,8 @@ class _Ascent:
         inner = low + (inner - low) % (2.0 * np.pi)
         return np.column_stack([ends, np.where(inner <= high, inner, low)])
 
-    def _gravity(self, q: FloatArray) -> FloatArray:
-        zero = np.zeros_like(q)
-        return self._body.inverse_dynamics_batch(q, zero, zero)
-
     def _own_gravity(self, q: FloatArray, joints: IntArray) -> FloatArray:
-        return np.asarray(self._gravity(q)[np.arange(len(q)), joints])
+        return np.asarray(self._body.gravity_batch(q)[np.arange(len(q)), joints])
 
 
 def _related(arm: ArmModel) -> BoolArray:

@@ -9,6 +9,7 @@ the model is then rejected by default. Any finding that leaves M(q) positive def
 The checks and their levels are described in docs/model_check.md.
 """
 
+from collections.abc import Iterator
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -17,11 +18,11 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.worst_gravity import Search, THOROUGH, worst_gravity
 from robot_dynamics.model_check import body_checks
 from robot_dynamics.model_check.density_check import check_densities
-from robot_dynamics.model_check.finding import ERROR, Finding, WARNING
+from robot_dynamics.model_check.finding import ERROR, errors_of, Finding, WARNING
 from robot_dynamics.model_check.mass_matrix_check import InertiaMatrix, survey_inertia
 from robot_dynamics.model_check.rotor_check import check_rotors
 from robot_dynamics.urdf.inertials import LinkBody, MeshBounds, read_bodies, read_joint_origins
-from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfJoint, UrdfRobot
+from robot_dynamics.urdf.parser import parse_urdf, resolve_mimic, UrdfRobot
 
 LARGEST_CONDITION = 1e6
 """Condition number of M(q) above which accelerations lose half the digits of their efforts."""
@@ -46,7 +47,7 @@ def check_model(
         bodies = read_bodies(urdf, meshes)
     except ElementTree.ParseError:
         bodies = []  # parse_urdf has a better error message
-    negative = [finding for finding in body_checks.check_masses(bodies) if finding.level == ERROR]
+    negative = errors_of(body_checks.check_masses(bodies))
     if negative:
         return negative
     robot = parse_urdf(urdf)
@@ -57,10 +58,9 @@ def check_model(
         *body_checks.check_masses(moved), *body_checks.check_inertias(moved),
         *body_checks.check_extents(moved, read_joint_origins(urdf)), *check_densities(moved),
         *body_checks.check_lost_masses(moved), *_lost_by_pinocchio(arm, moved)]
-    explained = any(finding.level == ERROR for finding in of_bodies)
     findings = [
         *of_bodies,
-        *_check_inertia_matrix(arm, robot, moved, M, explained),
+        *_check_inertia_matrix(arm, robot, moved, M, bool(errors_of(of_bodies))),
         *_check_limits(arm),
         *_check_friction(arm),
         *check_rotors(arm, M.diagonal),
@@ -72,16 +72,11 @@ def check_model(
 
 def _moved_bodies(robot: UrdfRobot, arm: ArmModel, bodies: list[LinkBody]) -> list[LinkBody]:
     """Return the links that a joint of the arm moves; the mass of other links has no effect."""
-    names = {name for joint in robot.joints if _is_driven(joint, robot, arm)
-             for name in _links_from(robot, joint.child)}
+    names = {
+        name for joint in robot.joints
+        if joint.moves and resolve_mimic(joint, robot.joints).leader not in arm.locked_joints
+        for name in _links_from(robot, joint.child)}
     return [body for body in bodies if body.name in names]
-
-
-def _is_driven(joint: UrdfJoint, robot: UrdfRobot, arm: ArmModel) -> bool:
-    if not joint.moves:
-        return False
-    leader = joint.name if joint.mimic is None else resolve_mimic(joint, robot.joints).leader
-    return leader not in arm.locked_joints
 
 
 def _links_from(robot: UrdfRobot, link: str) -> set[str]:
@@ -95,7 +90,7 @@ def _links_from(robot: UrdfRobot, link: str) -> set[str]:
     return found
 
 
-def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
+def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> Iterator[Finding]:
     """Compare the mass that Pinocchio moves with that of the URDF."""
     driven = np.abs(arm.coordinates.G).sum(axis=1) > 0.0
     carried = np.zeros(arm.pinocchio_model.njoints, dtype=bool)
@@ -106,46 +101,42 @@ def _lost_by_pinocchio(arm: ArmModel, moved: list[LinkBody]) -> list[Finding]:
     moving_mass = sum(
         inertia.mass for inertia, counts in zip(arm.unloaded_model.inertias, carried) if counts)
     written = sum(body.mass or 0.0 for body in moved)
-    if abs(moving_mass - written) <= _LOST_FRACTION * max(written, body_checks.TINY_MASS):
-        return []
-    return [Finding(
-        'lost_mass', WARNING, '',
-        f'the links that move have {written:.6g} kg in the URDF, but {moving_mass:.6g} kg in the '
-        'model, expected the same')]
+    if abs(moving_mass - written) > _LOST_FRACTION * max(written, body_checks.TINY_MASS):
+        yield Finding(
+            'lost_mass', WARNING, '',
+            f'the links that move have {written:.6g} kg in the URDF, but {moving_mass:.6g} kg in '
+            'the model, expected the same')
 
 
 # ----------------------------------------------------------------------------------------- joints
 
 def _check_inertia_matrix(
     arm: ArmModel, robot: UrdfRobot, moved: list[LinkBody], M: InertiaMatrix, explained: bool,
-) -> list[Finding]:
-    """Return the joints that move no mass, or else the findings about M(q)."""
+) -> Iterator[Finding]:
+    """Yield the joints that move no mass, and the findings about M(q) of the others."""
     masses = {body.name: body.mass or 0.0 for body in moved}
-    findings = []
     for name in np.array(arm.joint_names)[M.idle].tolist():
         mass = sum(masses.get(link, 0.0) for link in _links_from(robot, robot.joint(name).child))
-        findings.append(Finding(
+        yield Finding(
             'mass' if mass < body_checks.TINY_MASS else 'inertia', ERROR, name,
             f'joint {name!r} moves {mass:g} kg and no moment of inertia about its axis, so that '
-            'M(q) is singular, expected a link with mass and inertia behind it'))
-    if not M.is_definite:
-        return findings if explained else [*findings, Finding(
+            'M(q) is singular, expected a link with mass and inertia behind it')
+    if not M.is_definite and not explained:
+        yield Finding(
             'condition', ERROR, '',
             f'M(q) is {"singular" if M.smallest >= 0.0 else "not positive definite"} at position '
             f'{_rounded(M.singular_at)}: its smallest eigenvalue, in units of its diagonal, is '
-            f'{M.smallest:.3g}, expected a positive one')]
-    if M.condition > LARGEST_CONDITION:
-        findings.append(Finding(
+            f'{M.smallest:.3g}, expected a positive one')
+    if M.is_definite and M.condition > LARGEST_CONDITION:
+        yield Finding(
             'condition', WARNING, '',
             f'condition number of M(q) is {M.condition:.3g} at position {_rounded(M.worst_at)}, '
-            f'expected at most {LARGEST_CONDITION:g}'))
-    return findings
+            f'expected at most {LARGEST_CONDITION:g}')
 
 
-def _check_limits(arm: ArmModel) -> list[Finding]:
-    """Return the joints without a limit; a missing limit, or 0, means "not known" in a URDF."""
+def _check_limits(arm: ArmModel) -> Iterator[Finding]:
+    """Yield the joints without a limit; a missing limit, or 0, means "not known" in a URDF."""
     limits = arm.limits
-    findings = []
     for i, name in enumerate(arm.joint_names):
         missing = [
             words for words, limit in (('velocity', limits.velocity), ('effort', limits.effort))
@@ -154,16 +145,15 @@ def _check_limits(arm: ArmModel) -> list[Finding]:
         if arm.joint_kinds[i] != 'continuous' and (np.isinf(lower) or np.isinf(upper)):
             missing.insert(0, 'position')
         if missing:
-            findings.append(Finding(
+            yield Finding(
                 'limits', WARNING, name,
                 f'joint {name!r} has no {" and no ".join(missing)} limit (none, or 0), expected '
-                'one: without it, the value is not bounded'))
+                'one: without it, the value is not bounded')
         if lower == upper:
-            findings.append(Finding(
+            yield Finding(
                 'limits', WARNING, name,
                 f'joint {name!r} has the position limits [{lower:g}, {upper:g}], expected lower '
-                'below upper'))
-    return findings
+                'below upper')
 
 
 def _check_friction(arm: ArmModel) -> list[Finding]:

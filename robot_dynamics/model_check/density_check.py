@@ -12,7 +12,7 @@ docs/model_check.md. Drives may extend beyond the mesh of a small link, but a la
 of air for the most part: the densest link of these robots from `LARGE_VOLUME` on has 1,811 kg/m³.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 import math
 
 from robot_dynamics.model_check.body_checks import TINY_MASS
@@ -33,15 +33,14 @@ LEAST_VOLUME_OF_DENSE = 1e-5
 """Volume [m³] below which a high density is no finding: the shape only marks a place."""
 
 
-def check_densities(bodies: Iterable[LinkBody]) -> list[Finding]:
+def check_densities(bodies: Iterable[LinkBody]) -> Iterator[Finding]:
     """
-    Return the links whose density is too high or too low for a body.
+    Yield the links whose density is too high or too low for a body.
 
     If a link has collision and visual shapes, a high density is that of the larger volume, and a
     low one that of the smaller volume, which must both be known: a collision shape may be far
     larger than the body. Links without a known volume, and placeholder masses, are skipped.
     """
-    findings = []
     for body in bodies:
         volumes = [volume for volume in body.volumes if 0.0 < volume < math.inf]
         if body.mass is None or body.mass < TINY_MASS or not volumes:
@@ -50,10 +49,9 @@ def check_densities(bodies: Iterable[LinkBody]) -> list[Finding]:
         bound = LARGEST_DENSITY if largest < LARGE_VOLUME else LARGEST_DENSITY_OF_LARGE
         is_complete = len(volumes) == len(body.volumes)
         if largest >= LEAST_VOLUME_OF_DENSE and body.mass > bound * largest:
-            findings.append(_finding(body.name, body.mass, largest, bound))
+            yield _finding(body.name, body.mass, largest, bound)
         elif is_complete and least >= LEAST_VOLUME_OF_LIGHT and body.mass < LEAST_DENSITY * least:
-            findings.append(_finding(body.name, body.mass, least, bound))
-    return findings
+            yield _finding(body.name, body.mass, least, bound)
 
 
 def _finding(name: str, mass: float, volume: float, bound: float) -> Finding:

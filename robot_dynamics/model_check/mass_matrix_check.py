@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions
 
 SMALLEST_EIGENVALUE = 1e-10

@@ -23,13 +23,15 @@ class CheckedModel(NamedTuple):
     """
     The findings in a URDF, and what the checks cover.
 
-    `unread` are the links with mass whose geometry was not read, so that it was not compared.
+    `joint_names` are the joints of the arm, none if a finding prevents its creation. `unread` are
+    the links with mass whose geometry was not read, so that it was not compared.
     """
 
     findings: Sequence[Finding]
     unread: Sequence[str]
     reads_meshes: bool
     search: Search
+    joint_names: Sequence[str]
 
     def of_level(self, level: str) -> list[Finding]:
         """Return the findings of a level."""
@@ -58,14 +60,6 @@ class CheckedModel(NamedTuple):
             f'{other}')
 
 
-def joint_names_of(xml: str, joints: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints of the arm in a URDF, none if a finding prevents its creation."""
-    try:
-        return arm_from_urdf(xml, joints).joint_names
-    except ModelError:
-        return ()
-
-
 def check_description(
     xml: str, joints: Sequence[str] = (), arm: ArmModel | None = None,
     search: Search = THOROUGH, meshes: MeshBounds | None = None,
@@ -85,7 +79,8 @@ def check_description(
             pass  # a negative mass is a finding; check_model raises all other errors
     findings = check_model(xml, arm, search=search, meshes=meshes)
     unread = unmeasured(read_bodies(xml, meshes))
-    return CheckedModel(findings, list(unread), meshes is not None, search)
+    return CheckedModel(
+        findings, unread, meshes is not None, search, () if arm is None else arm.joint_names)
 
 
 def findings_as_data(checked: CheckedModel, ignored: Sequence[str]) -> dict[str, object]:
@@ -120,11 +115,15 @@ def _count(number: int, name: str) -> str:
 
 def _rows(finding: Finding, ignored: Sequence[str]) -> list[str]:
     """Return the name of the check, followed by its message in wrapped lines."""
-    note = ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''
     message = textwrap.wrap(
-        finding.message + note, _WIDTH - 24, break_long_words=False, break_on_hyphens=False)
+        finding.message + _note(finding, ignored), _WIDTH - 24, break_long_words=False,
+        break_on_hyphens=False)
     return [f'  {name:20}  {text}' for name, text in zip(
         [finding.check, *[''] * (len(message) - 1)], message)]
+
+
+def _note(finding: Finding, ignored: Collection[str]) -> str:
+    return ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''
 
 
 WHOLE = 'whole arm'
@@ -148,41 +147,34 @@ RULE = ('Rule: bad for an error, with which dynamics_node rejects the model; che
 
 
 def findings_page(
-    title: str, joint_names: Sequence[str], findings: Sequence[Finding],
-    ignored: Collection[str], unread: Sequence[str], origin: Origin,
+    title: str, checked: CheckedModel, ignored: Collection[str], origin: Origin,
 ) -> str:
-    """
-    Return the report; `unread` are the links whose geometry could not be read.
-
-    `joint_names` are the joints of the arm, none if it cannot be created.
-    """
+    """Return the report of the findings."""
     page = Page(
-        title, model_verdicts(joint_names, findings, ignored), RULE, origin,
+        title, model_verdicts(checked, ignored), RULE, origin,
         subject='joints, links and the whole arm')
     page.section('Findings')
-    if findings:
+    if checked.findings:
         page.table([('check', 'level', 'message'), *(
-            (finding.check, finding.level + (
-                ' (ignored)' if finding.level == ERROR and finding.check in ignored else ''),
-             finding.message) for finding in findings)], kind='text')
+            (finding.check, finding.level + _note(finding, ignored), finding.message)
+            for finding in checked.findings)], kind='text')
     else:
         page.text('None.')
-    if unread:
+    if checked.unread:
         page.section('Links not compared with their geometry, which could not be read')
-        page.items(unread)
+        page.items(checked.unread)
     page.section('Checks')
     page.table(list(CHECKS.items()), has_head=False, kind='text')
     return page.html()
 
 
-def model_verdicts(
-    joint_names: Sequence[str], findings: Sequence[Finding], ignored: Collection[str] = (),
-) -> list[Verdict]:
+def model_verdicts(checked: CheckedModel, ignored: Collection[str]) -> list[Verdict]:
     """Return the verdicts on all joints, on links with findings, and on the whole arm."""
     places = dict.fromkeys([
-        *joint_names, *(finding.where for finding in findings if finding.where), ''])
-    return [_verdict(place, [found for found in findings if found.where == place], ignored)
-            for place in places]
+        *checked.joint_names, *(found.where for found in checked.findings if found.where), ''])
+    return [
+        _verdict(place, [found for found in checked.findings if found.where == place], ignored)
+        for place in places]
 
 
 def _verdict(place: str, findings: Sequence[Finding], ignored: Collection[str]) -> Verdict:

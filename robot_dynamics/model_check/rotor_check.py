@@ -49,6 +49,6 @@ def check_rotors(arm: ArmModel, least: FloatArray) -> Iterator[Finding]:
                 'sheet, or ros2 run robot_dynamics identify)')
             yield Finding(
                 'rotors', WARNING, name,
-                f'effort limit of joint {name!r}, {limit:.4g} N m, divided by its smallest '
-                f'inertia M_jj, {least[j]:.3g} kg m^2, is {acceleration:.3g} rad/s^2, expected at '
+                f'effort limit of joint {name!r}, {limit:.4g} N·m, divided by its smallest '
+                f'inertia M_jj, {least[j]:.3g} kg·m², is {acceleration:.3g} rad/s², expected at '
                 f'most {LARGEST_ACCELERATION:g}: no drive with a gearbox accelerates so; {advice}')

@@ -66,7 +66,7 @@ def estimate_from_bags(
                 raise RecordingError(
                     f'the recording has the joints {list(recorded.joint_names)}, expected those '
                     f'of the first one, {list(estimator.arm.joint_names)}')
-            _add(estimator, motion)
+            add_motion(estimator, motion)
             used.append(bag)
             remarks += found
         except RobotDynamicsError as error:
@@ -80,13 +80,6 @@ def estimate_from_bags(
         tuple(failed))
 
 
-def estimate_motion(arm: ArmModel, link: str, motion: FilteredMotion) -> PayloadEstimate:
-    """Return the estimate of the body on `link` from one filtered motion with joint effort."""
-    estimator = PayloadEstimator(arm, link, motion.cutoff_hz)
-    _add(estimator, motion)
-    return estimator.estimate()
-
-
 def _read(
     bag: Path, settings: AnalysisSettings,
 ) -> tuple[ArmModel, FilteredMotion, tuple[str, ...]]:
@@ -98,13 +91,12 @@ def _read(
     return read.arm, motion, tuple(filter(None, (*read.losses, *read.remarks, remark)))
 
 
-def _add(estimator: PayloadEstimator, motion: FilteredMotion) -> None:
-    """Add the usable samples, as many per second as the filter leaves."""
-    assert motion.effort is not None
+def add_motion(estimator: PayloadEstimator, motion: FilteredMotion) -> None:
+    """Add the usable samples of a motion, as many per second as the filter leaves."""
     every = max(int(motion.sample_rate_hz / (SAMPLES_PER_PERIOD * motion.cutoff_hz)), 1)
     for number in np.unique(motion.segment):
         rows = np.flatnonzero((motion.segment == number) & motion.usable)[::every]
         estimator.restart()
         estimator.add(
             motion.times[rows], motion.position[rows], motion.velocity[rows],
-            motion.acceleration[rows], motion.effort[rows])
+            motion.acceleration[rows], motion.measured_effort[rows])

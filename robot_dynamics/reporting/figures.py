@@ -54,7 +54,7 @@ LINES: Mapping[str, LineStyle] = {
     'external': LineStyle(SKY, '-', 1.2),
 }
 """The style of every quantity that a figure may show."""
-LABELS = {'coriolis': 'Coriolis'}
+LABELS = {'coriolis': 'Coriolis', 'effort': 'sum'}
 """Labels of quantities in a legend that differ from their names."""
 
 STYLE = {
@@ -116,10 +116,12 @@ def effort_panel(title: str, times: FloatArray, lines: Mapping[str, FloatArray])
     return Panel(title, 'effort', times, lines, ('N·m', 'N'))
 
 
-def residual_panel(times: FloatArray, residual: FloatArray) -> Panel:
-    """Return the panel of the residual (measured − model), (m, n) [N·m] or [N]."""
-    return Panel(
-        'Residual', 'residual', times, {'measured − model': residual}, ('N·m', 'N'))
+def comparison_panels(times: FloatArray, measured: FloatArray, model: FloatArray) -> list[Panel]:
+    """Return the panels of two efforts, (m, n) [N·m] or [N], and of their difference."""
+    return [
+        effort_panel('Measured and model', times, {'measured': measured, 'model': model}),
+        Panel('Residual', 'residual', times, {'measured − model': measured - model},
+              ('N·m', 'N'))]
 
 
 def joint_figure(

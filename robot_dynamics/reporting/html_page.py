@@ -44,6 +44,11 @@ ul { overflow-wrap: anywhere; }
 .summary { font-size: 1.1rem; }
 .mark { display: inline-block; width: .8em; height: .8em; border-radius: 50%; }
 img { max-width: 100%; height: auto; }
+@media screen { .wide { overflow-x: auto; } }
+@media screen and (max-width: 48rem) {
+  .wide img, .wide > div { max-width: none; width: 48rem; }
+  .text td:last-child, .long td:last-child, .verdicts td:nth-child(3) { min-width: 11rem;
+    overflow-wrap: break-word; } }
 @media screen { .zoomable .static { display: none; } }
 @media print { .zoomable .interactive { display: none; } .zoomable .static { display: block; }
   body { max-width: none; font-size: 10pt; } tr, img { break-inside: avoid; } }
@@ -138,7 +143,7 @@ class Page:
         """
         head = _row(rows[0], 'th') if has_head else ''
         body = ''.join(_row(row, 'td') for row in rows[has_head:])
-        self.add(f'<table class="{kind}">{head}{body}</table>')
+        self.add(f'<div class="wide"><table class="{kind}">{head}{body}</table></div>')
 
     def items(self, lines: Iterable[str], kind: str = '') -> None:
         """Add a list of lines; `kind` is its class."""
@@ -166,9 +171,10 @@ class Page:
 def summary(verdicts: Sequence[Verdict], subject: str) -> str:
     """Return the number of verdicts of each grade in one line; `subject` is what they are on."""
     counts = {grade: sum(verdict.grade is grade for verdict in verdicts) for grade in Grade}
-    return 'Verdict: ' + ', '.join(
-        f'{count} {grade.value[0]}' for grade, count in counts.items() if count) + (
-            f', of {len(verdicts)} {subject}.')
+    words = {Grade.CHECK: 'to check'}
+    return f'Verdict on {len(verdicts)} {subject}: ' + ', '.join(
+        f'{count} {words.get(grade, grade.value[0])}'
+        for grade, count in counts.items() if count) + '.'
 
 
 def _verdict_table(verdicts: Sequence[Verdict]) -> str:
@@ -177,7 +183,7 @@ def _verdict_table(verdicts: Sequence[Verdict]) -> str:
         f'<tr><td>{escape(name)}</td><td><span class="mark" style="background: {grade.value[1]}">'
         f'</span> {grade.value[0]}</td><td>{_prose(text)}</td><td>{_prose(step)}</td></tr>'
         for name, grade, text, step in verdicts)
-    return f'<table class="verdicts text">{head}{rows}</table>'
+    return f'<div class="wide"><table class="verdicts text">{head}{rows}</table></div>'
 
 
 def _prose(text: str) -> str:
@@ -192,7 +198,7 @@ def _row(cells: Sequence[str], tag: str) -> str:
 def image(png: bytes, what: str) -> str:
     """Return an image that is embedded in the page."""
     encoded = b64encode(png).decode('ascii')
-    return (f'<div class="static"><img alt="{escape(what)}" '
+    return (f'<div class="static wide"><img alt="{escape(what)}" '
             f'src="data:image/png;base64,{encoded}"></div>')
 
 

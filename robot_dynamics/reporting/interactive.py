@@ -71,8 +71,8 @@ def zoomable_figures(
     script, element = _bokeh('embed').components(layout)
     head = _bokeh('resources').Resources(mode='inline', components=['bokeh']).render()
     return Zoomable(
-        head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>{element}{script}'
-              f'</div>{image}</div>')
+        head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
+              f'<div class="wide"><div>{element}{script}</div></div></div>{image}</div>')
 
 
 def _bokeh(part: str) -> Any:
@@ -124,8 +124,8 @@ def _draw(figure: Any, source: Any, name: str, style: LineStyle) -> Any:
     dash = 'solid' if isinstance(style.dash, str) else [
         max(1, round(style.width * length)) for length in style.dash[1]]
     return figure.line(
-        'time', name, source=source, name=name, color=style.colour, line_dash=dash,
-        line_width=style.width)
+        'time', name, source=source, name=LABELS.get(name, name), color=style.colour,
+        line_dash=dash, line_width=style.width)
 
 
 def _mark(figure: Any, boundary: TimeBoundary, has_labels: bool) -> None:

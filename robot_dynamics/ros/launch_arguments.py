@@ -39,7 +39,7 @@ ARGUMENTS = {
         '', 'true: dynamics configures and activates itself at the start; false: it waits for '
         '`ros2 lifecycle set`. Empty: as in the parameter file, otherwise true.'),
     'gravity': (
-        '', 'Acceleration of gravity in the base frame [m/s^2], three numbers such as '
+        '', 'Acceleration of gravity in the base frame [m/s²], three numbers such as '
         '"[0.0, 0.0, -9.81]". Empty: as in the parameter file, otherwise [0.0, 0.0, -9.81].'),
     'log_level': (
         'info', 'Least severity that the nodes log: debug, info, warn, error or fatal.'),

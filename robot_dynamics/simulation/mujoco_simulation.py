@@ -25,7 +25,7 @@ from robot_dynamics.simulation.arm_simulation import ArmState, check_released
 from robot_dynamics.validation import check_vector
 
 BRAKE_INERTIA = 1e6
-"""[kg m²] or [kg] of a braked joint: contacts of a braked arm are those of a fixed body."""
+"""[kg·m²] or [kg] of a braked joint: contacts of a braked arm are those of a fixed body."""
 OF_JOINT = 'expected the name of a hinge or slide joint of the MJCF'
 
 

@@ -65,8 +65,7 @@ def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     checked = report.check_description(xml, arguments.joints, meshes=meshes)
     if arguments.report is not None:
         text = report.findings_page(
-            f'{path.name}: model check', report.joint_names_of(xml, arguments.joints),
-            checked.findings, arguments.ignore, checked.unread,
+            f'{path.name}: model check', checked, arguments.ignore,
             command_line.origin_of('check_model', argv, arguments.urdf, ''))
         command_line.write_file(arguments.report, text)
     if arguments.json:

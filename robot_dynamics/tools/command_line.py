@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import json
 import math
+import os
 from pathlib import Path
 import sys
 import textwrap
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
     from robot_dynamics.reporting.html_page import Origin
 
-DONE, FAILED, MISTAKE, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, MISTAKE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 KEPT = 'results'
 """Directory below the output that keeps results, from which an interrupted run resumes."""
 COMMAND = 'command.json'
@@ -62,7 +63,8 @@ def run_tool(
     Return the exit status of `run`, or of the error that it raises, which is printed to stderr.
 
     `rejected` is the status of a RobotDynamicsError or OSError, whose message takes one line;
-    `interrupted` is the message of a KeyboardInterrupt. The message of a ToolError keeps its
+    `interrupted` is the message of a KeyboardInterrupt. A broken pipe is no error to print. The
+    message of a ToolError keeps its
     lines, because it may end with a log.
     """
     try:
@@ -71,6 +73,9 @@ def run_tool(
         message, status = str(error), FAILED
     except RobotDynamicsError as error:
         message, status = ' '.join(str(error).split()), rejected
+    except BrokenPipeError:  # the reader of the output has ended, such as `head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
     except OSError as error:
         message, status = os_error_text(error), rejected
     except KeyboardInterrupt:

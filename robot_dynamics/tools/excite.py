@@ -20,6 +20,7 @@ from robot_dynamics.excitation.excitation_trajectory import (
     exciting_trajectory,
     ExcitingTrajectory,
 )
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
@@ -75,7 +76,7 @@ def _parser() -> command_line.Parser:
             ('position-margin', 0.05, 'Fraction of each position range to keep free at each end'),
             ('velocity-scale', 0.6, 'Fraction of the velocity limits to use'),
             ('effort-scale', 0.8, 'Fraction of the effort limits to use'),
-            ('acceleration', 6.0, 'Largest acceleration [rad/s^2] or [m/s^2]')):
+            ('acceleration', 6.0, 'Largest acceleration [rad/s²] or [m/s²]')):
         parser.add_argument(
             f'--{name}', type=float, default=default, metavar='X',
             help=f'{words} (default: %(default)g)')
@@ -118,11 +119,11 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
     rows: list[tuple[str, ...]] = [('joint', 'start', 'lowest', 'highest', 'velocity',
                                     'acceleration', 'effort')]
     for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
-        unit = 'm' if kind == 'prismatic' else 'rad'
+        unit = units_of(kind).position
         rows.append((
             name, *(f'{x[j]:.3f} {unit}' for x in (
                 excitation.limits.start, found.lowest, found.highest)),
-            f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s2',
+            f'{found.velocity[j]:.3f} {unit}/s', f'{found.acceleration[j]:.3f} {unit}/s²',
             _effort(found.effort[j], arm.limits.effort[j], kind)))
     print()
     print(quantity_table(rows))
@@ -137,9 +138,8 @@ def _report(arm: ArmModel, excitation: Excitation, found: ExcitingTrajectory) ->
 
 
 def _effort(effort: float, limit: float, kind: str) -> str:
-    unit = 'N' if kind == 'prismatic' else 'N m'
     percentage = f' ({100.0 * effort / limit:.0f} %)' if limit < float('inf') else ''
-    return f'{effort:.2f} {unit}{percentage}'
+    return f'{effort:.2f} {units_of(kind).effort}{percentage}'
 
 
 if __name__ == '__main__':

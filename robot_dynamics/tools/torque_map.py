@@ -141,8 +141,8 @@ def _workspace(
     found = map_gravity(arm, link)
     on_computed()
     figure = workspace_figure(
-        f'{arm.name}{load}: gravity as a share of the effort limits, over the workspace', arm,
-        link, found)
+        f'{arm.name}{load}: gravity as a share of the effort limits, at the positions of {link}',
+        arm, link, found)
     said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
     return figure, said, workspace_verdicts(arm, found)
 

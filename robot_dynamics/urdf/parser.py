@@ -11,6 +11,7 @@ XML specification, `joint` and `link` elements.
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 import math
+from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 from robot_dynamics.exceptions import ModelError
@@ -31,8 +32,7 @@ MOST_TAGS = 100_000
 """Largest number of XML tags, including geometry; their deallocation blocks other threads."""
 
 
-@dataclass(frozen=True)
-class Mimic:
+class Mimic(NamedTuple):
     """This joint's position is multiplier × the leader's position + offset."""
 
     leader: str
@@ -115,10 +115,13 @@ def parse_urdf(xml: str) -> UrdfRobot:
 
 
 def resolve_mimic(joint: UrdfJoint, joints: Iterable[UrdfJoint]) -> Mimic:
-    """Return the relation of a mimic joint to the joint at the head of its chain of leaders."""
+    """
+    Return the relation of a joint to the joint at the head of its chain of leaders.
+
+    A joint that mimics no other is its own leader.
+    """
     by_name = {other.name: other for other in joints}
-    assert joint.mimic is not None
-    relation = joint.mimic
+    relation = joint.mimic or Mimic(joint.name, 1.0, 0.0)
     while (link := by_name[relation.leader].mimic) is not None:
         relation = Mimic(
             link.leader, relation.multiplier * link.multiplier,

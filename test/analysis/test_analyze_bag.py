@@ -4,23 +4,20 @@
 """The tool `analyze_bag`: its output, its files, its exit status."""
 
 import csv
+import re
 import shutil
 import sys
 
 import children
 import numpy as np
 import pytest
-
-pytest.importorskip('rosbags')
-pytest.importorskip('scipy')
-pytest.importorskip('matplotlib')
-from recordings import cut, KnownMotion, stored_file, write_recording  # noqa: E402
-from report_page import ReportPage  # noqa: E402
-import robot_dynamics  # noqa: E402
-from robot_dynamics.model.arm_dynamics import ArmDynamics  # noqa: E402
-from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
-from robot_dynamics.recordings.reader import Recording, stack  # noqa: E402
-from robot_dynamics.tools.analyze_bag import main  # noqa: E402
+from recordings import cut, KnownMotion, stored_file, write_recording
+from report_page import ReportPage
+import robot_dynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.tools.analyze_bag import main
 
 MOTION = KnownMotion()
 JOINTS = ('joint1', 'joint2')
@@ -92,7 +89,7 @@ def test_the_report_needs_nothing_else(written):
 def test_the_report_begins_with_the_verdict_and_names_its_origin(directory, written):
     page = ReportPage((written / 'report.html').read_text(encoding='utf-8'))
     places = [page.text.index(words) for words in (
-        'Verdict: 2 good, of 2 joints.', 'the model predicts the effort', 'use the model',
+        'Verdict on 2 joints: 2 good.', 'the model predicts the effort', 'use the model',
         str(directory / 'arm.urdf'), f'robot_dynamics {robot_dynamics.__version__}',
         f"command analyze_bag {directory / 'bags' / 'whole'} --urdf", 'Effort over time')]
     assert places == sorted(places)
@@ -213,7 +210,6 @@ def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):
     assert out == ''
     lines = [line for line in err.splitlines() if not line.endswith(' steps')]  # the progress
     assert lines[0].startswith('analyze_bag: ')
-    import re
     assert re.search(words, err)
 
 

@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip('rosbags')
-pytest.importorskip('scipy')
-from recordings import KnownMotion, serialized, write_recording  # noqa: E402
-from robot_dynamics.analysis.arm_recording import AnalysisSettings  # noqa: E402
-from robot_dynamics.analysis.bag_analysis import analyze_recording  # noqa: E402
-from robot_dynamics.exceptions import InvalidInputError, RecordingError  # noqa: E402
-from robot_dynamics.joints.actuator import make_actuators  # noqa: E402
-from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file  # noqa: E402
-from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
-from robot_dynamics.recordings.message_encoding import joint_state_messages  # noqa: E402
-from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter  # noqa: E402
-from robots import robot_urdf  # noqa: E402
+from recordings import encoded, KnownMotion, serialized, write_recording
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
+from robot_dynamics.analysis.bag_analysis import analyze_recording
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
+from robots import robot_urdf
 
 # A warning of numpy indicates a number that the code did not check.
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
@@ -29,10 +26,16 @@ URDF = default_arm_urdf()
 MOTION = KnownMotion()
 HANGING = KnownMotion(rest=(np.pi, 0.0))
 SETTINGS = AnalysisSettings(URDF)
+GRAVITY = RigidBody(MOTION.arm).gravity_batch(MOTION.q)
 
 
 def recorded(path, messages):
     return write_recording(path / 'bag', messages)
+
+
+def states(names=MOTION.names, v=MOTION.v, tau=MOTION.tau):
+    """Return the messages of the motion with other names, velocity or effort."""
+    return encoded(MOTION.stamps_ns, names, MOTION.q, v, tau)
 
 
 @pytest.fixture(scope='module')
@@ -109,9 +112,8 @@ def test_a_map_that_fits_no_joint_is_refused(known):
 
 
 def test_joints_that_were_not_recorded_are_locked_and_reported(tmp_path):
-    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, ('joint1', 'gripper'), MOTION.q, MOTION.v, MOTION.tau)))
-    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    analysis = analyze_recording(
+        recorded(tmp_path, states(('joint1', 'gripper'))), SETTINGS)
     assert analysis.arm.joint_names == ('joint1',)
     assert 'not recorded, therefore locked: joint2' in analysis.recording.remarks
 
@@ -147,9 +149,7 @@ def test_the_description_in_the_recording_is_used(tmp_path, known):
 def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
     tau = MOTION.tau.copy()
     tau[braked] = 0.0
-    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, tau)))
-    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    analysis = analyze_recording(recorded(tmp_path, states(tau=tau)), SETTINGS)
     assert any('left out: 100 samples with zero effort' in remark
                for remark in analysis.recording.remarks)
     assert not np.isin(MOTION.stamps_ns[braked], analysis.motion.stamps_ns).any()
@@ -159,9 +159,7 @@ def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
 def test_noise_of_a_damaged_file_is_excluded_and_reported(tmp_path):
     v = MOTION.v.copy()
     v[400, 1] = 1e6
-    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, MOTION.names, MOTION.q, v, MOTION.tau)))
-    analysis = analyze_recording(recorded(tmp_path, messages), SETTINGS)
+    analysis = analyze_recording(recorded(tmp_path, states(v=v)), SETTINGS)
     assert any('1 sample beyond 10 times' in remark for remark in analysis.recording.remarks)
     assert (analysis.statistics.relative < 2e-3).all()
 
@@ -171,11 +169,8 @@ def test_noise_of_a_damaged_file_is_excluded_and_reported(tmp_path):
 def test_motor_currents_are_converted_by_the_parameters(tmp_path):
     motors = make_actuators(MOTION.names, [0.1, 0.2], [50.0, 100.0], rotor_inertia=[1e-4, 2e-4])
     arm = MOTION.arm.with_actuators(motors)
-    from robot_dynamics.model.arm_dynamics import ArmDynamics
     tau = ArmDynamics(arm).inverse_dynamics_batch(MOTION.q, MOTION.v, MOTION.a)
     current = tau / (motors.gear_ratio * motors.torque_constant)
-    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, current)))
     file = tmp_path / 'arm.yaml'
     file.write_text("""/**:
   ros__parameters:
@@ -186,7 +181,7 @@ def test_motor_currents_are_converted_by_the_parameters(tmp_path):
       gear_ratio: [100.0, 50.0]
       rotor_inertia: [2.0e-4, 1.0e-4]
 """)
-    analysis = analyze_recording(recorded(tmp_path, messages), AnalysisSettings(
+    analysis = analyze_recording(recorded(tmp_path, states(tau=current)), AnalysisSettings(
         URDF, parameters=read_parameter_file(file)))
     assert analysis.arm.joint_names == ('joint2', 'joint1')
     assert (analysis.statistics.relative < 2e-3).all()
@@ -194,18 +189,15 @@ def test_motor_currents_are_converted_by_the_parameters(tmp_path):
 
 
 def test_gravity_that_the_robot_took_out_is_added(tmp_path):
-    messages = list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v,
-        MOTION.tau - _gravity(MOTION.arm, MOTION.q))))
-    analysis = analyze_recording(recorded(tmp_path, messages), AnalysisSettings(
+    lacking = recorded(tmp_path, states(tau=MOTION.tau - GRAVITY))
+    analysis = analyze_recording(lacking, AnalysisSettings(
         URDF, parameters={'measured_effort': 'joint_torque_without_gravity'}))
     assert (analysis.statistics.relative < 2e-3).all()
 
 
 def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
     reported = MOTION.tau / [0.7, 1.3] + [8.0, -4.0]
-    bag = recorded(tmp_path, list(zip(MOTION.stamps_ns.tolist(), joint_state_messages(
-        MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v, reported))))
+    bag = recorded(tmp_path, states(tau=reported))
     parameters = {'joints': ['joint1', 'joint2'], 'effort.scale': [0.7, 1.3],
                   'effort.offset': [8.0, -4.0]}
     analysis = analyze_recording(bag, AnalysisSettings(URDF, parameters=parameters))
@@ -214,20 +206,11 @@ def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
     without = analyze_recording(bag, SETTINGS)
     assert (without.statistics.relative > 0.1).all()
     # gravity that the robot took out passes the drive together with the effort
-    lacking = recorded(tmp_path / 'lacking', list(zip(
-        MOTION.stamps_ns.tolist(), joint_state_messages(
-            MOTION.stamps_ns, MOTION.names, MOTION.q, MOTION.v,
-            reported - _gravity(MOTION.arm, MOTION.q)))))
+    lacking = recorded(tmp_path / 'lacking', states(tau=reported - GRAVITY))
     analysis = analyze_recording(lacking, AnalysisSettings(URDF, parameters={
         **parameters, 'measured_effort': 'joint_torque_without_gravity'}))
     assert (analysis.statistics.relative < 2e-3).all()
     assert any('gravity is added; the measured' in one for one in analysis.recording.remarks)
-
-
-def _gravity(arm, positions):
-    from robot_dynamics.model.rigid_body import RigidBody
-    body = RigidBody(arm)
-    return np.array([body.gravity(q) for q in positions])
 
 
 def test_parameters_go_with_their_joints():
@@ -236,7 +219,7 @@ def test_parameters_go_with_their_joints():
     whole = arm_from_parameters(URDF, values, ('joint1', 'joint2'))
     np.testing.assert_array_equal(whole.friction.viscous, [1.0, 2.0])
     np.testing.assert_array_equal(whole.friction.coulomb, [3.0, 3.0])
-    assert not _gravity(whole, np.ones((1, 2))).any()
+    assert not RigidBody(whole).gravity(np.ones(2)).any()
     with pytest.raises(InvalidInputError, match=r'friction\.viscous has 2 values'):
         arm_from_parameters(URDF, {'friction.viscous': [2.0, 1.0]})
 

@@ -34,6 +34,10 @@ def relative_error(found, true):
     return np.sqrt(np.mean((found - true)**2, axis=0) / np.mean(true**2, axis=0))
 
 
+TIMES = np.arange(0.0, 20.0, 0.01)
+Q, V, A = motion(TIMES)
+
+
 @pytest.mark.parametrize('rate', [30.0, 125.0, 500.0, 1000.0])
 @pytest.mark.parametrize('quantum', [0.0, 1e-3])
 @pytest.mark.parametrize('has_velocity', [True, False])
@@ -61,9 +65,7 @@ def test_the_filter_has_no_phase_and_halves_at_its_cutoff():
 
 def test_the_equation_of_motion_is_kept():
     # A linear relation between the signals is the same relation between the filtered signals.
-    times = np.arange(0.0, 20.0, 0.01)
-    q, v, a = motion(times)
-    found = filter_motion(series(times, q, v, 3.0 * a + 0.5 * v), cutoff_hz=4.0)
+    found = filter_motion(series(TIMES, Q, V, 3.0 * A + 0.5 * V), cutoff_hz=4.0)
     expected = 3.0 * found.acceleration + 0.5 * found.velocity
     use = found.usable
     assert np.all(relative_error(found.effort[use], expected[use]) < 1e-3)
@@ -96,38 +98,32 @@ def test_a_gap_parts_the_motion():
 
 
 def test_there_is_no_effort_unless_it_was_recorded():
-    times = np.arange(0.0, 20.0, 0.01)
-    q, v, a = motion(times)
-    assert filter_motion(series(times, q, v)).effort is None
-    assert filter_motion(series(times, q, v, a)).effort is not None
+    assert filter_motion(series(TIMES, Q, V)).effort is None
+    assert filter_motion(series(TIMES, Q, V, A)).effort is not None
 
 
 @pytest.mark.parametrize('kind', ['zeros', 'degrees', 'late'])
 def test_a_velocity_that_contradicts_the_position_is_not_used(kind):
-    times = np.arange(0.0, 20.0, 0.01)
-    q, v, a = motion(times)
-    wrong = {'zeros': 0.0 * v, 'degrees': np.rad2deg(v), 'late': motion(times - 0.4)[1]}[kind]
-    recorded = np.column_stack([v[:, 0], wrong[:, 1]])
-    found = filter_motion(series(times, q, recorded))
+    wrong = {'zeros': 0.0 * V, 'degrees': np.rad2deg(V), 'late': motion(TIMES - 0.4)[1]}[kind]
+    recorded = np.column_stack([V[:, 0], wrong[:, 1]])
+    found = filter_motion(series(TIMES, Q, recorded))
     assert found.differentiated == ('b',)
-    assert np.all(relative_error(found.velocity[found.usable], v[found.usable]) < 0.01)
-    assert np.all(relative_error(found.acceleration[found.usable], a[found.usable]) < 0.05)
-    noisy = v + np.random.default_rng(0).normal(scale=0.3, size=v.shape)
-    assert filter_motion(series(times, q, noisy)).differentiated == ()
+    assert np.all(relative_error(found.velocity[found.usable], V[found.usable]) < 0.01)
+    assert np.all(relative_error(found.acceleration[found.usable], A[found.usable]) < 0.05)
+    noisy = V + np.random.default_rng(0).normal(scale=0.3, size=V.shape)
+    assert filter_motion(series(TIMES, Q, noisy)).differentiated == ()
 
 
 def test_bad_input():
-    times = np.arange(0.0, 20.0, 0.01)
-    q, v, _ = motion(times)
     with pytest.raises(RecordingError, match='has no position'):
-        filter_motion(series(times, None, v))
+        filter_motion(series(TIMES, None, V))
     with pytest.raises(RecordingError, match='has 10 samples, expected at least'):
-        filter_motion(series(times[:10], q[:10]))
+        filter_motion(series(TIMES[:10], Q[:10]))
     with pytest.raises(RecordingError, match='no joint moves'):
-        filter_motion(series(times, np.zeros_like(q)))
+        filter_motion(series(TIMES, np.zeros_like(Q)))
     with pytest.raises(RecordingError, match='without a gap'):
-        filter_motion(series(times[:50], q[:50]), cutoff_hz=1.0)
+        filter_motion(series(TIMES[:50], Q[:50]), cutoff_hz=1.0)
     with pytest.raises(InvalidInputError, match='cutoff is 40 Hz, expected at most 20 Hz'):
-        filter_motion(series(times, q), cutoff_hz=40.0)
+        filter_motion(series(TIMES, Q), cutoff_hz=40.0)
     with pytest.raises(InvalidInputError, match='cutoff is -1'):
-        filter_motion(series(times, q), cutoff_hz=-1.0)
+        filter_motion(series(TIMES, Q), cutoff_hz=-1.0)

@@ -9,15 +9,20 @@ from math import exp, radians, sin, sqrt
 import os
 from pathlib import Path
 import re
+import socket
 import subprocess
 import sys
 from typing import Any
+from urllib.request import Request, urlopen
 
 import backlash_theory
+from bounded_waits import wait_until
+import children
 import pytest
 import robots
 
-NOTEBOOKS = sorted((Path(__file__).parents[2] / 'docs' / 'notebooks').glob('*.ipynb'))
+SCRIPTS = Path(__file__).parents[2] / 'scripts'
+NOTEBOOKS = sorted((SCRIPTS.parent / 'docs' / 'notebooks').glob('*.ipynb'))
 LARGEST_FIGURE = 60_000
 """[bytes]"""
 
@@ -152,3 +157,35 @@ def stored_text(cell: dict[str, Any]) -> str:
 def stored_figures(cell: dict[str, Any]) -> list[bytes]:
     return [base64.b64decode(output['data']['image/png']) for output in cell['outputs']
             if 'image/png' in output.get('data', {})]
+
+
+def connects(port: int) -> bool:
+    with socket.socket() as client:
+        return client.connect_ex(('127.0.0.1', port)) == 0
+
+
+def test_one_command_opens_the_notebooks() -> None:
+    """JupyterLab serves them, and can start a kernel of this environment."""
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        port = server.getsockname()[1]
+    with children.popen(
+            [SCRIPTS / 'notebook', '--no-browser', f'--port={port}'], stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            found = None
+            for line in process.stderr:
+                found = re.search(r'(http://localhost:\d+)/lab\?(token=\w+)', line)
+                if found is not None:
+                    break
+            assert found is not None
+            address, token = found.groups()  # it is printed before the server listens
+            wait_until(lambda: connects(port), 'a server')
+            with urlopen(f'{address}/api/contents?{token}') as answer:
+                names = {each['name'] for each in json.load(answer)['content']}
+            assert names == {notebook.name for notebook in NOTEBOOKS}
+            with urlopen(Request(f'{address}/api/kernels?{token}', b'{}')) as answer:
+                assert json.load(answer)['name'] == 'python3'
+        finally:
+            process.terminate()
+            process.communicate(timeout=children.TIMEOUT)

@@ -64,6 +64,7 @@ DRIVERS = {
         'elbow_joint', 'shoulder_lift_joint', 'shoulder_pan_joint', 'wrist_1_joint',
         'wrist_2_joint', 'wrist_3_joint'), robot='ur10'),
     'franka_fr3.yaml': Driver(numbered('fr3_joint', 7), holds_itself=PASSED),
+    'franka_panda.yaml': Driver(numbered('panda_joint', 7), robot='panda', holds_itself=PASSED),
     'kinova_gen3.yaml': Driver(
         (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN), holds_itself=TWICE),
     'xarm.yaml': Driver(numbered('joint', 7), (NAN,) * 7, robot='xarm7'),

@@ -10,7 +10,7 @@ from page_commands import files_and_commands, printed_by, run_all, write_files
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
 DATA_SHEET_LEAVES = (4.1, 1.8)
-"""[N m] that the last program of the page prints where the node has the data sheet for a model."""
+"""[N·m] that the last program of the page prints where the node has the data sheet for a model."""
 
 
 def relative_residuals(out: str) -> list[float]:

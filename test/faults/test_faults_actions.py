@@ -100,7 +100,7 @@ def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
     check_return(bench)
 
 
-@fault(GROUP, f'{SILENCE} while the command is 150 N m; `hold_gravity_then_ramp`',
+@fault(GROUP, f'{SILENCE} while the command is 150 N·m; `hold_gravity_then_ramp`',
        'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
 def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
     bench.check_alive()

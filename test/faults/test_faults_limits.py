@@ -21,7 +21,7 @@ GROUP = 'Limits'
 LOWER, UPPER = -1.0, 1.0
 """Position limits of both joints [rad]."""
 EFFORT = 150.0, 60.0
-"""Effort limits [N m]."""
+"""Effort limits [N·m]."""
 AWAY = 0.5
 """Position error [rad] for which stiff gains request more than the effort limit."""
 STIFF = {'gains.kp': [1e4], 'gains.kd': [20.0]}
@@ -231,7 +231,7 @@ def test_a_limit_that_falls(bench: FaultBench) -> None:
     check_rate(bench.efforts)
 
 
-@fault(GROUP, '`effort_rate_limit` of 100 N m/s, and a set-point 0.2 rad away',
+@fault(GROUP, '`effort_rate_limit` of 100 N·m/s, and a set-point 0.2 rad away',
        'the command changes within that limit')
 def test_a_slower_rate(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.set_parameters(effort_rate_limit=100.0, **STIFF)

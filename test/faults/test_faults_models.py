@@ -54,7 +54,7 @@ def arm_of(mass: float) -> str:
 
 
 def hold_of(xml: str) -> list[float]:
-    """Return g(q) [N m] of an arm at the position that the driver publishes."""
+    """Return g(q) [N·m] of an arm at the position that the driver publishes."""
     return [float(effort) for effort in ArmDynamics(load_arm(xml)).rigid_body.gravity(np.array(Q))]
 
 

@@ -34,7 +34,7 @@ MASS = 5.0
 SHOULDER = 1.0 * np.sin(Q[0]), 0.8 * np.sin(Q[0] + Q[1])
 """Horizontal distance of the elbow from the shoulder, and of the tip from the elbow [m]."""
 LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
-"""g(q) with this mass at the tip [N m]; q = 0 is upright."""
+"""g(q) with this mass at the tip [N·m]; q = 0 is upright."""
 BENCH = {'parameters': NO_STREAM}
 
 
@@ -65,7 +65,7 @@ def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> Non
     wait_until(
         lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
     check_rate(bench.efforts)
-    seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N m')
+    seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N·m')
     bench.check_alive()
 
 

@@ -27,12 +27,12 @@ REFUSED = 'rejected with one error that names the reason; the active reference c
 NAN = float('nan')
 GOAL = [Q[0] + 0.01, Q[1] - 0.02]
 M = np.array([[6.95846097, 1.56923048], [1.56923048, 0.53]])
-"""M(q) of the default arm at `Q` [kg m^2]."""
+"""M(q) of the default arm at `Q` [kg·m²]."""
 LIMITED = default_arm_urdf().replace('continuous', 'revolute').replace(
     '<limit ', '<limit lower="-2.0" upper="2.5" ')
 """The default arm with position limits."""
 TORQUE = M @ (20.0**2 * np.subtract(GOAL, Q)) + G
-"""Computed torque of the default gains for `GOAL`, at rest at `Q` [N m]."""
+"""Computed torque of the default gains for `GOAL`, at rest at `Q` [N·m]."""
 # Without `scale_gains` the torque does not depend on the rate of states, and so on the load.
 BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False, 'robot_description': LIMITED}}
 

@@ -36,9 +36,9 @@ NAMES = ['joint1', 'joint2']
 # ------------------------------------------------------------------ the drives of simulated_arm
 
 
-@fault(GROUP, '`simulated_arm` receives 5,000 N m on a joint with an effort limit of 60 N m',
-       '60 N m act on the arm and are reported; a warning names joint, value, limit and '
-       '`clip_efforts`; with `clip_efforts: false` 5,000 N m act')
+@fault(GROUP, '`simulated_arm` receives 5,000 N·m on a joint with an effort limit of 60 N·m',
+       '60 N·m act on the arm and are reported; a warning names joint, value, limit and '
+       '`clip_efforts`; with `clip_efforts: false` 5,000 N·m act')
 def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
     parameters = {'lock_step': True, 'rate': 500.0}
     with NodeProcess(
@@ -59,7 +59,7 @@ def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
         assert list(clipped.effort) == [1.0, -60.0]
         assert np.isfinite(clipped.position).all()
         line = node.wait_for_log("Clipped the effort of 'joint2'")
-        assert 'received -5000 N m, its effort limit is 60 N m (clip_efforts)' in line
+        assert 'received -5000 N·m, its effort limit is 60 N·m (clip_efforts)' in line
         result, = client.set_parameters('/clips/simulated_arm', {'clip_efforts': False})
         assert result.successful, result.reason
         assert list(answer([0.0, 5000.0]).effort) == [0.0, 5000.0]

@@ -28,7 +28,7 @@ NEVER = {'reference_timeout': 60.0}
 """`reference_timeout` during a stream, longer than any pause on a loaded machine."""
 GOAL = [Q[0] + 0.01, Q[1]]
 LIMITS = 150.0, 60.0
-"""Effort limits of the default arm [N m]."""
+"""Effort limits of the default arm [N·m]."""
 BENCH = {'parameters': NEVER}
 
 
@@ -142,7 +142,7 @@ def test_states_without_velocities(bench: FaultBench) -> None:
 JUMPS = (
     ('a set-point 2 rad away', {'q': [Q[0] + 2.0, Q[1] - 2.0]}),
     ('a set-point at the velocity limit', {'q': Q, 'velocities': [10.0, -10.0]}),
-    ('a set-point with an acceleration of 1e9 rad/s^2', {
+    ('a set-point with an acceleration of 1e9 rad/s²', {
         'q': Q, 'velocities': [0.0, 0.0], 'accelerations': [-1e9, 1e9]}))
 
 
@@ -183,7 +183,7 @@ def test_a_stream_of_set_points_that_jump(
     efforts = np.array([message.effort for message in messages])
     assert (np.abs(efforts) <= LIMITS).all()
     check_rate(bench.efforts)
-    seen(f'commands of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N m')
+    seen(f'commands of joint1 between {efforts[:, 0].min():.0f} and {efforts[:, 0].max():.0f} N·m')
     rest(bench)
 
 

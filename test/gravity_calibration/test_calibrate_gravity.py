@@ -78,7 +78,7 @@ def test_a_weight_gives_the_drives_of_the_arm(
     assert simulated['effort.scale'] == [0.8, 1.25]
     printed, errors = capsys.readouterr()
     assert errors == ''
-    assert 'Verdict: 2 good, of 2 joints.' in printed
+    assert 'Verdict on 2 joints: 2 good.' in printed
     assert 'tool: 16 holds, 8 poses approached from both sides' in printed
     assert 'ros2 dynamics payload tool0 1.5 --com 0.0300 0.0000 0.1000' in printed
     page = (tmp_path / 'calibrated.html').read_text(encoding='utf-8')

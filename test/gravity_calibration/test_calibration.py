@@ -6,13 +6,14 @@
 from dataclasses import replace
 
 from calibration_bench import arm_of, exact_drives, load_on, poses_of, TOOL_LINKS
+from identification_bench import changed_arm, with_inertial_parameters
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.gravity_calibration.calibration import calibrate_holds, ScaleReference
 from robot_dynamics.gravity_calibration.gravity_model import (
+    gravity_parameters,
     gravity_regressor,
-    gravity_torque,
     link_columns,
 )
 from robot_dynamics.gravity_calibration.scale_fit import (
@@ -22,7 +23,9 @@ from robot_dynamics.gravity_calibration.scale_fit import (
 )
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 EXACT = 1e-9
@@ -50,16 +53,20 @@ def assert_same_tool(found, tool) -> None:
     np.testing.assert_allclose(found.tool.values[seen], truth[seen], rtol=0.0, atol=EXACT)
 
 
-def test_a_known_weight_gives_exact_scales_offsets_and_tool(name: str) -> None:
+@pytest.mark.parametrize('given', [None, 1.5])
+def test_a_known_weight_gives_exact_scales_offsets_and_tool(
+    name: str, given: float | None,
+) -> None:
     arm = arm_of(name)
     drives, q = exact_drives(arm), poses_of(arm)
     tool, weight = load_on(name, 1.5), load_on(name, 2.0, (0.1, 0.0, 0.05))
     found = calibrate_holds(
         arm, drives.holds(q, arm.with_payloads([tool])),
-        drives.holds(q, arm.with_payloads([tool, weight])), weight, Tool(tool.link))
+        drives.holds(q, arm.with_payloads([tool, weight])), weight, Tool(tool.link, given))
     assert found.reference is ScaleReference.WEIGHT
     assert_exact(found, drives)
     assert_same_tool(found, tool)
+    assert (found.tool.deviations[0] == 0.0) == (given is not None)
 
 
 def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
@@ -73,31 +80,12 @@ def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
     assert found.tool.deviations[0] == 0.0
 
 
-def test_a_known_weight_and_a_known_tool(name: str) -> None:
-    arm = arm_of(name)
-    drives, q = exact_drives(arm), poses_of(arm)
-    tool, weight = load_on(name, 1.5), load_on(name, 2.0, (0.1, 0.0, 0.05))
-    found = calibrate_holds(
-        arm, drives.holds(q, arm.with_payloads([tool])),
-        drives.holds(q, arm.with_payloads([tool, weight])), weight, Tool(tool.link, 1.5))
-    assert_same_tool(found, tool)
-    assert found.tool.deviations[0] == 0.0
-
-
-def scaled_masses(arm, factor: float):
-    """Return the arm with all masses and inertias multiplied."""
-    model = arm.pinocchio_model.copy()
-    for i in range(1, model.njoints):
-        model.inertias[i] = type(model.inertias[i]).FromDynamicParameters(
-            factor * model.inertias[i].toDynamicParameters())
-    return replace(arm, pinocchio_model=model, unloaded_model=model)
-
-
 def test_without_a_reference_scale_and_mass_are_confounded() -> None:
     """All masses that are 1.1 times those of the URDF divide the scales by 1.1, exactly."""
     arm = arm_of('xarm7')
     drives = exact_drives(arm)
-    found = calibrate_holds(arm, drives.holds(poses_of(arm), scaled_masses(arm, 1.1)))
+    heavier = with_inertial_parameters(arm, 1.1 * inertial_parameters(arm))
+    found = calibrate_holds(arm, drives.holds(poses_of(arm), heavier))
     assert found.reference is ScaleReference.URDF
     assert_exact(found, replace(drives, scale=drives.scale / 1.1))
 
@@ -105,14 +93,9 @@ def test_without_a_reference_scale_and_mass_are_confounded() -> None:
 def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf() -> None:
     arm = arm_of('xarm7')
     drives, q, weight = exact_drives(arm), poses_of(arm), load_on('xarm7', 2.0, (0.1, 0.0, 0.05))
-    rng = np.random.default_rng(3)
-    model = arm.pinocchio_model.copy()
-    for i in range(1, model.njoints):
-        model.inertias[i].mass *= rng.uniform(0.5, 2.0)
-        model.inertias[i].lever += rng.normal(scale=0.05, size=3)
-    wrong = replace(arm, pinocchio_model=model, unloaded_model=model)
     found = calibrate_holds(
-        wrong, drives.holds(q, arm), drives.holds(q, arm.with_payloads([weight])), weight)
+        changed_arm(arm, 0.3), drives.holds(q), drives.holds(q, arm.with_payloads([weight])),
+        weight)
     assert_exact(found, drives)
 
 
@@ -175,11 +158,9 @@ def test_the_jacobian_is_the_derivative_of_the_model() -> None:
 def test_the_regressor_gives_gravity_and_the_load_of_a_link(name: str) -> None:
     arm, load = arm_of(name), load_on(name, 1.5)
     q = poses_of(arm, 8)
-    phi = np.concatenate([
-        inertia.toDynamicParameters()[:4] for inertia in list(arm.pinocchio_model.inertias)[1:]])
-    Y, T = gravity_regressor(arm, q), link_columns(arm, load.link)
-    np.testing.assert_allclose(Y @ phi, gravity_torque(arm, q), atol=1e-10)
-    with_load = gravity_torque(arm.with_payloads([load]), q)
+    Y, T, phi = gravity_regressor(arm, q), link_columns(arm, load.link), gravity_parameters(arm)
+    np.testing.assert_allclose(Y @ phi, RigidBody(arm).gravity_batch(q), atol=1e-10)
+    with_load = RigidBody(arm.with_payloads([load])).gravity_batch(q)
     np.testing.assert_allclose(
         Y @ (phi + T @ np.array([1.5, *(1.5 * load.com)])), with_load, atol=1e-10)
 

@@ -7,12 +7,12 @@ from calibration_bench import arm_of, poses_of, TOOL_LINKS
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.gravity_model import gravity_torque
 from robot_dynamics.gravity_calibration.poses import (
     approach_distance,
     EFFORT_FRACTION,
     select_poses,
 )
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
 
 
@@ -25,7 +25,7 @@ def test_poses_and_their_approaches_are_within_the_limits(name: str) -> None:
     delta = approach_distance(arm)
     assert (poses.positions - delta > arm.limits.lower).all()
     assert (poses.positions + delta < arm.limits.upper).all()
-    np.testing.assert_allclose(poses.gravity, gravity_torque(arm, poses.positions))
+    np.testing.assert_allclose(poses.gravity, RigidBody(arm).gravity_batch(poses.positions))
     assert (abs(poses.gravity) <= EFFORT_FRACTION * arm.limits.effort).all()
 
 
@@ -43,7 +43,7 @@ def test_selected_poses_are_more_informative_than_random_ones() -> None:
     rng = np.random.default_rng(1)
     q = rng.uniform(np.maximum(arm.limits.lower, -3.0), np.minimum(arm.limits.upper, 3.0), (
         50, 10, 7))
-    random = [np.log(gravity_torque(arm, each)[:, 1:].var(axis=0)).sum() for each in q]
+    random = [np.log(RigidBody(arm).gravity_batch(each)[:, 1:].var(axis=0)).sum() for each in q]
     assert spread > max(random)
 
 

@@ -12,6 +12,8 @@ from identification_bench import (
     one_way,
     recorded,
     rigid_effort,
+    series_of,
+    States,
 )
 import numpy as np
 import pytest
@@ -21,13 +23,8 @@ from robot_dynamics.identification.friction_regressor import INERTIA
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.identification.steps import evaluate_motion
-from robot_dynamics.identification.summary import (
-    bounds_by_joint,
-    not_separable,
-    warnings,
-)
+from robot_dynamics.identification.summary import bounds_by_joint, not_separable, warnings
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.recordings.reader import JointSeries
 from robot_dynamics.reporting.text_table import percent
 from robots import robot_urdf
 from scipy.signal import butter, sosfilt
@@ -44,8 +41,9 @@ def imperfect_effort(arm, states, seed):
     return effort * (1.0 + MODEL_ERROR * np.sin(3.0 * states.q))
 
 
-def noisy(arm, states, effort, seed):
-    return recorded(arm, states, effort, 0.02 * np.sqrt(np.mean(effort**2, axis=0)), seed)
+def noisy(arm, states, effort, seed, **options):
+    noise = 0.02 * np.sqrt(np.mean(effort**2, axis=0))
+    return recorded(arm, states, effort, noise, seed, **options)
 
 
 # --- one direction of motion ---------------------------------------------------------------------
@@ -158,10 +156,9 @@ def fast_recording(seed):
     for joint in (4, 6):
         noise = sosfilt(sections, rng.normal(size=len(effort)))
         velocity[:, joint] = states.v[:, joint] + 2e-4 * noise / noise.std()
-    return JointSeries(
-        PANDA.joint_names, np.asarray(np.round(states.times * 1e9), dtype=np.int64),
-        states.q + 1e-6 * rng.normal(size=effort.shape), velocity,
-        effort + 2.0 * rng.normal(size=effort.shape), 0)
+    q = states.q + 1e-6 * rng.normal(size=effort.shape)
+    return series_of(
+        PANDA, states._replace(q=q, v=velocity), effort + 2.0 * rng.normal(size=effort.shape))
 
 
 @pytest.mark.parametrize(('cutoff', 'factor'), [
@@ -181,14 +178,14 @@ def test_the_cutoff_of_a_short_motion_at_1_khz(seed, cutoff, factor):
 
 def test_ten_short_recordings_are_pooled():
     """Each has fewer samples than the six blocks of a long one; the arm is off by 20 %."""
-    states = [fourier_motion(UR5, 100.0, 40.0, 3)]
-    rows = [slice(400 * i, 400 * i + 200) for i in range(10)]
-    effort = rigid_effort(changed_arm(UR5, 0.2, 3), states[0]) + lugre_friction(states[0], 3)
-    motions = [filter_motion(JointSeries(
-        UR5.joint_names, np.round(1e9 * states[0].times[part]).astype(np.int64),
-        states[0].q[part], states[0].v[part],
-        effort[part] + 0.05 * np.random.default_rng(i).normal(size=effort[part].shape), 0), 5.0)
-        for i, part in enumerate(rows)]
+    states = fourier_motion(UR5, 100.0, 40.0, 3)
+    effort = rigid_effort(changed_arm(UR5, 0.2, 3), states) + lugre_friction(states, 3)
+    motions = []
+    for i in range(10):
+        part = slice(400 * i, 400 * i + 200)
+        noise = 0.05 * np.random.default_rng(i).normal(size=effort[part].shape)
+        motions.append(filter_motion(series_of(
+            UR5, States(*(each[part] for each in states)), effort[part] + noise), 5.0))
     with pytest.raises(InvalidInputError, match=r'have \d+ samples for training together'):
         identify(UR5, motions[:1])
     tests = identify(UR5, motions).tests
@@ -199,10 +196,8 @@ def test_ten_short_recordings_are_pooled():
 
 def test_a_recording_at_30_hz():
     states = moves_with_pauses(UR5, 30.0, 60.0, 4)
-    effort = imperfect_effort(UR5, states, 4)
-    found = identify(UR5, [recorded(
-        UR5, states, effort, 0.02 * np.sqrt(np.mean(effort**2, axis=0)), 4, quantum=1e-3,
-        has_velocity=False)])
-    tests = found.tests
+    tests = identify(UR5, [noisy(
+        UR5, states, imperfect_effort(UR5, states, 4), 4, quantum=1e-3,
+        has_velocity=False)]).tests
     assert tests['consistent'].relative().mean() < 0.6 * tests['urdf'].relative().mean()
     assert (tests['consistent'].relative() < tests['urdf'].relative()).all()

@@ -5,11 +5,18 @@
 
 from identification_bench import (
     changed_arm,
+    F_A,
+    F_B,
+    F_V,
     fourier_motion,
     lugre_friction,
     moves_with_pauses,
     recorded,
     rigid_effort,
+    ROTORS,
+    series_of,
+    smooth_friction,
+    WIDTH,
 )
 import numpy as np
 import pytest
@@ -36,19 +43,11 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.pseudo_inertia import is_consistent
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recordings.reader import JointSeries
 from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())
 BASE, PRIOR = base_parameters_of(ARM), prior_of(ARM)
-ROTORS = np.array([0.3, 0.1])
-F_V, F_A, F_B = np.array([1.0, 0.5]), np.array([2.0, 1.0]), np.array([0.2, -0.1])
-SIGMOID = structure('sigmoid 0.1')
-WIDTH = 0.1
-
-
-def smooth_friction(v):
-    return F_V * v + F_A * np.tanh(v / WIDTH) + F_B
+SIGMOID = structure(f'sigmoid {WIDTH}')
 
 
 def true_values(arm):
@@ -307,9 +306,7 @@ def test_outliers_weigh_less():
 
 
 def test_without_effort_there_is_nothing_to_identify():
-    states = fourier_motion(ARM, 100.0, 20.0)
-    stamps = np.asarray(np.round(states.times * 1e9), dtype=np.int64)
-    motion = filter_motion(JointSeries(ARM.joint_names, stamps, states.q, states.v, None, 0))
+    motion = filter_motion(series_of(ARM, fourier_motion(ARM, 100.0, 20.0), None))
     with pytest.raises(RecordingError, match='has no effort'):
         identify(ARM, [motion])
 

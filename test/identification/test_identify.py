@@ -15,7 +15,7 @@ from children import LONG
 from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
-from recordings import KnownMotion, START_NS, write_recording
+from recordings import encoded, KnownMotion, START_NS, write_recording
 from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -24,7 +24,6 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
 from robot_dynamics.tools.identify import main
@@ -52,8 +51,8 @@ def record(path, seed=0, gain=1.0, duration=16.0, off=0.15, arm=ARM, loads=()):
         0.5 * states.v + np.tanh(states.v / 0.1))
     effort += 0.1 * np.random.default_rng(seed).normal(size=effort.shape)
     stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
-    data = joint_state_messages(stamps, arm.joint_names, states.q, states.v, effort / gain)
-    return write_recording(path, list(zip(stamps.tolist(), data)))
+    return write_recording(
+        path, encoded(stamps, arm.joint_names, states.q, states.v, effort / gain))
 
 
 @pytest.fixture(scope='module')
@@ -68,13 +67,23 @@ def output(tmp_path_factory, urdf):
     """Return the directory of an identification from one recording."""
     folder = tmp_path_factory.mktemp('identify')
     record(folder / 'bag')
-    assert main([str(folder / 'bag'), '--urdf', str(urdf), '--output', str(folder / 'out')]) \
-        == DONE
+    assert run(folder, urdf) == DONE
     return folder / 'out'
 
 
+def run(folder, urdf, *options, bags=('bag',)):
+    """Identify from recordings in a folder, into its folder `out`; return the exit status."""
+    return main([*(str(folder / bag) for bag in bags), '--urdf', str(urdf), '--output',
+                 str(folder / 'out'), *options])
+
+
+def figures_of(folder):
+    """Return the figures that an identification wrote."""
+    return json.loads((folder / 'report.json').read_text())
+
+
 def test_the_files_fit_each_other(output):
-    figures = json.loads((output / 'report.json').read_text())
+    figures = figures_of(output)
     arm = arm_from_parameters(
         (output / 'identified.urdf').read_text(),
         read_parameter_file(output / 'identified.yaml'))
@@ -115,7 +124,7 @@ def test_the_report_needs_no_other_file(output):
 def test_the_report_begins_with_the_verdict_and_the_links_with_their_masses(output, urdf):
     page = ReportPage((output / 'report.html').read_text())
     places = [page.text.index(words) for words in (
-        'Verdict: 2 good, of 2 joints.', 'use identified.yaml', str(urdf), 'command identify',
+        'Verdict on 2 joints: 2 good.', 'use identified.yaml', str(urdf), 'command identify',
         'mass before [kg]')]
     assert places == sorted(places)
     before, after = (inertial_parameters(load_arm(text)).reshape(-1, 10)[:, 0] for text in (
@@ -181,24 +190,21 @@ def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf)
     """Exact effort of the hanging arm: its position within ±π steps by whole revolutions."""
     motion = KnownMotion(seconds=16.0, rest=(np.pi, 0.0))
     write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
-    assert main([
-        str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) == DONE
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert run(tmp_path, urdf) == DONE
+    figures = figures_of(tmp_path / 'out')
     for model in ('urdf', 'base', 'consistent'):
         assert max(figures['residual'][model]['test']) < 5e-3
 
 
 def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, capsys):
     record(tmp_path / 'bag')
-    call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
-    assert main([*call, '--train-fraction', '1.0']) == DONE
+    assert run(tmp_path, urdf, '--train-fraction', '1.0') == DONE
     printed = capsys.readouterr().out
     assert 'Residual on the cross-validation folds, RMS relative to the effort:' in printed
     assert 'none for the test' in printed
     for text in (printed, (tmp_path / 'out' / 'identified.yaml').read_text()):
         assert 'nan' not in text
-    one, other = (json.loads((path / 'report.json').read_text())
-                  for path in (output, tmp_path / 'out'))
+    one, other = map(figures_of, (output, tmp_path / 'out'))
     assert other['is_cross_validated']
     assert not one['is_cross_validated']
     for figure in ('test', 'test_by_sample'):
@@ -213,12 +219,11 @@ def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, c
 
 def test_the_samples_of_the_test_part_are_exported(tmp_path, urdf):
     record(tmp_path / 'bag')
-    call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
-    assert main([*call, '--samples']) == DONE
+    assert run(tmp_path, urdf, '--samples') == DONE
     path = tmp_path / 'out' / 'test_samples_bag.csv'
     columns = path.read_text().splitlines()[0].split(',')
     values = dict(zip(columns, np.loadtxt(path, delimiter=',', skiprows=1).T))
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    figures = figures_of(tmp_path / 'out')
     assert len(values['time [s]']) == figures['samples']['test'] == 640
     assert values['time [s]'][0] == pytest.approx(9.6, abs=0.011)
     for j, name in enumerate(ARM.joint_names):
@@ -245,21 +250,18 @@ def test_every_blas_kernel_makes_the_same_choices(tmp_path, urdf):
 
 
 def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
+    (tmp_path / 'bags').mkdir()
     for seed in range(3):
-        record(tmp_path / 'bags' / f'bag{seed}', seed) if seed else (
-            (tmp_path / 'bags').mkdir(), record(tmp_path / 'bags' / 'bag0'))
-    broken = tmp_path / 'bags' / 'bag9.mcap'
-    broken.write_bytes(b'nothing')
-    call = [str(tmp_path / 'bags'), '--urdf', str(urdf), '--output', str(tmp_path / 'out'),
-            '--jobs', '1']
-    assert main(call) == FAILED
+        record(tmp_path / 'bags' / f'bag{seed}', seed)
+    (tmp_path / 'bags' / 'bag9.mcap').write_bytes(b'nothing')
+    assert run(tmp_path, urdf, '--jobs', '1', bags=['bags']) == FAILED
     said = capsys.readouterr()
     assert '2880 for training' in said.out
     assert 'recordings that could not be used: 1' in said.err
     assert 'bag9' in said.err
-    figures = (tmp_path / 'out' / 'report.json').read_text()
-    assert main(call) == FAILED  # and again from the cached results
-    assert (tmp_path / 'out' / 'report.json').read_text() == figures
+    figures = figures_of(tmp_path / 'out')
+    assert run(tmp_path, urdf, '--jobs', '1', bags=['bags']) == FAILED  # from cached results
+    assert figures_of(tmp_path / 'out') == figures
 
 
 @pytest.mark.soak
@@ -275,8 +277,7 @@ def test_processes_and_a_dask_cluster_give_the_same(tmp_path, urdf):
             host='127.0.0.1') as cluster:
         assert main([
             *call, str(tmp_path / 'dask'), '--dask', cluster.scheduler_address]) == DONE
-    one, other = (json.loads((tmp_path / name / 'report.json').read_text())
-                  for name in ('one', 'dask'))
+    one, other = (figures_of(tmp_path / name) for name in ('one', 'dask'))
     assert one['samples'] == other['samples']
     assert np.array(one['residual']['base']['test']) == pytest.approx(
         np.array(other['residual']['base']['test']), rel=1e-6)
@@ -286,21 +287,19 @@ def test_processes_and_a_dask_cluster_give_the_same(tmp_path, urdf):
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
     record(tmp_path / 'bag', gain=8.0, duration=20.0, off=0.0)
-    call = [str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]
-    assert main(call) == DONE
+    assert run(tmp_path, urdf) == DONE
     assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
     written = (tmp_path / 'out' / 'identified.yaml').read_bytes()
-    assert main([*call, '--effort', 'current']) == MISTAKE
+    assert run(tmp_path, urdf, '--effort', 'current') == MISTAKE
     assert "identified.urdf' exists and is not of the same command" in capsys.readouterr().err
     assert (tmp_path / 'out' / 'identified.yaml').read_bytes() == written
-    assert main([*call, '--effort', 'current', '--force']) == DONE
+    assert run(tmp_path, urdf, '--effort', 'current', '--force') == DONE
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['measured_effort'] == 'motor_current'
     assert 'confounded with the masses of the URDF' in capsys.readouterr().out
     # the masses of the URDF are the reference, and they are correct here
     assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert max(figures['residual']['consistent']['test']) < 0.05
+    assert max(figures_of(tmp_path / 'out')['residual']['consistent']['test']) < 0.05
 
 
 def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
@@ -308,15 +307,12 @@ def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
     load = make_payload('link2', 3.0, (0.0, 0.0, 0.6))
     record(tmp_path / 'bare', 0, gain=8.0, duration=20.0)
     record(tmp_path / 'loaded', 1, gain=8.0, duration=20.0, loads=[load])
-    assert main([
-        str(tmp_path / 'bare'), str(tmp_path / 'loaded'), '--urdf', str(urdf), '--output',
-        str(tmp_path / 'out'), '--jobs', '1', '--effort', 'current',
-        '--payload', 'loaded:link2=3,0,0,0.6']) == DONE
+    assert run(tmp_path, urdf, '--jobs', '1', '--effort', 'current', '--payload',
+               'loaded:link2=3,0,0,0.6', bags=['bare', 'loaded']) == DONE
     assert 'confounded' not in capsys.readouterr().out
     values = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
     assert values['actuator.torque_constant'] == pytest.approx([8.0, 8.0], rel=0.02)
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
-    assert max(figures['residual']['consistent']['test']) < 0.05
+    assert max(figures_of(tmp_path / 'out')['residual']['consistent']['test']) < 0.05
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
@@ -359,9 +355,8 @@ def test_an_arm_with_six_joints(tmp_path):
     record(tmp_path / 'bag', arm=load_arm(robot_urdf('ur10')))
     urdf = tmp_path / 'ur10.urdf'
     urdf.write_text(robot_urdf('ur10'))
-    assert main([str(tmp_path / 'bag'), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) \
-        == DONE
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert run(tmp_path, urdf) == DONE
+    figures = figures_of(tmp_path / 'out')
     assert figures['samples'] == {'train': 960, 'test': 640}
     residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
     for name in ('base', 'consistent'):
@@ -373,8 +368,8 @@ def test_a_real_ur10(tmp_path, capsys):
         pytest.skip(f'the recording of a real UR10 is not at {UR10}')
     urdf = tmp_path / 'ur10.urdf'
     urdf.write_text(robot_urdf('ur10'))
-    assert main([str(UR10), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) == DONE
-    figures = json.loads((tmp_path / 'out' / 'report.json').read_text())
+    assert run(tmp_path, urdf, bags=[UR10]) == DONE
+    figures = figures_of(tmp_path / 'out')
     assert figures['cutoff_hz'] == [pytest.approx(5.0, rel=0.02)]
     with Recording(UR10) as recording:
         samples = recording.topic('/joint_states').message_count

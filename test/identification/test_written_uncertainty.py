@@ -3,7 +3,14 @@
 
 """The covariance that `identify` writes: deviations of efforts that agree with their errors."""
 
-from identification_bench import changed_arm, fourier_motion, recorded, rigid_effort
+from identification_bench import (
+    changed_arm,
+    fourier_motion,
+    recorded,
+    rigid_effort,
+    ROTORS,
+    smooth_friction,
+)
 import numpy as np
 import pytest
 from robot_dynamics.identification.identified_arm import (
@@ -23,15 +30,12 @@ from robots import robot_urdf
 
 ARM = load_arm(default_arm_urdf())
 TRUE = changed_arm(ARM, 0.3)
-ROTORS = np.array([0.3, 0.1])
 NOISE = np.array([1.0, 0.5])
 SEEDS = 8
 
 
 def effort_of(states):
-    v = states.v
-    friction = np.array([1.0, 0.5]) * v + np.array([2.0, 1.0]) * np.tanh(v / 0.1) + (0.2, -0.1)
-    return rigid_effort(TRUE, states, ROTORS) + friction
+    return rigid_effort(TRUE, states, ROTORS) + smooth_friction(states.v)
 
 
 def identified(seed, states, noise=NOISE):
@@ -96,22 +100,15 @@ def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):
 def test_what_is_not_excited_has_the_deviation_of_the_urdf():
     # joint2 is at rest: its inertia and friction are unknown, its gravity is not
     states = fourier_motion(ARM, 100.0, 30.0)
-    still = replace_joint(states, 1)
-    found, values = identified(0, still)
+    moves = np.array([1.0, 0.0])
+    found, values = identified(0, states._replace(
+        q=states.q * moves, v=states.v * moves, a=states.a * moves))
     arm = loaded(found, values)
     deviation = EffortDeviation(ArmDynamics(arm), arm.uncertainty)
     q = np.array([0.5, 0.0])
     rest, fast = (deviation(q, np.zeros(2), a) for a in (np.zeros(2), np.array([0.0, 5.0])))
     assert fast[1] > 10.0 * rest[1]
     assert np.isfinite(fast).all()
-
-
-def replace_joint(states, joint):
-    """Return the motion with one joint at rest at 0."""
-    held = {field: getattr(states, field).copy() for field in ('q', 'v', 'a')}
-    for each in held.values():
-        each[:, joint] = 0.0
-    return states._replace(**held)
 
 
 def test_the_base_parameters_are_those_of_any_direction_of_gravity():

@@ -74,7 +74,7 @@ def test_the_export_names_it(findings: dict[str, Any]) -> None:
 
 def test_the_nodes_have_its_parameters(findings: dict[str, Any]) -> None:
     declared = findings['declared']
-    assert declared['friction.peak'].startswith('Second Stribeck peak F_2 [N m] or [N]; one value')
+    assert declared['friction.peak'].startswith('Second Stribeck peak F_2 [N·m] or [N]; one value')
     assert declared['friction.peak_velocity'].endswith('If empty, 0.3.')
 
 

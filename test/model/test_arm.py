@@ -12,8 +12,8 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import arm_from_urdf, load_arm, MimicJoint
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import MIMIC, robot_urdf, ROBOTS
@@ -151,10 +151,6 @@ def test_friction_takes_the_power_that_it_takes_at_every_joint_of_the_tree():
         power = sum(
             damping[name] * speed[name]**2 + coulomb[name] * abs(speed[name]) for name in speed)
         assert arm.friction.effort(v) @ v == pytest.approx(power)
-
-
-def test_there_is_no_friction_at_rest():
-    npt.assert_array_equal(load_arm(arm_urdf()).friction.effort(np.zeros(3)), np.zeros(3))
 
 
 # --- gravity, links, immutability ----------------------------------------------------------------

@@ -78,9 +78,3 @@ def test_many_samples_are_the_single_ones(case, samples):
 def test_identity_and_permutation_are_recognized(G, q0, identity, permutation):
     x = JointCoordinates(G, np.array(q0, dtype=float))
     assert (x.is_identity, x.is_permutation) == (identity, permutation)
-
-
-def test_a_permutation_with_an_offset_still_moves_the_zero():
-    x = JointCoordinates(np.eye(2), np.array([0.0, 0.5]))
-    npt.assert_array_equal(x.position(np.array([1.0, 2.0])), [1.0, 2.5])
-    npt.assert_array_equal(x.rate(np.array([1.0, 2.0])), [1.0, 2.0])

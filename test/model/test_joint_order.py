@@ -162,25 +162,22 @@ def test_a_mimic_joint_may_be_off_by_its_tolerance_and_no_more():
             order.rate([1, 2, 3, -4 + far], 'velocity')
 
 
-def test_message_on_the_position_of_a_mimic_joint():
+@pytest.mark.parametrize(('call', 'message'), [
+    (lambda order: order.position([0.1, 0.2, 0.3, 0.4]),
+     "position of mimic joint 'double' is 0.4, but it follows 'knee' "
+     '(-2 × knee + 0.5 = 0.1), expected that value, or the joint left out'),
+    # a rate has no offset
+    (lambda order: order.rate([1, 2, 3, 4], 'acceleration'),
+     "acceleration of mimic joint 'double' is 4, but it follows 'knee' "
+     '(-2 × knee = -4), expected that value, or the joint left out'),
+    # the worst of the samples
+    (lambda order: order.positions([[0, 0, 0, 0.5], [0, 0.5, 0, 0.75], [0, 1, 0, -1.4]]),
+     "position of mimic joint 'double' is 0.75, but it follows 'knee' "
+     '(-2 × knee + 0.5 = -0.5), expected that value, or the joint left out'),
+])
+def test_message_on_a_mimic_joint(call, message):
     order = JointOrder(ARM, (*JOINTS, 'double'))
-    assert refusal(lambda: order.position([0.1, 0.2, 0.3, 0.4])) == (
-        "position of mimic joint 'double' is 0.4, but it follows 'knee' "
-        '(-2 × knee + 0.5 = 0.1), expected that value, or the joint left out')
-
-
-def test_message_on_the_rate_of_a_mimic_joint_knows_no_offset():
-    order = JointOrder(ARM, (*JOINTS, 'double'))
-    assert refusal(lambda: order.rate([1, 2, 3, 4], 'acceleration')) == (
-        "acceleration of mimic joint 'double' is 4, but it follows 'knee' "
-        '(-2 × knee = -4), expected that value, or the joint left out')
-
-
-def test_message_on_samples_gives_the_worst_of_them():
-    order = JointOrder(ARM, (*JOINTS, 'double'))
-    rows = [[0, 0, 0, 0.5], [0, 0.5, 0, 0.75], [0, 1, 0, -1.4]]
-    assert "'double' is 0.75, but it follows 'knee' (-2 × knee + 0.5 = -0.5)" in refusal(
-        lambda: order.positions(rows))
+    assert refusal(lambda: call(order)) == message
 
 
 # --- rejections ----------------------------------------------------------------------------------

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.payload import make_payload, with_payload_on
+from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.payload_check import (
     check_payloads,
     HELD_FRACTION,
@@ -20,7 +21,6 @@ from robot_dynamics.model.payload_check import (
     reach,
     REACH_MULTIPLE,
 )
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import ARMS, robot_urdf
 
@@ -141,13 +141,3 @@ def test_arms_carry_a_kilogram_at_most_a_reach_away(name: str) -> None:
     most = holdable_mass(arm, make_payload(link, 1.0))
     assert most > 0.1
     check_payloads(arm, [make_payload(link, min(0.5 * most, 1.0))])
-
-
-def test_loads_are_kept_by_link() -> None:
-    one, other, third = (make_payload(*x) for x in (('a', 1.0), ('b', 2.0), ('a', 3.0)))
-    assert with_payload_on((), 'a', one) == (one,)
-    assert with_payload_on((one,), 'b', other) == (one, other)
-    assert with_payload_on((one, other), 'a', third) == (other, third)
-    assert with_payload_on((one, other), 'a', None) == (other,)
-    assert with_payload_on((one, other), 'c', None) == (one, other)
-    assert with_payload_on((one, other), '', None) == ()

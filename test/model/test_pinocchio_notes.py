@@ -12,7 +12,7 @@ import pinocchio
 import pytest
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.rigid_body import RigidBody
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
 
 PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'pinocchio_notes.md'

@@ -3,7 +3,6 @@
 
 """The torque regressor and inverse dynamics, base parameters, and exact merging."""
 
-from identification_bench import with_inertial_parameters
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
@@ -11,6 +10,7 @@ from robot_dynamics.identification.joint_excitation import JointExcitation
 from robot_dynamics.identification.pipeline import base_parameters_of
 from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.regressor import (
     body_names,
@@ -19,7 +19,6 @@ from robot_dynamics.model.regressor import (
     random_states,
     TorqueRegressor,
 )
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
@@ -33,16 +32,6 @@ def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
     expected = RigidBody(arm).inverse_dynamics_batch(q, v, a)
     assert Y @ inertial_parameters(arm) == pytest.approx(
         expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
-
-
-def test_parameters_make_an_arm_and_come_back():
-    arm = load_arm(robot_urdf('ur10'))
-    phi = 1.3 * inertial_parameters(arm)
-    changed = with_inertial_parameters(arm, phi)
-    assert inertial_parameters(changed) == pytest.approx(phi, rel=1e-9, abs=1e-12)
-    q, v, a = random_states(arm, 3)
-    assert RigidBody(changed).inverse_dynamics_batch(q, v, a) == pytest.approx(
-        1.3 * RigidBody(arm).inverse_dynamics_batch(q, v, a), rel=1e-9, abs=1e-9)
 
 
 def test_bodies_are_named_after_the_links_that_move():

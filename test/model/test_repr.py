@@ -11,9 +11,8 @@ from recordings import KnownMotion, write_recording
 from robot_dynamics.control.controller import Controller, ControllerOptions
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.simulation.arm_simulation import ArmSimulation

@@ -221,6 +221,9 @@ def batch_is_the_single_ones(case):
     dynamics, n = ArmDynamics(case.arm), case.arm.joint_count
     q, v, a = case.rng.normal(0, 2, (3, 5, n))
     expected = np.array([dynamics.inverse_dynamics(*state) for state in zip(q, v, a)])
+    npt.assert_allclose(
+        dynamics.gravity_batch(q), [dynamics.gravity(row) for row in q], rtol=0,
+        atol=1e-11 * max(1.0, abs(expected).max()))
     for threads in (1, 2):
         batch = dynamics.inverse_dynamics_batch(q, v, a, threads)
         npt.assert_allclose(batch, expected, rtol=0, atol=1e-11 * max(1.0, abs(expected).max()))

@@ -20,8 +20,8 @@ from random_trees import (
 )
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
 # --- locked joints -------------------------------------------------------------------------------
@@ -113,17 +113,12 @@ def test_results_are_new_and_inputs_are_left_alone(some_locked):
         npt.assert_array_equal(array, copy)
 
 
-def test_no_wrench_is_no_effort():
-    case = random_case(11)
-    npt.assert_array_equal(
-        case.body.external(case.q, ()), np.zeros(case.arm.joint_count))
-
-
-def test_a_wrench_at_the_base_link_is_borne_by_the_base():
+@pytest.mark.parametrize('wrenches', [
+    (), [ExternalWrench('link0', np.full(3, 50.0), np.full(3, 9.0))]])
+def test_no_wrench_and_a_wrench_on_the_base_are_no_effort(wrenches):
     case = random_case(12)
-    wrench = ExternalWrench('link0', np.full(3, 50.0), np.full(3, 9.0))
     npt.assert_array_equal(
-        case.body.external(case.q, [wrench]), np.zeros(case.arm.joint_count))
+        case.body.external(case.q, wrenches), np.zeros(case.arm.joint_count))
 
 
 def test_a_wrench_at_an_unknown_link_is_refused():

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from one_joint_arm import text_stl
 import pytest
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.density_check import check_densities
@@ -70,16 +71,10 @@ def test_densities_of_small_large_and_partly_known_links(mass, geometry, count):
 
 
 def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path: Path):
-    triangles = [[(0, 0, 0), (1, 0, 0), (0, 2, 0)], [(0, 0, 0), (0, 2, 0), (0, 0, 3)]]
-    facets = ''.join(
-        'facet normal 0 0 1\nouter loop\n' + ''.join(
-            f'vertex {x} {y} {z}\n' for x, y, z in triangle) + 'endloop\nendfacet\n'
-        for triangle in triangles)
-    (tmp_path / 'a.stl').write_text(f'solid a\n{facets}endsolid a\n', encoding='utf-8')
-    geometry = MESH  # scaled to 6 L
-    assert densities(23.9, geometry, meshes=MeshReader(tmp_path)) == []
-    assert len(densities(24.1, geometry, meshes=MeshReader(tmp_path))) == 1
-    assert densities(24.1, geometry) == []
+    (tmp_path / 'a.stl').write_bytes(text_stl())  # scaled to 6 L
+    assert densities(23.9, MESH, meshes=MeshReader(tmp_path)) == []
+    assert len(densities(24.1, MESH, meshes=MeshReader(tmp_path))) == 1
+    assert densities(24.1, MESH) == []
 
 
 @pytest.mark.parametrize('robot', ['panda', 'talos_left_arm', *(
@@ -88,7 +83,7 @@ def test_links_of_real_arms_have_plausible_densities_until_a_mass_is_wrong(robot
     path = robot_path(robot)
     urdf, meshes = path.read_text(encoding='utf-8'), MeshReader(path.parent)
     bodies = read_bodies(urdf, meshes)
-    assert check_densities(bodies) == []
+    assert not list(check_densities(bodies))
     judged = [body for body in bodies if body.mass and min(body.volumes, default=0.0) >= 1e-3]
     assert judged
     for factor in (1e-3, 1e2):

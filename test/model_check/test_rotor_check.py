@@ -35,8 +35,8 @@ def test_the_message_has_both_figures_and_their_ratio():
                 if f.check == 'rotors')
     assert (finding.level, finding.where) == ('warning', 'hinge')
     assert finding.message == (
-        "effort limit of joint 'hinge', 40 N m, divided by its smallest inertia M_jj, "
-        '0.01 kg m^2, is 4e+03 rad/s^2, expected at most 2500: no drive with a gearbox '
+        "effort limit of joint 'hinge', 40 N·m, divided by its smallest inertia M_jj, "
+        '0.01 kg·m², is 4e+03 rad/s², expected at most 2500: no drive with a gearbox '
         'accelerates so; set the reflected inertia of the rotor with actuator.reflected_inertia '
         '(data sheet, or ros2 run robot_dynamics identify)')
 

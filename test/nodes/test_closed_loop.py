@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -27,6 +28,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 RATE = 100.0
+BUSY = 0.5
+"""[s] that a busy machine delays a state in lock-step: ten times the default state_timeout."""
 
 
 def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
@@ -79,10 +82,11 @@ class Gate:
     """[ns], simulated time of the state at which the arm waits."""
 
     def __init__(
-        self, client: RosClient, namespace: str, has_velocity: bool = True,
+        self, client: RosClient, namespace: str, has_velocity: bool = True, busy_at: int = 0,
     ) -> None:
+        """Wait for BUSY [s] with the state of the stamp `busy_at` [ns]."""
         self._client, self._namespace = client, namespace
-        self._has_velocity = has_velocity
+        self._has_velocity, self._busy_at = has_velocity, busy_at
         self._passed: JointState | None = None
         self._is_open = False
         self._publisher = client.publisher(JointState, f'{namespace}/{self.TOPIC}')
@@ -93,6 +97,8 @@ class Gate:
         if self._is_open or stamp_from_ros(state.header.stamp) <= self.HELD_AT:
             if not self._has_velocity:
                 state.velocity = []
+            if stamp_from_ros(state.header.stamp) == self._busy_at:
+                time.sleep(BUSY)
             self._passed = state
             self._publisher.publish(state)
 
@@ -114,12 +120,12 @@ class Gate:
 @contextmanager
 def gated(
     client: RosClient, namespace: str, trajectory: JointTrajectory, stamp: float,
-    arm: Mapping[str, Any], has_velocity: bool = True, **parameters: Any,
+    arm: Mapping[str, Any], has_velocity: bool = True, busy_at: int = 0, **parameters: Any,
 ) -> Iterator[None]:
-    """Run both nodes along a trajectory that starts at a simulated time [s]."""
+    """Run both nodes along a trajectory that starts at a simulated time [s]; see `Gate`."""
     with NodeProcess(
             DYNAMICS, parameters, namespace=namespace, remaps={'joint_states': Gate.TOPIC}):
-        gate = Gate(client, namespace, has_velocity)
+        gate = Gate(client, namespace, has_velocity, busy_at)
         try:
             with simulated_arm(namespace, **arm):
                 gate.follow(trajectory, stamp)
@@ -221,14 +227,19 @@ def content(state: Any) -> bytes:
 
 
 def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
-    """Equal seeds give the same noisy motion along a trajectory, another seed another motion."""
+    """
+    Equal seeds give the same noisy motion along a trajectory, another seed another motion.
+
+    The second run is delayed in the middle of the motion.
+    """
     seeds = {'/repeat1': 7, '/repeat2': 7, '/repeat3': 8}
     path = quintic_point_to_point(NAMES, START, [0.2, 1.0], 1.0)
     recorded = []
     for namespace, seed in seeds.items():
         with client.collect(JointState, f'{namespace}/joint_states') as states, gated(
                 client, namespace, path, 0.5, {
-                    'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed}):
+                    'position_noise': 1e-4, 'velocity_noise': 1e-3, 'seed': seed},
+                busy_at=800_000_000 if namespace == '/repeat2' else 0, state_timeout=0.05):
             recorded.append([content(state) for state in until(states, 1.0)])
     first, again, other = recorded
     # an observer may miss a message; the states that both received have to be the same

@@ -58,6 +58,9 @@ AT_REST = 0.01
 SLOW, FROZEN_SLOW = 0.05, 0.3
 """[rad/s] 0.6 s after the disturbance: of all joints, and of a joint without a sensor."""
 TICK = PERIOD / NANOSECONDS
+LATE = 0.5
+"""[s] by which a motion in real time may be late: the node ends its command in real time."""
+ATTEMPTS_IN_REAL_TIME = 5
 
 
 class DisturbedArm:
@@ -91,6 +94,8 @@ class DisturbedArm:
         self._answer: Array | None = None
         self._news = threading.Condition()
         self._paced_from = time.monotonic() if paced else None
+        self.late = 0.0
+        """Time [s] by which the motion took longer than in real time."""
         self._references = client.collect(
             JointState, f'{namespace}/dynamics/reference')
         self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
@@ -154,6 +159,7 @@ class DisturbedArm:
                 time.sleep(ahead)
             else:
                 self._paced_from -= ahead
+                self.late -= ahead
 
     def _exchange(self) -> None:
         """Publish the state, and take the effort that answers it; repeat it if it was lost."""
@@ -256,7 +262,12 @@ def run_to(bench: DisturbedArm, goal: Array, share: float) -> None:
     start = bench.q[-1]
     way = goal - start
     j = int(np.argmax(np.abs(way)))
-    bench.run(6.0, lambda: bool((bench.plant.q[j] - start[j]) / way[j] >= share))
+
+    def is_there() -> bool:
+        return bool((bench.plant.q[j] - start[j]) / way[j] >= share)
+
+    bench.run(6.0, is_there)
+    assert is_there(), f'the arm has not made {share:g} of its way to {goal} in 6 s'
 
 
 # ------------------------------------------------------------------ gaps and rates
@@ -406,6 +417,17 @@ def test_the_command_ends_in_a_motion(
     client: RosClient, name: str, end: Callable[[DisturbedArm], None], seen: Any,
 ) -> None:
     """The arm stops and is held; then the command ramps to zero; all within 5 s."""
+    for _ in range(ATTEMPTS_IN_REAL_TIME):
+        late = end_in_a_motion(client, name, end, seen)
+        if late < LATE:
+            return
+    raise AssertionError(f'no attempt in real time: this machine was {late:.1f} s late')
+
+
+def end_in_a_motion(
+    client: RosClient, name: str, end: Callable[[DisturbedArm], None], seen: Any,
+) -> float:
+    """Judge the motion, unless the arm was slower than in real time; return by how much [s]."""
     with disturbed_arm(client, name, paced=True) as bench:
         bench.run(0.1)
         goal = alternating(bench, 1.5)
@@ -413,23 +435,25 @@ def test_the_command_ends_in_a_motion(
         run_to(bench, goal, 0.55)  # slower from here on, however late the request arrives
         bench.begin()
         start, speed = bench.plant.q.copy(), float(np.abs(bench.plant.v).max())
-        began = time.monotonic()
+        began, late = time.monotonic(), bench.late
         bench.ends = True
         end(bench)
         bench.run(5.0, lambda: not bench.effort.any())
-        duration = time.monotonic() - began
+        duration, late = time.monotonic() - began, bench.late - late
         v = np.abs(bench.v[bench.begun:]).max(axis=1)
         at_rest = int(np.argmax(v < AT_REST))
         rest = bench.q[bench.begun + at_rest]
         ramp = ramp_speed(bench, rest)
         seen(f'{speed:.2f} rad/s, at rest after {at_rest * TICK:.2f} s and '
              f'{np.abs(rest - start).max():.2f} rad, zero after {duration:.2f} s at '
-             f'{v[-1]:.2f} rad/s, {ramp:.2f} by the ramp')
-        assert at_rest, 'the arm did not stop'
-        assert v[:at_rest].max() < 1.1 * speed
-        assert v[at_rest:at_rest + 40].max() < AT_REST
-        assert v[-1] < 1.2 * ramp + 0.1
-        assert duration < 5.0
+             f'{v[-1]:.2f} rad/s, {ramp:.2f} by the ramp; {late:.2f} s late')
+        if late < LATE:
+            assert at_rest, 'the arm did not stop'
+            assert v[:at_rest].max() < 1.1 * speed
+            assert v[at_rest:at_rest + 40].max() < AT_REST
+            assert v[-1] < 1.2 * ramp + 0.1
+            assert duration < 5.0
+    return late
 
 
 def ramp_speed(bench: DisturbedArm, rest: Array, ramp_time: float = 0.5) -> float:

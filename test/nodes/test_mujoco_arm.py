@@ -92,7 +92,7 @@ def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
             node.wait_for_log('No valid effort for .*: the brakes hold the arm where it is')
             states.wait_for(lambda state: not any(state.velocity))
         efforts.publish(JointState(name=NAMES, effort=[900.0, 0.0]))
-        node.wait_for_log("Clipped the effort of 'joint1': received 900 N m, its effort limit is")
+        node.wait_for_log("Clipped the effort of 'joint1': received 900 N·m, its effort limit is")
         client.node.destroy_publisher(efforts)
 
 

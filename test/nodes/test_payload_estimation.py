@@ -12,8 +12,8 @@ from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload

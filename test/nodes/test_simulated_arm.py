@@ -4,6 +4,7 @@
 """The node `simulated_arm`: efforts in, joint states out."""
 
 from collections.abc import Iterator
+import threading
 import time
 from typing import Any
 
@@ -18,6 +19,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros
+from robot_dynamics.ros.simulated_arm.loops import WallTimeLoop
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from robot_dynamics_interfaces.srv import SetPayload
@@ -90,6 +92,12 @@ def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) 
         paused.step([1.0, 1.0])
         assert list(paused.state.position) != START
         assert paused.set_parameter('paused', True).successful
+
+
+def test_without_a_pause_no_time_is_added_to_a_period() -> None:
+    """The smallest duration that each cycle adds delays the states more and more."""
+    loop = WallTimeLoop(None, None, None, threading.Lock(), 1.0 / RATE)  # type: ignore[arg-type]
+    assert loop._pause(PERIOD_NS, None) == 0.0  # type: ignore[arg-type]
 
 
 def test_the_time_of_the_computer_cannot_be_paused(client: RosClient) -> None:

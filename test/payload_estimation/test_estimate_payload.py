@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from payload_bench import hidden_load, holds, measured, Samples
 import pytest
-from recordings import START_NS, write_recording
+from recordings import encoded, START_NS, write_recording
 from robot_dynamics.model.regressor import load_parameters
-from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
 from robot_dynamics.tools.estimate_payload import main
 from robots import robot_path
@@ -21,8 +20,8 @@ CASE = hidden_load('ur10', seed=11)
 
 def record(path: Path, samples: Samples, effort: np.ndarray | None) -> Path:
     stamps = START_NS + np.round(1e9 * samples.t).astype(np.int64)
-    data = joint_state_messages(stamps, CASE.arm.joint_names, samples.q, samples.v, effort)
-    return write_recording(path, list(zip(stamps.tolist(), data)))
+    return write_recording(
+        path, encoded(stamps, CASE.arm.joint_names, samples.q, samples.v, effort))
 
 
 @pytest.fixture(scope='module')

@@ -30,7 +30,7 @@ def test_a_report_begins_with_the_verdicts_then_names_its_origin():
     text = report.html()
     page = ReportPage(text)
     places = [page.text.index(words) for words in (
-        'Verdict: 1 good, 1 bad, of 2 joints.', 'joint1', 'residual 3 % < 10 %', 'use the model',
+        'Verdict on 2 joints: 1 good, 1 bad.', 'joint1', 'residual 3 % < 10 %', 'use the model',
         'joint2', 'friction dominates', 'Rule: 10 %.', '/robots/arm & hand.urdf',
         'identify, robot_dynamics 1.2.3',
         "identify 'my bag' --urdf a.urdf", 'Details')]
@@ -40,7 +40,7 @@ def test_a_report_begins_with_the_verdicts_then_names_its_origin():
 
 
 def test_the_summary_counts_grades():
-    assert summary([VERDICTS[0]] * 3, 'links') == 'Verdict: 3 good, of 3 links.'
+    assert summary([VERDICTS[0]] * 3, 'links') == 'Verdict on 3 links: 3 good.'
 
 
 def figures():
@@ -53,7 +53,7 @@ def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     found = figures()
     assert found.head == ''
-    assert found.figures.startswith('<div class="static"><img alt="what"')
+    assert found.figures.startswith('<div class="static wide"><img alt="what"')
     assert 'install bokeh' in found.figures
 
 

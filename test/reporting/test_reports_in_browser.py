@@ -6,7 +6,7 @@
 from contextlib import contextmanager
 import re
 
-from browser import chromium, PATIENCE
+from browser import chromium, CUT_OFF, NARROW, PATIENCE
 import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -62,9 +62,9 @@ def browser(tmp_path_factory):
 
 
 @contextmanager
-def opened(browser, path):
+def opened(browser, path, size=SIZE):
     """Yield a report in the browser, with the addresses it requested and its errors."""
-    tab = browser.new_page(viewport=SIZE)
+    tab = browser.new_page(viewport=size)
     tab.set_default_timeout(PATIENCE)
     tab.requested, tab.errors = [], []
     tab.on('request', lambda made: tab.requested.append(made.url))
@@ -96,6 +96,19 @@ def test_a_report_without_zoom_needs_no_network_and_fits_the_screen(browser, rep
     with opened(browser, reports[name]) as tab:
         tab.wait_for_selector('h1')
         assert_complete_and_narrow(tab)
+
+
+@pytest.mark.parametrize('name', STATIC + ZOOMABLE)
+def test_a_report_is_readable_on_a_narrow_screen(browser, reports, name):
+    with opened(browser, reports[name], NARROW) as tab:
+        tab.wait_for_selector(FIGURE if name in ZOOMABLE else 'h1')
+        assert tab.evaluate('document.documentElement.scrollWidth') <= NARROW['width']
+        assert tab.evaluate(CUT_OFF) == []
+        for table in tab.locator('table').all():  # columns of text have several words per line
+            assert min(cell.bounding_box()['width'] for cell in table.locator(
+                'tr > :last-child').all()) > 60.0
+        assert all(image.bounding_box()['width'] > 700.0
+                   for image in tab.locator('img').all() if image.is_visible())
 
 
 def drag(tab):

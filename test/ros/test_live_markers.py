@@ -105,7 +105,7 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
     np.testing.assert_allclose(np.linalg.norm(arc - centre, axis=1), radius)
     np.testing.assert_allclose(arc[:, 1], 0.0, atol=1e-12)  # about y
     for i in range(2):
-        assert found['effort in numbers', i].text == f'{GRAVITY[i]:.1f} N m'
+        assert found['effort in numbers', i].text == f'{GRAVITY[i]:.1f} N·m'
     text = found['effort in numbers', 1].pose.position
     assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
 

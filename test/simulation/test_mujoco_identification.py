@@ -48,7 +48,7 @@ RATE = 1000.0
 """
 [Hz], of one period per step of MuJoCo: the recorded effort acted in the period before its state.
 
-At 250 Hz this lag makes the rotors of joints with a damping of 10 N m s/rad 0.02 kg m² lighter.
+At 250 Hz this lag makes the rotors of joints with a damping of 10 N·m·s/rad 0.02 kg·m² lighter.
 """
 BEGIN, LEAD = 0.2, 0.3
 """[s]: before the trajectory, and from its begin to the motion; the arm is at the start pose."""
@@ -59,7 +59,7 @@ OUTSIDE = 0.15
 """Largest share of the true values outside their intervals."""
 LAGGED = {'damping of panda_joint2'}
 """
-Damping that is wrong by the lag of the effort, T ∂g/∂q: 0.03 N m s/rad, more than its interval.
+Damping that is wrong by the lag of the effort, T ∂g/∂q: 0.03 N·m·s/rad, more than its interval.
 
 With the effort of the next state it is within its interval.
 """

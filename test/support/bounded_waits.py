@@ -43,6 +43,11 @@ class Collector:
         with self._news:
             return list(self._messages)
 
+    def matching(self) -> str:
+        """Return how many publishers are known and matched, for the report of a timeout."""
+        known = self._node.count_publishers(self._subscription.topic_name)
+        return f'{known} publishers known, {self._subscription.get_publisher_count()} matched'
+
     def clear(self) -> None:
         """Discard the messages received so far."""
         with self._news:
@@ -77,7 +82,7 @@ class Collector:
         found = self.find(predicate, timeout)
         assert found is not None, (
             f'no such message on {self._topic} in {timeout:g} s; {len(self.messages)} others, '
-            f'the last: {self.messages[-1:]}\n{stacks()}')
+            f'the last: {self.messages[-1:]}; {self.matching()}\n{stacks()}')
         return found
 
     def wait_count(self, count: int, timeout: float = TIMEOUT) -> list[Any]:
@@ -85,7 +90,9 @@ class Collector:
         with self._news:
             enough = self._news.wait_for(lambda: len(self._messages) >= count, timeout)
             got = list(self._messages)
-        assert enough, f'{len(got)} of {count} messages on {self._topic} in {timeout:g} s'
+        assert enough, (
+            f'{len(got)} of {count} messages on {self._topic} in {timeout:g} s; '
+            f'{self.matching()}\n{stacks()}')
         return got
 
     def close(self) -> None:

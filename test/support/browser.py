@@ -7,7 +7,7 @@ A real browser for the tests of the viewer: Chromium without a window, driven by
 Without either of them the tests are skipped with the reason; if CI is set, they fail.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import io
 import os
@@ -31,8 +31,45 @@ PATIENCE = 1000.0 * LONG
 """Timeout [ms]; rendering many triangles at low priority takes seconds."""
 CLOSE = 0.08
 """Tolerance per colour component between the specified and the rendered colour of a line."""
-FEWEST_PIXELS = 30
+FEWEST_PIXELS = 12
 MOST_PICTURES = 50
+NARROW = {'width': 400, 'height': 800}
+"""A telephone."""
+CUT_OFF = """() => {
+    const wide = document.documentElement.clientWidth + 1;
+    const scrolls = element => ['auto', 'scroll'].includes(getComputedStyle(element).overflowX);
+    const found = [...document.querySelectorAll('body *')].filter(element => {
+        const {left, right} = element.getBoundingClientRect();
+        if (left === right || element.closest('nav, math')) return false;
+        for (let one = element.parentElement; one; one = one.parentElement)
+            if (scrolls(one)) return false;
+        return right > wide || left < -1
+            || !scrolls(element) && element.scrollWidth > element.clientWidth + 1
+            && element.clientWidth > 0;
+    });
+    return found.map(element => element.tagName + ' ' + element.className);
+}"""
+"""The elements of a page, except its menu, that are wider than the page or their container."""
+ARM_BOX = """() => {
+    const {camera, nodeRefFromName} = window.__viserMutable;
+    const image = document.querySelector('canvas').getBoundingClientRect();
+    const points = [];
+    nodeRefFromName['/arm'].traverse(mesh => {
+        if (!mesh.isMesh) return;
+        mesh.geometry.computeBoundingBox();
+        mesh.updateWorldMatrix(true, false);
+        const {min, max} = mesh.geometry.boundingBox;
+        for (const x of [min.x, max.x])
+            for (const y of [min.y, max.y])
+                for (const z of [min.z, max.z])
+                    points.push(
+                        min.clone().set(x, y, z).applyMatrix4(mesh.matrixWorld).project(camera));
+    });
+    const columns = points.map(point => image.left + 0.5 * (1 + point.x) * image.width);
+    const rows = points.map(point => image.top + 0.5 * (1 - point.y) * image.height);
+    return [Math.min(...columns), Math.min(...rows), Math.max(...columns), Math.max(...rows)];
+}"""
+"""The box around the meshes of the arm on the page: left, top, right, bottom [pixel]."""
 
 
 @contextmanager
@@ -70,13 +107,15 @@ def chromium(directory: Path) -> Iterator[Any]:
 class Page:
     """The page of a viewer; `close` it, or use it in a `with` statement."""
 
-    def __init__(self, browser: Any, address: str, scale: float = 1.0) -> None:
+    def __init__(
+        self, browser: Any, address: str, scale: float = 1.0, size: Mapping[str, int] = SIZE,
+    ) -> None:
         """
         Open the page, and wait for the controls of an arm and the first image.
 
         `scale` is the number of rendered pixels per pixel of the layout, in each direction.
         """
-        self.tab = browser.new_page(viewport=SIZE, device_scale_factor=scale)
+        self.tab = browser.new_page(viewport=size, device_scale_factor=scale)
         self.tab.set_default_timeout(PATIENCE)
         self.errors: list[str] = []
         self.elsewhere: list[str] = []
@@ -131,6 +170,16 @@ class Page:
         if 'ROBOT_DYNAMICS_SCREENSHOTS' in os.environ:  # for inspection
             self.tab.screenshot(path=os.environ['ROBOT_DYNAMICS_SCREENSHOTS'])
         return np.asarray(imread(io.BytesIO(picture), format='png')[..., :3], dtype=np.float64)
+
+    def has_arm_in_view(self) -> bool:
+        """Return whether the box of the arm is between the panels and fills a good part of it."""
+        left, top, right, bottom = self.tab.evaluate(ARM_BOX)
+        image = self.tab.locator('canvas').first.bounding_box()
+        is_inside = (
+            image['x'] <= left and right <= image['x'] + image['width'] and top >= 0.0
+            and bottom <= image['height'])
+        return bool(is_inside and max(
+            (right - left) / image['width'], (bottom - top) / image['height']) > 0.4)
 
     def press_key(self, slider: int, key: str) -> None:
         """Press a key at the n-th slider, such as Home for the smallest value."""

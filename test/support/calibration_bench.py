@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from recordings import START_NS, write_recording
+from recordings import encoded, START_NS, write_recording
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.gravity_calibration.gravity_model import gravity_torque
 from robot_dynamics.gravity_calibration.holds import Hold
 from robot_dynamics.gravity_calibration.poses import select_poses
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robots import robot_urdf
 
 TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm7': 'link7'}
@@ -55,7 +54,7 @@ class HiddenDrives:
         """Return two holds of each position (m, n), of `arm` instead of the own arm if given."""
         rng = np.random.default_rng(0) if rng is None else rng
         found = []
-        gravity = gravity_torque(arm or self.arm, positions)
+        gravity = RigidBody(arm or self.arm).gravity_batch(positions)
         for q, g in zip(positions, gravity):
             for side in (1, -1):
                 dry = self.friction * (1.0 - self.remainder * rng.uniform(size=len(q)))
@@ -120,7 +119,7 @@ class HoldRecording:
                 part = 1.0 - drives.remainder * rng.uniform(size=len(q))
                 dry.append(np.tile(direction * part * drives.friction, (len(at[-1]), 1)))
         self.q = np.concatenate(at)
-        torque = gravity_torque(arm or drives.arm, self.q) + np.concatenate(dry)
+        torque = RigidBody(arm or drives.arm).gravity_batch(self.q) + np.concatenate(dry)
         noise = drives.noise * rng.normal(size=self.q.shape)
         self.effort = torque / drives.scale + drives.offset + noise
         self.stamps_ns = START_NS + np.round(
@@ -128,6 +127,5 @@ class HoldRecording:
 
     def write(self, path: Path) -> Path:
         """Write a recording; return its path."""
-        messages = joint_state_messages(
-            self.stamps_ns, self.names, self.q, None, self.effort)
-        return write_recording(path, list(zip(self.stamps_ns.tolist(), messages)))
+        return write_recording(
+            path, encoded(self.stamps_ns, self.names, self.q, None, self.effort))

@@ -19,9 +19,9 @@ import zlib
 from engines import Array, DrakeEngine, Engine, MOVING, MujocoEngine, Projected, Wrench
 import numpy as np
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.model.rigid_body import RigidBody
 from robots import robot_urdf
 
 # Relative to the largest entry. Accelerations need a larger tolerance: if a wrist or a caster is
@@ -227,17 +227,13 @@ def wrenches_of(wrenches: Sequence[ExternalWrench]) -> list[Wrench]:
     return [Wrench(w.link, w.force, w.torque) for w in wrenches]
 
 
-def deviation(actual: Array | float, reference: Array | float) -> float:
-    """Return max |actual − reference| relative to max |reference|."""
+def assert_near(actual: Array | float, reference: Array | float, what: str) -> None:
+    """Compare max |actual − reference| relative to max |reference|."""
+    assert np.shape(actual) == np.shape(reference)
     difference = float(np.max(np.abs(np.subtract(actual, reference)), initial=0.0))
     scale = float(np.max(np.abs(reference), initial=0.0))
     # If a vector is zero by symmetry, both results are only rounding errors.
-    return difference / scale if scale > 1e-9 else difference
-
-
-def assert_near(actual: Array | float, reference: Array | float, what: str) -> None:
-    assert np.shape(actual) == np.shape(reference)
-    relative = deviation(actual, reference)
+    relative = difference / scale if scale > 1e-9 else difference
     assert relative <= TOLERANCE, f'{what} is off by {relative:.1e} of its largest value'
 
 

@@ -35,7 +35,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 NAMES = ['joint1', 'joint2']
 Q, V = [np.pi / 4, np.pi / 6], [0.0, 0.0]
 G = [-49.52282521, -11.37087883]
-"""g(q) of the default arm at `Q` [N m]."""
+"""g(q) of the default arm at `Q` [N·m]."""
 
 STEADY = {'state_timeout': 60.0, 'state_max_age': 9.0}
 """

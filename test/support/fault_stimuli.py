@@ -27,7 +27,7 @@ from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 
 RATE = np.array([1500.0, 600.0])
-"""`effort_rate_limit` of the default arm by default [N m/s]: its effort limits in 0.1 s."""
+"""`effort_rate_limit` of the default arm by default [N·m/s]: its effort limits in 0.1 s."""
 DIRECT = {
     'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0]}
 """
@@ -210,7 +210,7 @@ def check_rate(efforts: TimedCollector, rate: Any = RATE) -> None:
     """
     Check that consecutive commands respect the rate limit between their stamps.
 
-    `rate` [N m/s] is a number for all joints, or one per joint.
+    `rate` [N·m/s] is a number for all joints, or one per joint.
 
     Commands with the same stamp, such as those of a fault action, and commands after a stamp that
     went back may differ by the largest permitted step.

@@ -10,12 +10,16 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.recordings.reader import JointSeries
 
 HARMONICS, BASE_FREQUENCY = 5, 0.1
+ROTORS = np.array([0.3, 0.1])
+F_V, F_A, F_B = np.array([1.0, 0.5]), np.array([2.0, 1.0]), np.array([0.2, -0.1])
+WIDTH = 0.1
+"""Rotors and smooth friction of the planar arm, whose URDF has none."""
 
 
 class States(NamedTuple):
@@ -81,6 +85,11 @@ def one_way(states: States, joint: int, seed: int = 0, speed: float = 0.12) -> S
     return States(t, q, v, a)
 
 
+def smooth_friction(v: np.ndarray) -> np.ndarray:
+    """Return viscous friction, dry friction with a sigmoid, and an offset, of two joints."""
+    return np.asarray(F_V * v + F_A * np.tanh(v / WIDTH) + F_B)
+
+
 def lugre_friction(states: States, seed: int = 0) -> np.ndarray:
     """
     Return friction (m, n) that no friction model of the identification describes.
@@ -130,7 +139,12 @@ def recorded(
     """Return the filtered motion of a recording with white noise on the effort."""
     rng = np.random.default_rng(seed)
     q = states.q if quantum == 0.0 else np.round(states.q / quantum) * quantum
+    return filter_motion(series_of(
+        arm, states._replace(q=q, v=states.v if has_velocity else None),
+        effort + noise * rng.normal(size=effort.shape)))
+
+
+def series_of(arm: ArmModel, states: States, effort: np.ndarray | None) -> JointSeries:
+    """Return the joint states of a recording, without velocity if it is None."""
     stamps = np.asarray(np.round(states.times * 1e9), dtype=np.int64)
-    return filter_motion(JointSeries(
-        arm.joint_names, stamps, q, states.v if has_velocity else None,
-        effort + noise * rng.normal(size=effort.shape), 0))
+    return JointSeries(arm.joint_names, stamps, states.q, states.v, effort, 0)

@@ -22,14 +22,14 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Reference interruptions'
-HELD = 'the command stays within 5 N m of g(q) at the measured position'
+HELD = 'the command stays within 5 N·m of g(q) at the measured position'
 LIMIT = 2.5
 """[rad]: position limits of both joints."""
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
     '<limit ', f'<limit lower="{-LIMIT}" upper="{LIMIT}" ')
 BODY = ArmDynamics(load_arm(URDF)).rigid_body
 NEAR = 5.0
-"""[N m], the largest difference of efforts after an interruption from the gravity torque."""
+"""[N·m], the largest difference of efforts after an interruption from the gravity torque."""
 ELSEWHERE = [0.2, 1.1]
 """[rad]: where the arm is moved by hand."""
 FAR = [Q[0] + 1.0, Q[1] - 1.0]
@@ -58,7 +58,7 @@ def following(bench: FaultBench) -> Iterator[FaultBench]:
 
 
 def gravity(q: Sequence[float]) -> Any:
-    """Return the gravity torque at q [N m]."""
+    """Return the gravity torque at q [N·m]."""
     return BODY.gravity(np.array(q))
 
 

@@ -26,7 +26,7 @@ class Published(NamedTuple):
     Published figures of an arm, one row per joint or moving link.
 
     `inertials` have mass [kg], centre of mass [m] and either the quaternion w x y z and the
-    principal moments, or the moments xx yy zz xy xz yz [kg m²], in the frame of the link.
+    principal moments, or the moments xx yy zz xy xz yz [kg·m²], in the frame of the link.
     `tool` is the position of the tool in the frame of the last link. `start` [rad] and `way`
     [rad] are the motion of the tests, at whose end the tool is lower.
     """

@@ -3,6 +3,9 @@
 
 """URDFs of a plausible arm with one joint, whose elements a test of the model check replaces."""
 
+CORNERS = [
+    [(0, 0, 0), (1, 0, 0), (0, 2, 0)], [(0, 0, 0), (0, 2, 0), (0, 0, 3)]]
+"""Triangles of a mesh with the bounding box from 0 to (1, 2, 3)."""
 BOX = '<collision><geometry><box size="0.1 0.1 1"/></geometry></collision>'
 LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
 
@@ -20,6 +23,15 @@ def arm_of(link=None, limit=LIMIT, kind='revolute', more='', axis='0 1 0', geome
     return f"""<robot name="r"><link name="base"/><link name="arm">{link}{geometry}</link>
       <joint name="hinge" type="{kind}"><parent link="base"/><child link="arm"/>
       <axis xyz="{axis}"/>{limit}</joint>{more}</robot>"""
+
+
+def text_stl():
+    """Return a mesh file with the triangles of CORNERS."""
+    facets = ''.join(
+        'facet normal 0 0 1\nouter loop\n'
+        + ''.join(f'vertex {x} {y} {z}\n' for x, y, z in triangle) + 'endloop\nendfacet\n'
+        for triangle in CORNERS)
+    return f'solid a\n{facets}endsolid a\n'.encode()
 
 
 def link_behind(link, kind='continuous', name='hand', parent='arm'):

@@ -3,7 +3,7 @@
 
 """The files and commands of a page of the documentation, and their execution in its order."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, ExitStack
 import os
 from pathlib import Path
@@ -18,6 +18,7 @@ from children import LONG, TIMEOUT
 
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w.]+)\n')
+NO_STATUSES: Mapping[str, int] = {}
 NODES = ('dynamics_node', 'mujoco_arm', 'simulated_arm')
 
 
@@ -48,7 +49,9 @@ def resolved(command: list[str]) -> list[str]:
     """Return the command to run for a command of the page; no other form is allowed."""
     if command[:3] == ['ros2', 'run', 'robot_dynamics']:
         return [executable(command[3]), *command[4:]]
-    assert command[0] == 'python', f'{command} is neither ros2 run nor python'
+    if command[:2] == ['ros2', 'dynamics']:
+        return [executable('dynamics'), *command[2:]]
+    assert command[0] == 'python', f'{command} is neither ros2 run, ros2 dynamics nor python'
     return [sys.executable, *command[1:]]
 
 
@@ -71,13 +74,13 @@ def running_node(command: list[str], directory: Path) -> Iterator[None]:
 
 
 def run_all(
-    commands: list[list[str]], directory: Path, last_status: int = 0,
+    commands: list[list[str]], directory: Path, statuses: Mapping[str, int] = NO_STATUSES,
 ) -> list[tuple[str, str]]:
     """
     Run all commands in order; return each command with its output.
 
     A node runs in parallel with the later commands, until the same node is started again.
-    `last_status` is the exit status of the last one; that of the others is 0.
+    `statuses` are the exit statuses other than 0, by the beginning of a command.
     """
     printed: list[tuple[str, str]] = []
     with ExitStack() as nodes:
@@ -90,9 +93,12 @@ def run_all(
                 continue
             result = children.run(
                 resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONG)
-            expected = last_status if command is commands[-1] else 0
-            assert result.returncode == expected, f'{command}:\n{result.stdout}{result.stderr}'
-            printed.append((' '.join(command), result.stdout))
+            words = ' '.join(command)
+            expected = max(
+                (status for start, status in statuses.items() if words.startswith(start)),
+                default=0)
+            assert result.returncode == expected, f'{words}:\n{result.stdout}{result.stderr}'
+            printed.append((words, result.stdout))
     return printed
 
 

@@ -5,17 +5,16 @@
 
 from typing import NamedTuple
 
-from identification_bench import fourier_motion
+from identification_bench import fourier_motion, series_of
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import load_parameters, LoadRegressor
-from robot_dynamics.model.rigid_body import RigidBody
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
-from robot_dynamics.payload_estimation.recordings import estimate_motion
-from robot_dynamics.recordings.reader import JointSeries
+from robot_dynamics.payload_estimation.recordings import add_motion
 from robots import robot_urdf
 
 LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
@@ -181,11 +180,12 @@ def estimated_from_raw_samples(case: Case, seconds: float) -> PayloadEstimate:
     rng = np.random.default_rng(case.seed + 30_000)
     effort = measured(case, samples, noise=0.0)
     effort += 0.01 * effort_limit(case.arm) * rng.normal(size=effort.shape)
-    series = JointSeries(
-        case.arm.joint_names, np.round(1e9 * states.times).astype(np.int64),
-        states.q + 2e-5 * rng.normal(size=effort.shape),
-        states.v + 1e-3 * rng.normal(size=effort.shape), effort, 0)
-    return estimate_motion(case.arm, case.link, filter_motion_below(series, CUTOFF))
+    motion = filter_motion_below(series_of(case.arm, states._replace(
+        q=states.q + 2e-5 * rng.normal(size=effort.shape),
+        v=states.v + 1e-3 * rng.normal(size=effort.shape)), effort), CUTOFF)
+    estimator = PayloadEstimator(case.arm, case.link, motion.cutoff_hz)
+    add_motion(estimator, motion)
+    return estimator.estimate()
 
 
 def errors_in_deviations(case: Case, estimate: PayloadEstimate) -> dict[int, float]:

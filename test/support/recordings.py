@@ -72,20 +72,23 @@ class KnownMotion:
     def messages(self, names=None, velocity=True, effort=True, wrapped=False):
         """Return stamps and serialized joint states, `wrapped` with positions within ±π."""
         q = wrap_to_pi(self.q) if wrapped else self.q
-        return list(zip(self.stamps_ns.tolist(), joint_state_messages(
-            self.stamps_ns, names or self.names, q, self.v if velocity else None,
-            self.tau if effort else None)))
-
+        return encoded(self.stamps_ns, names or self.names, q, self.v if velocity else None,
+                       self.tau if effort else None)
 
     def loop_topics(self):
         """Return the messages of a closed loop of this motion, by topic."""
         gravity = ArmDynamics(self.arm).rigid_body.gravity
         held = np.array([gravity(q) for q in self.q])
-        return {'/joint_states': self.messages(), **{topic: list(zip(
-            self.stamps_ns.tolist(), joint_state_messages(
-                self.stamps_ns, self.names, None, None, effort)))
-            for topic, effort in (('/effort_command', self.tau),
-                                  ('/dynamics/gravity_compensation', held))}}
+        return {
+            '/joint_states': self.messages(),
+            '/effort_command': encoded(self.stamps_ns, self.names, effort=self.tau),
+            '/dynamics/gravity_compensation': encoded(self.stamps_ns, self.names, effort=held)}
+
+
+def encoded(stamps_ns, names, position=None, velocity=None, effort=None):
+    """Return (time, bytes) of joint states, as `write_recording` takes them."""
+    return list(zip(stamps_ns.tolist(), joint_state_messages(
+        stamps_ns, names, position, velocity, effort)))
 
 
 def serialized(kind, types=None, **fields):

@@ -39,9 +39,9 @@ NODE_TOPICS = {
 
 
 def errors_of(out):
-    """Return the printed RMS and largest error of each joint."""
-    rows = re.findall(r'^(\w+) +(\S+) (?:rad|m) +(\S+) (?:rad|m) +0\.01 ', out, re.MULTILINE)
-    return {name: (float(rms), float(largest)) for name, rms, largest in rows}
+    """Return the printed RMS and largest error of each joint [rad] or [m]."""
+    rows = re.findall(r'^(\w+) +(\S+) (?:mrad|mm) +(\S+) (?:mrad|mm) +10 ', out, re.MULTILINE)
+    return {name: (1e-3 * float(rms), 1e-3 * float(largest)) for name, rms, largest in rows}
 
 
 def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
@@ -60,7 +60,7 @@ def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
         _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
     assert states.position[0] == pytest.approx([0.4, 0.1])
     assert [list(point.positions) for point in sent.points] == [[0.4, 0.1], [0.6, 0.1]]
-    # 3 N m s/rad at the largest velocity of the quintic, 15/8 of the mean, plus effects of errors
+    # 3 N·m·s/rad at the largest velocity of the quintic, 15/8 of the mean, plus effects of errors
     assert terms['friction'][:, 0].max() > 0.9 * 3.0 * 0.2 * 15.0 / 8.0
 
 
@@ -153,7 +153,7 @@ def test_the_report_begins_with_a_verdict_per_joint(closed_loop):
     page = ReportPage((directory / 'report.html').read_text(encoding='utf-8'))
     assert page.is_complete
     places = [page.text.index(words) for words in (
-        'Verdict: 2 good, of 2 joints.', 'the joint tracks: RMS error', 'limit 10 mrad',
+        'Verdict on 2 joints: 2 good.', 'the joint tracks: RMS error', 'limit 10 mrad',
         'the planar two-link arm', 'command demo --duration 2 --out here', 'Control rate')]
     assert places == sorted(places)
     for line in out.splitlines():
@@ -238,7 +238,7 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     assert (tmp_path / 'here' / 'report.png').stat().st_size > 10000
     page = ReportPage((tmp_path / 'here' / 'report.html').read_text(encoding='utf-8'))
     assert page.is_complete
-    assert 'Verdict: 2 good, of 2 joints.' in page.text
+    assert 'Verdict on 2 joints: 2 good.' in page.text
     assert 'robot_description of the recording' in page.text
 
 

@@ -119,7 +119,7 @@ def test_the_arm_reaches_the_goal(ask: Ask, ros: RosClient, is_conditioned: bool
         ros.set_parameters('/dynamics', {'condition_references': True})
     status, out, err = ask('move', '1.0', '0.2', '--duration', '1')
     assert status == 0, err
-    assert 'joint   goal [rad]  position [rad]  error [rad]\n' in out
+    assert 'joint   goal [rad]  position [rad]  error [mrad]\n' in out
 
 
 def test_a_joint_that_does_not_arrive_is_no_success(ask: Ask) -> None:
@@ -128,7 +128,7 @@ def test_a_joint_that_does_not_arrive_is_no_success(ask: Ask) -> None:
         assert ask('payload', 'tool0', '2')[0] == 0
         status, out, _ = ask('move', '0.5', '0.3', '--duration', '1')
         assert status == 1
-        assert ' from its goal, expected at most 0.01' in out
+        assert ' from its goal, expected at most 10 mrad' in out
     finally:
         ask('payload', '--clear')
     assert ask('move', '0.4', '0.3', '--duration', '1')[0] == 0
@@ -295,7 +295,7 @@ def test_tables_are_appended_without_a_terminal(ask: Ask) -> None:
     assert '\x1b' not in out
     tables = out.split('\n\n')
     assert len(tables) == 3
-    heads = 'joint   position [rad]  velocity [rad/s]  command [N m]  share of limit'
+    heads = 'joint   position [rad]  velocity [rad/s]  command [N·m]  share of limit'
     assert all(heads in table and 'joint2' in table for table in tables)
     lines = ask('watch', '--rate', '20', '--count', '2', '--json')[1].splitlines()
     assert [json.loads(line)['joint_names'] for line in lines] == [['joint1', 'joint2']] * 2
@@ -312,7 +312,7 @@ def test_watch_shows_the_values_of_the_node(ask: Ask) -> None:
     np.testing.assert_allclose(table['external_effort'], 0.0, atol=0.5)
     np.testing.assert_allclose(table['gravity'], efforts, rtol=2e-2)
     np.testing.assert_allclose(table['effort_minus_gravity'], 0.0, atol=0.5)
-    assert 'measured [N m]' in ask('watch', '--count', '1')[1]
+    assert 'measured [N·m]' in ask('watch', '--count', '1')[1]
 
 
 def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> None:
@@ -325,11 +325,11 @@ def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> Non
     np.testing.assert_allclose(table['stiffness'], 400.0 * np.diagonal(M), rtol=1e-2)
     assert 'friction_error' not in table  # this arm has no friction
     out = ask('watch', '--count', '1')[1]
-    assert 'stiffness [N m/rad]' in out
+    assert 'stiffness [N·m/rad]' in out
     assert 'held by friction' not in out
     status, out, _ = ask('status')
     assert status == 0
-    assert 'At rest: stiffness of the feedback [N m/rad, N/m]' in out
+    assert 'At rest: stiffness of the feedback [N·m/rad, N/m]' in out
     at_rest = json.loads(ask('status', '--json')[1])['at_rest']
     np.testing.assert_allclose(list(at_rest['stiffness'].values()), table['stiffness'], rtol=1e-2)
 

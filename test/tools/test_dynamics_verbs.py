@@ -144,17 +144,17 @@ def test_inverse_is_that_of_the_library(ask: Ask) -> None:
 def test_tables_have_units(ask: Ask) -> None:
     status, out, _ = ask('inverse', *texts(*Q), '--velocity', *texts(*V))
     assert status == 0
-    assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s^2]' in out
-    assert 'Effort by term [N m]' in out
+    assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s²]' in out
+    assert 'Effort by term [N·m]' in out
     assert re.search(r'joint1 .* -49\.7568\n', out)
     assert 'Standard deviation' not in out
     status, out, _ = ask('inverse', 'rail=0.5', 'elbow=-0.5', node='/lift/dynamics')
     assert status == 0
-    assert 'Effort by term [N m, N]' in out
+    assert 'Effort by term [N·m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
     # 0.5 kg at the acceleration of gravity
     assert 'Standard deviation of the effort by the uncertainty of the model\n' in out
-    assert re.search(r'joint  kind +deviation \[N m, N\]\nrail +prismatic +4\.9050\n', out)
+    assert re.search(r'joint  kind +deviation \[N·m, N\]\nrail +prismatic +4\.9050\n', out)
     assert 'Warning: ' in out  # the elbow cannot deliver the effort
     out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', node='/lift/dynamics')[1]
     assert json.loads(out)['effort_deviation'] == pytest.approx([4.905, 0.0])
@@ -175,7 +175,7 @@ def test_equation_is_that_of_the_library(ask: Ask) -> None:
     np.testing.assert_allclose(answer['christoffel'], body.christoffel_symbols(q), atol=1e-12)
     status, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '-c')
     assert status == 0
-    assert 'Mass matrix M(q) [kg m^2]\n        joint1  joint2\njoint1  6.9585  1.5692\n' in out
+    assert 'Mass matrix M(q) [kg·m²]\n        joint1  joint2\njoint1  6.9585  1.5692\n' in out
     assert 'joint1  joint1  joint2  -0.6000' in out
 
 
@@ -268,7 +268,7 @@ def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['inverse', '0', '0', '-n', 'dynamics', '--timeout', str(TIMEOUT)]) == 0
-    assert 'Effort by term [N m]' in capsys.readouterr().out
+    assert 'Effort by term [N·m]' in capsys.readouterr().out
     assert main([]) == 2
     assert 'equation' in capsys.readouterr().err
 

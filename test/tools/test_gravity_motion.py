@@ -48,9 +48,9 @@ KINDS = ('revolute', 'revolute')
 FAST = MotionSettings(hold=1.5, step=2.0, velocity=2.0)
 STOPPED = 'Called ~/stop: stopping along the reference, then holding the position'
 COULOMB = 1.5
-"""[N m]: dry friction of the simulated arm."""
+"""[N·m]: dry friction of the simulated arm."""
 SCALE, OFFSET = np.array([0.75, 1.3]), np.array([1.5, -1.0])
-"""Effort scale and offset [N m] of the drives of the simulated arm, unknown to the node."""
+"""Effort scale and offset [N·m] of the drives of the simulated arm, unknown to the node."""
 
 
 @pytest.fixture(scope='module', autouse=True)

@@ -101,7 +101,8 @@ class BaseGravity:
         """Return the status for the diagnostics."""
         silence = time.monotonic() - self._received_at
         gravity = self._values()['gravity'] if self._gravity is None else self._gravity
-        level, words = OK, f'of {TOPIC}' if self._has_imu else 'of the parameter gravity'
+        level, words = OK, ', '.join(f'{g:.3g}' for g in gravity) + ' m/s²' + (
+            f', of {TOPIC}' if self._has_imu else '')
         if self._has_imu and silence > SILENCE:
             level = WARN
             words = (f'no valid message on {TOPIC} yet: the parameter gravity is used'

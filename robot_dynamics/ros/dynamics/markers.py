@@ -125,7 +125,7 @@ def drawn(
     full = effort_scale(effort, limit)
     markers = []
     for i, (place, fraction) in enumerate(zip(places, (effort / full).tolist())):
-        unit = 'N' if place.slides else 'N m'
+        unit = 'N' if place.slides else 'N·m'
         colour = _colour_of(abs(fraction), bool(np.isfinite(limit[i])))
         markers.append(_line('effort', i, effort_line(place, fraction, marks.size), marks, colour))
         markers.append(_text(

@@ -62,7 +62,8 @@ SAFETY_SPECS = (
         'requires it.')),
     number('state_timeout', 0.05, 0.001, 60.0, (
         'Longest time [s] without a valid joint state, measured on the steady clock. A longer gap '
-        'is a fault.')),
+        'is a fault. 60 s for joint states whose frame_id is lock_step: their arm does not move '
+        'before the next effort.')),
     number('state_max_age', DEFAULT_STATE_MAX_AGE, 0.0, 60.0, (
         'Largest difference [s] between the stamp of a joint state and the clock of this '
         'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the stamps '
@@ -85,11 +86,11 @@ SAFETY_SPECS = (
     number('overspeed_factor', 1.2, 0.0, 1e9, (
         'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.')),
     numbers('external_effort_limit', 0.0, 1e9, (
-        'Estimated external effort [N m] or [N] above which a fault occurs; one value for all '
+        'Estimated external effort [N·m] or [N] above which a fault occurs; one value for all '
         'joints or one per joint. 0 or an empty array disables this check. The estimate is '
         'published on ~/external_effort.')),
     number('effort_rate_limit', 0.0, 0.0, 1e9, (
-        'Largest rate of change [N m/s] or [N/s] of effort_command for every joint; 0 for the '
+        'Largest rate of change [N·m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.')),
     number('position_limit_margin', POSITION_MARGIN, 0.0, 10.0, (
         'Distance [rad] or [m] before a position limit from which no effort may accelerate the '
@@ -120,7 +121,7 @@ SPECS = (
         'Damping ratio of the tracking error; one value for all joints or one per joint. K_d is 2 '
         'times this ratio times the natural frequency.'), default=[DEFAULT_DAMPING_RATIO]),
     numbers('gains.kp', 0.0, 1e8, (
-        'Proportional gain K_p [1/s^2], which replaces gains.natural_frequency; one value for all '
+        'Proportional gain K_p [1/s²], which replaces gains.natural_frequency; one value for all '
         'joints or one per joint.')),
     numbers('gains.kd', 0.0, 1e8, (
         'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all joints '
@@ -137,7 +138,7 @@ SPECS = (
         'Fraction of the URDF effort limits to which effort_command is clamped.')),
     text('measured_effort', 'joint_torque', (
         'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N m] or motor_current [A] (the last two require actuator parameters), or '
+        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
         'none.'), choices=MEASURED_EFFORTS, read_only=True),
     texts('robot_compensates', (
         'Terms that the robot adds automatically to the commanded effort, and that effort_command '

@@ -10,6 +10,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.middleware.diagnostics import (
@@ -92,8 +93,8 @@ def _stiffness_values(controller: Controller) -> dict[str, str]:
     found, arm = rest_stiffness(controller), controller.arm
     if found is None:
         return {}
-    units = [('N/m', 'm') if kind == 'prismatic' else ('N m/rad', 'rad')
-             for kind in arm.joint_kinds]
+    units = [(f'{unit.effort}/{unit.position}', unit.position)
+             for unit in map(units_of, arm.joint_kinds)]
     return {
         joint_key(beginning, name, unit[i]): f'{value:.4g}'
         for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))

@@ -32,7 +32,7 @@ PAYLOAD_SPECS = (
         'Centre of mass [m] of each payload in the frame of its link: x, y, z. If empty, 0.'),
         read_only=True),
     numbers('payload.inertia', -LARGEST_VALUE, LARGEST_VALUE, (
-        'Inertia [kg m^2] of each payload about its centre of mass: xx, xy, xz, yy, yz, zz. If '
+        'Inertia [kg·m²] of each payload about its centre of mass: xx, xy, xz, yy, yz, zz. If '
         'empty, 0.'), read_only=True),
 )
 _REMEDY = ' (allow_implausible_payload: true accepts it)'

@@ -38,12 +38,12 @@ DESCRIPTION_SPECS = (
         'and do not mimic others, in the order of the URDF. Moving joints that are not named are '
         'locked.'), read_only=True),
     numbers('gravity', -1000.0, 1000.0, (
-        'Gravitational acceleration in the base frame [m/s^2]. A change at run time takes effect '
+        'Gravitational acceleration in the base frame [m/s²]. A change at run time takes effect '
         'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.'),
         default=[0.0, 0.0, -9.81]),
 )
 ROBOT_GRAVITY_SPEC = numbers('robot_gravity', -1000.0, 1000.0, (
-    'Gravitational acceleration in the base frame [m/s^2] that the robot itself assumes, if '
+    'Gravitational acceleration in the base frame [m/s²] that the robot itself assumes, if '
     'robot_compensates contains gravity. If empty, that of the parameter gravity.'),
     read_only=True)
 
@@ -64,7 +64,7 @@ def _actuator_spec(
 
 ACTUATOR_SPECS = (
     _actuator_spec(
-        'torque_constant', 'Motor torque constant K_t [N m/A]',
+        'torque_constant', 'Motor torque constant K_t [N·m/A]',
         'there is no actuator model; setting it together with gear_ratio enables the model',
         0, 1e6),
     _actuator_spec(
@@ -74,10 +74,10 @@ ACTUATOR_SPECS = (
     _actuator_spec('resistance', 'Winding resistance R [Ohm]', '0', 0, 1e6),
     _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
     _actuator_spec(
-        'rotor_inertia', 'Rotor inertia J_r [kg m^2] about the motor axis', '0', 0, 1e6),
+        'rotor_inertia', 'Rotor inertia J_r [kg·m²] about the motor axis', '0', 0, 1e6),
     _actuator_spec(
-        'reflected_inertia', 'Reflected rotor inertia on the joint side, N^2 J_r [kg m^2] or '
-        '[kg]; needs no other actuator parameter and replaces rotor_inertia', 'N^2 J_r', 0, 1e6),
+        'reflected_inertia', 'Reflected rotor inertia on the joint side, N² J_r [kg·m²] or '
+        '[kg]; needs no other actuator parameter and replaces rotor_inertia', 'N² J_r', 0, 1e6),
     _actuator_spec('efficiency', 'Efficiency of the gear, in (0, 1]', '1', 0, 1),
     _actuator_spec('current_limit', 'Largest motor current [A]', 'there is no limit', 0, 1e6),
     _actuator_spec('voltage_limit', 'Largest motor voltage [V]', 'there is no limit', 0, 1e6),
@@ -100,7 +100,7 @@ UNCERTAINTY_SPECS = (
         'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, row '
         'by row.'), read_only=True),
     numbers('uncertainty.noise_deviation', 0.0, 1e9, (
-        'Standard deviation [N m] or [N] of the measured effort about the model, after a filter '
+        'Standard deviation [N·m] or [N] of the measured effort about the model, after a filter '
         'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. If '
         'empty, 0.'), read_only=True),
     number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
@@ -115,7 +115,7 @@ DRIVE_SPECS = (
         'per joint. If empty, 1. dynamics converts with it the measured effort and the command; '
         'simulated_arm has drives of this scale.'), read_only=True),
     numbers('effort.offset', -LARGEST_VALUE, LARGEST_VALUE, (
-        'Effort [N m] or [N] of the driver, commanded or measured, at zero torque at the joint; '
+        'Effort [N·m] or [N] of the driver, commanded or measured, at zero torque at the joint; '
         'at most 20 % of the effort limit of the URDF. One value for all joints or one per joint. '
         'If empty, 0. dynamics subtracts it from the measured effort and adds it to the command; '
         'simulated_arm has drives with this offset.'), read_only=True),

@@ -19,8 +19,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.middleware.cdr_templates import (
     JointStateDecoder,
+    LOCK_STEP,
     stamp_bytes,
     state_template,
 )
@@ -50,11 +52,14 @@ The first message may have been published before there was a subscriber.
 class ArmTopics:
     """The joint states and the clock of the simulated arm, and the efforts that it receives."""
 
-    def __init__(self, node: Node, joint_names: tuple[str, ...], with_clock: bool) -> None:
+    def __init__(
+        self, node: Node, joint_names: tuple[str, ...], with_clock: bool, is_lock_step: bool,
+    ) -> None:
         self._node = node
         self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
-        self._with_effort = state_template(joint_names)
-        self._without_effort = state_template(joint_names, has_effort=False)
+        mark = LOCK_STEP if is_lock_step else ''
+        self._with_effort = state_template(joint_names, frame_id=mark)
+        self._without_effort = state_template(joint_names, has_effort=False, frame_id=mark)
         self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
@@ -151,7 +156,7 @@ class _Loop(ABC):
         if joint is None or limit is None:
             return
         arm = plant.simulation.arm
-        unit = 'N' if arm.joint_kinds[joint] == 'prismatic' else 'N m'
+        unit = units_of(arm.joint_kinds[joint]).effort
         self._node.get_logger().warning(
             f'Clipped the effort of {arm.joint_names[joint]!r}: received {effort[joint]:g} '
             f'{unit}, its effort limit is {limit[joint]:g} {unit} (clip_efforts); '
@@ -210,6 +215,8 @@ class WallTimeLoop(_Loop):
 
     def _pause(self, stamp_ns: int, measured: Measured) -> float:
         """Publish the same state while the simulation is paused; return the duration [s]."""
+        if not self.is_paused:
+            return 0.0  # exactly: the durations of all periods add up
         begin = time.monotonic()
         while self.is_paused and self._running():
             self._topics.publish(stamp_ns, measured)

@@ -53,7 +53,7 @@ SPECS = (
         'Names of the driven joints in joint_states and effort_command, as in the URDF of '
         'dynamics. If empty, the names in the MJCF.'), read_only=True),
     numbers('gravity', -1000.0, 1000.0, (
-        'Gravitational acceleration [m/s^2]. If empty, that of the MJCF.')),
+        'Gravitational acceleration [m/s²]. If empty, that of the MJCF.')),
     *LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '

@@ -61,7 +61,7 @@ SPECS = (
     *BRAKE_SPECS,
     text('measured_effort', 'joint_torque', (
         'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N m] or motor_current [A] (the last two require actuator parameters), or '
+        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
         'none.'), choices=MEASURED_EFFORTS, read_only=True),
     texts('robot_compensates', (
         'Terms that the simulated arm adds automatically to the commanded effort, computed with '

@@ -76,7 +76,8 @@ class PlantNode(GuardedCallbacks):
         """Simulate this plant from the first spin on; its drives clip efforts to limits (n,)."""
         self._lock, self._plant, self._effort_limit = threading.Lock(), plant, effort_limit
         arm = plant.simulation.arm
-        topics = ArmTopics(self, arm.joint_names, _has_own_time(values))
+        topics = ArmTopics(
+            self, arm.joint_names, _has_own_time(values), values['lock_step'])
         loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
         self._loop = loop_type(self, plant, topics, self._lock, 1.0 / values['rate'])
         if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:

@@ -10,6 +10,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.excitation.demo_motion import sample_trajectory
+from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics.reporting.figures import (
@@ -32,8 +33,8 @@ FEW_ANSWERS = 0.8
 """Fraction of answered states below which the report suggests a lower rate."""
 AT_LIMIT = 0.98
 """Fraction of an effort limit from which the effort is at its limit."""
-RULE = (f'Rule: good if the RMS of the tracking error is below {LARGEST_RMS:g} rad or m, bad '
-        'otherwise.')
+RULE = (f'Rule: good if the RMS of the tracking error is below {1e3 * LARGEST_RMS:g} mrad or mm, '
+        'bad otherwise.')
 FASTER = ('raise `gains.natural_frequency` in steps of 20 %, or check friction and masses in '
           '`--parameters`')
 TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
@@ -118,10 +119,8 @@ def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
     for name, kind, rms, largest in zip(
             report.joint_names, report.joint_kinds, report.rms, report.largest):
-        unit = 'm' if kind == 'prismatic' else 'rad'
-        rows.append((
-            name, f'{_short(rms)} {unit}', f'{_short(largest)} {unit}',
-            f'{LARGEST_RMS:g} {unit}'))
+        text = units_of(kind).error_text
+        rows.append((name, text(rms), text(largest), text(LARGEST_RMS)))
     return rows
 
 
@@ -191,8 +190,8 @@ def tracking_verdict(
     name: str, kind: str, rms: float, effort_ratio: float, answered: float,
 ) -> Verdict:
     """Return the verdict on one joint from its RMS error [rad] or [m] and its effort / limit."""
-    unit = 'mm' if kind == 'prismatic' else 'mrad'
-    size = f'RMS error {1e3 * rms:.3g} {unit}, limit {1e3 * LARGEST_RMS:g} {unit}'
+    text = units_of(kind).error_text
+    size = f'RMS error {text(rms)}, limit {text(LARGEST_RMS)}'
     if rms < LARGEST_RMS:
         return Verdict(name, Grade.GOOD, f'the joint tracks: {size}', 'no change needed')
     if effort_ratio > AT_LIMIT:
@@ -203,10 +202,6 @@ def tracking_verdict(
             name, Grade.BAD, f'{100.0 * answered:.0f} % of the states were answered: {size}',
             'use a lower `--rate`')
     return Verdict(name, Grade.BAD, f'the joint does not track: {size}', FASTER)
-
-
-def _short(error: float) -> str:
-    return f'{error:.6f}' if error < 1e3 else f'{error:.3g}'
 
 
 def _seconds(nanoseconds: IntArray) -> FloatArray:

@@ -12,6 +12,7 @@ from geometry_msgs.msg import InertiaStamped
 from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, ModelError
+from robot_dynamics.joints.units import LINEAR, ROTARY
 from robot_dynamics.reporting.text_table import matrix_table, text_table
 from robot_dynamics.ros.middleware.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
@@ -48,10 +49,15 @@ class Units(NamedTuple):
         slides = {kinds[name] == 'prismatic' for name in names} if set(names) <= set(kinds) else (
             {True, False})
         if slides == {False}:
-            return cls('rad', 'N m', {})
+            return cls(ROTARY.position, ROTARY.effort, {})
         if slides == {True}:
-            return cls('m', 'N', {})
-        return cls('rad, m', 'N m, N', {name: kinds.get(name, '') for name in names})
+            return cls(LINEAR.position, LINEAR.effort, {})
+        return cls('rad, m', 'N·m, N', {name: kinds.get(name, '') for name in names})
+
+    @property
+    def error(self) -> str:
+        """The units of position errors: mrad, mm."""
+        return ', '.join(f'm{unit}' for unit in self.position.split(', '))
 
     def table(
         self, headings: Sequence[str], columns: Mapping[str, Sequence[float | str]],
@@ -112,8 +118,8 @@ def answer_equation(client: DynamicsClient, arguments: Namespace) -> Answer:
         'friction': list(response.friction)}
     units = Units.of(names, {} if arguments.json else client.joint_kinds())
     energies = _energies(response)
-    inertia = {'N m': 'kg m^2', 'N': 'kg'}.get(units.effort, 'kg m^2, kg m, kg')
-    rate = {'N m': 'N m s/rad', 'N': 'N s/m'}.get(units.effort, 'N m s, N s, N s/m')
+    inertia = {'N·m': 'kg·m²', 'N': 'kg'}.get(units.effort, 'kg·m², kg·m, kg')
+    rate = {'N·m': 'N·m·s/rad', 'N': 'N·s/m'}.get(units.effort, 'N·m·s, N·s, N·s/m')
     blocks = [
         _motion_table(units, names, motion),
         f'Mass matrix M(q) [{inertia}]\n{matrix_table("", names, M)}',
@@ -194,7 +200,7 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 
 AT_REST = (
-    'At rest: stiffness of the feedback [N m/rad, N/m], and position error [rad, m] up to which '
+    'At rest: stiffness of the feedback [N·m/rad, N/m], and position error [rad, m] up to which '
     'the\nknown dry friction can hold a joint')
 
 
@@ -260,7 +266,7 @@ def _motion(
 
 
 def _motion_table(units: Units, names: Sequence[str], motion: Mapping[str, list[float]]) -> str:
-    of_time = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
+    of_time = {'position': '', 'velocity': '/s', 'acceleration': '/s²'}
     return 'Motion\n' + units.table(names, {
         f'{field} [{", ".join(unit + of_time[field] for unit in units.position.split(", "))}]':
             values for field, values in motion.items()})

@@ -247,14 +247,14 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         if arguments.no_wait:
             return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')
         position = watch.measured()
-        columns = {'goal': goal, 'position': position,
-                   'error': watch.error(goal, position).tolist()}
+        error = watch.error(goal, position).tolist()
         units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
-        data['shortfall'] = shortfall
+        data |= {'shortfall': shortfall, 'position': position, 'error': error}
         return Answer(
-            data | columns, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
+            data, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
             + units.table(names, {
-                f'{name} [{units.position}]': values for name, values in columns.items()})
+                f'goal [{units.position}]': goal, f'position [{units.position}]': position,
+                f'error [{units.error}]': [1e3 * each for each in error]})
             + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
 
 

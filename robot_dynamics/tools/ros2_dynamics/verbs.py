@@ -40,7 +40,7 @@ def _inverse_arguments(parser: argparse.ArgumentParser) -> None:
     _add_position(parser)
     _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
     _add_joints(
-        parser, '-a', '--acceleration', 'accelerations [rad/s^2] or [m/s^2] (default: 0)')
+        parser, '-a', '--acceleration', 'accelerations [rad/s²] or [m/s²] (default: 0)')
 
 
 def _equation_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +64,7 @@ def _payload_arguments(parser: argparse.ArgumentParser) -> None:
          help='its centre of mass in the frame of the link [m] (default: 0 0 0)')
     _add(parser, complete_nothing, '--inertia', nargs=6, type=float, default=[0.0] * 6,
          metavar=('XX', 'XY', 'XZ', 'YY', 'YZ', 'ZZ'),
-         help='its inertia about the centre of mass [kg m^2] (default: 0, a point)')
+         help='its inertia about the centre of mass [kg·m²] (default: 0, a point)')
     _add(parser, complete_nothing, '--transition', type=float, default=0.0, metavar='SECONDS',
          help='time over which it replaces the load on its link (default: 0, at once)')
     parser.add_argument(

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The documentation site in a real browser: readable on a narrow screen."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from browser import chromium, CUT_OFF, NARROW, PATIENCE
+import children
+import pytest
+from robots import must_have_everything
+
+if not must_have_everything():
+    pytest.importorskip('mkdocs', reason='the site needs mkdocs')
+    pytest.importorskip('mkdocstrings', reason='the site needs mkdocstrings')
+
+ROOT = Path(__file__).parents[2]
+PAGES = (
+    'index', 'safety', 'command', 'concepts', 'performance', 'viewer', 'reference/parameters',
+    'reference/python/identification', 'evidence/model_check_robots', 'evidence/benchmarks')
+
+
+@pytest.fixture(scope='module')
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the directory of the site."""
+    directory = tmp_path_factory.mktemp('site')
+    children.run(
+        [sys.executable, '-m', 'mkdocs', 'build', '--quiet', '--site-dir', str(directory)],
+        timeout=300.0, check=True, cwd=ROOT,
+        env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'})
+    return directory
+
+
+@pytest.fixture(scope='module')
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Return an empty page of a narrow browser."""
+    with chromium(tmp_path_factory.mktemp('browser')) as browser:
+        page = browser.new_page(viewport=NARROW)
+        page.set_default_timeout(PATIENCE)
+        yield page
+
+
+@pytest.mark.parametrize('name', PAGES)
+def test_a_page_is_readable_on_a_narrow_screen(site: Path, tab: Any, name: str) -> None:
+    tab.goto((site / f'{name}.html').as_uri())
+    assert tab.evaluate('document.documentElement.scrollWidth') <= NARROW['width']
+    assert tab.evaluate(CUT_OFF) == []
+    for cell in tab.locator('table td:nth-child(2)').all()[:20]:
+        assert cell.bounding_box()['width'] > 100.0, cell.inner_text()
+    for image in tab.locator('p > img').all():  # its text is legible
+        assert image.evaluate('one => one.width >= Math.min(one.naturalWidth, 700)')
