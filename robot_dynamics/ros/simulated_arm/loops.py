@@ -39,8 +39,8 @@ from sensor_msgs.msg import JointState
 NEWEST_ONLY = QoSProfile(depth=1)
 MAX_LAG = 0.1
 """Lateness [s] above which the simulation discards its backlog and logs a warning."""
-FASTEST_PERIOD = 0.5
-"""Fraction of the period between two states while the simulation catches up."""
+LONGEST_GAP = 0.02
+"""[s] by which the arm moves on without a state while it is late."""
 RESEND_PERIOD = 0.1
 """
 [s] after which the waiting state of lock-step, or the state of a pause, is published again.
@@ -179,17 +179,18 @@ class WallTimeLoop(_Loop):
     """
     Publishes one state per period of the wall clock.
 
-    Stamps are whole periods apart, as in simulated time. A late loop catches up at no more than
-    1 / FASTEST_PERIOD times real time, so that the controller can still answer every state. A
-    backlog of more than MAX_LAG is discarded: simulated time is paused for that long. Without
-    simulated time the stamps skip it while the arm does not move, because old states are dropped.
+    Stamps are whole periods apart, as in simulated time. A loop that is late by a period or more
+    moves the arm on without a state, as an arm does while its driver is late. A lag of more than
+    MAX_LAG is discarded: simulated time is paused for that long. Without simulated time the stamps
+    skip it while the arm does not move, because old states are dropped.
     """
 
     def _run(self) -> None:
         own_time = self._topics.has_own_time
         # A stamp of 0 would be read as "no stamp".
         first_ns = self._period_ns if own_time else self._node.get_clock().now().nanoseconds
-        start, tick, before = time.monotonic(), 0, -math.inf
+        before = start = time.monotonic()
+        tick = 0
         with self._lock:
             measured = self._plant.measure()
         while self._running():
@@ -197,7 +198,7 @@ class WallTimeLoop(_Loop):
             self._topics.publish(stamp_ns, measured)
             tick += 1
             due = start + tick * self._period
-            self._take_efforts_until(max(due, before + FASTEST_PERIOD * self._period))
+            self._take_efforts_until(due)
             pause = self._pause(stamp_ns, measured)
             start, due, before = start + pause, due + pause, before + pause
             now = time.monotonic()
@@ -212,6 +213,10 @@ class WallTimeLoop(_Loop):
                     tick += math.ceil((before - due) / self._period)
             self._watch_commands(passed, stamp_ns)
             measured = self._advance()
+            missed = int((time.monotonic() - start) / self._period) - tick
+            for _ in range(min(missed, int(LONGEST_GAP / self._period))):
+                tick += 1
+                measured = self._advance()
 
     def _pause(self, stamp_ns: int, measured: Measured) -> float:
         """Publish the same state while the simulation is paused; return the duration [s]."""
