@@ -31,7 +31,7 @@ from robot_dynamics.gravity_calibration import (
     select_poses,
 )
 from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.recordings.joint_series import JointSeries
@@ -83,7 +83,7 @@ class HiddenArm:
         n, limit = self.arm.joint_count, self.arm.limits.effort
         self.scale = self.rng.uniform(1.0 - SCALE_ERROR, 1.0 + SCALE_ERROR, n)
         self.offset = self.rng.uniform(-OFFSET, OFFSET, n) * limit
-        self.drive = make_drive_effort(self.arm.joint_names, self.scale, self.offset, limit)
+        self.drive = make_effort_calibration(self.arm.joint_names, self.scale, self.offset, limit)
         self._friction = self.rng.uniform(1.0 - FRICTION_ERROR, 1.0 + FRICTION_ERROR, (2, n))
 
     def friction(self, is_true: bool) -> dict[str, Any]:

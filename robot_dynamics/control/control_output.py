@@ -11,7 +11,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.laws.control_law import LawInput, LawOutput
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, RobotEffort
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.drive_effort import DriveEffort
+from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 from robot_dynamics.trajectories.interpolation import Reference
 
@@ -41,13 +41,13 @@ class ControlOutput:
     unloaded: UncheckedArmDynamics
     """The dynamics without loads, with the gravity of `robot`."""
     bounds: EffortBounds
-    drive: DriveEffort | None
+    drive: EffortCalibration | None
     lock: AbstractContextManager[object]
     command: FloatArray | None = None
     """
     The effort to command, None for none.
 
-    It is within the effort limits, an effort of the drives (`drive_effort`), and excludes the
+    It is within the effort limits, an effort of the drives (`EffortCalibration`), and excludes the
     efforts that the robot adds on its own.
     """
     clamped: BoolArray | None = None
@@ -79,12 +79,12 @@ class ControlOutput:
         """The reference that is followed, or None."""
         return None if self.state.trajectory is None else self.state.reference
 
-    def hold(self) -> FloatArray:
+    def holding_effort(self) -> FloatArray:
         """Return the command that holds the arm still; a command starts from it."""
-        effort = self.hold_torque()
+        effort = self.holding_torque()
         return effort if self.drive is None else self.drive.command(effort)
 
-    def hold_torque(self) -> FloatArray:
+    def holding_torque(self) -> FloatArray:
         """Return the same as torques at the joints."""
         gravity = self.robot.without_gravity(self.gravity_compensation)
         return self.bounds.bounded(gravity, self.robot)[0]

@@ -417,7 +417,7 @@ class Controller:
         if robot is not NOTHING or not is_clear:
             output.command, clamped = bounds.bounded(
                 robot.command(effort), robot,
-                None if effort is answer.gravity else output.hold_torque())
+                None if effort is answer.gravity else output.holding_torque())
             output.clamped = clamped if clamped.any() else None
         if drive is not None:
             output.command = drive.command(output.command)
@@ -487,12 +487,12 @@ class Controller:
         """The rigid bodies of the arm with its active loads."""
         return self._load.dynamics.rigid_body
 
-    def braked(self, q: FloatArray, v: FloatArray | None, hold: FloatArray) -> FloatArray:
-        """Return `hold` (n,) with a damping torque −M(q) D v, within the effort limits."""
+    def braked(self, q: FloatArray, v: FloatArray | None, holding: FloatArray) -> FloatArray:
+        """Return `holding` (n,) with a damping torque −M(q) D v, within the effort limits."""
         if v is None:
-            return hold
+            return holding
         drive = self.arm.drive
-        torque = hold if drive is None else drive.torque(hold)
+        torque = holding if drive is None else drive.torque(holding)
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             M, limit = self._load.dynamics.rigid_body.mass_matrix(q), self.arm.limits.effort
             damping = M @ (FAULT_DAMPING * self.feedback_gains[1] * v)
@@ -504,7 +504,7 @@ class Controller:
             # The damping of one joint alone may accelerate the others.
             braked = torque - (clipped if v @ clipped > v @ scaled else scaled)
             if not np.isfinite(braked).all():
-                return hold
+                return holding
             return braked if drive is None else drive.command(braked)
 
     def is_held(self, q: FloatArray, error: FloatArray) -> BoolArray:

@@ -347,7 +347,7 @@ class ControlLoop:
         if supervisor.mode is Mode.RUNNING and fault is None and (
                 now - supervisor.last_state <= supervisor.state_timeout
                 and limiter.limits.is_clear(q, used)):  # the usual case
-            supervisor.last_state, supervisor.hold = now, output.hold
+            supervisor.last_state, supervisor.holding = now, output.holding_effort
             passed = dt if dt is not None else now - supervisor.last_output
             supervisor.last_output = now
             effort = limiter.rate_limited(output.command, passed)
@@ -368,7 +368,7 @@ class ControlLoop:
             q, used = measured, None if used is None else np.where(self._frozen.marks, 0.0, used)
         mean = controller.mean_velocity(before, verdict.stamp, q)
         limited = supervisor.answer(
-            now, q, used, output.command, output.hold, dt, braked, fault,
+            now, q, used, output.command, output.holding_effort, dt, braked, fault,
             partial(controller.motion_equation, output), mean)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING:

@@ -29,7 +29,7 @@ from robot_dynamics.gravity_calibration.scale_fit import (
     TYPICAL_SCALE_ERROR,
 )
 from robot_dynamics.gravity_calibration.tool_estimate import estimate_tool, Tool, ToolEstimate
-from robot_dynamics.joints.drive_effort import DriveEffort
+from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import Payload
@@ -252,7 +252,7 @@ def _fit(
 
 def _values(
     seen: Observations, torque: FloatArray, fit: ScaleFit, is_observable: BoolArray,
-    has_enough: BoolArray, previous: DriveEffort,
+    has_enough: BoolArray, previous: EffortCalibration,
 ) -> tuple[FloatArray, FloatArray]:
     """Return scale and offset, of the fit or the previous ones."""
     scale = np.where(is_observable, 1.0 / fit.inverse, previous.scale)

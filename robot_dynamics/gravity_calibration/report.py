@@ -7,7 +7,7 @@ import numpy as np
 from robot_dynamics.gravity_calibration.calibration import Calibration, LEAST_POSES, ScaleReference
 from robot_dynamics.gravity_calibration.gravity_model import NAMES, UNITS
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration, RecordedHolds
-from robot_dynamics.joints.drive_effort import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
+from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics.reporting.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.text_table import Rows

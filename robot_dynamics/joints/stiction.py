@@ -29,14 +29,14 @@ class Modes(NamedTuple):
     stuck: BoolArray
 
 
-class Holding(NamedTuple):
+class ConstrainedMotion(NamedTuple):
     """Accelerations (n,), 0 at stuck joints, and the friction (n,) that holds these joints."""
 
     acceleration: FloatArray
     friction: FloatArray
 
 
-def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
+def constrained_motion(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> ConstrainedMotion:
     """
     Return M a = effort + friction with a = 0 at the stuck joints, friction = 0 at the others.
 
@@ -45,12 +45,13 @@ def hold(M: FloatArray, effort: FloatArray, stuck: BoolArray) -> Holding:
     """
     a, friction = np.zeros_like(effort), np.zeros_like(effort)
     if not stuck.any():
-        return Holding(np.asarray(np.linalg.solve(M, effort), dtype=np.float64), friction)
+        a = np.asarray(np.linalg.solve(M, effort), dtype=np.float64)
+        return ConstrainedMotion(a, friction)
     free, held = np.flatnonzero(~stuck), np.flatnonzero(stuck)
     if len(free):
         a[free] = np.linalg.solve(M[free[:, None], free], effort[free])
     friction[held] = effort[held] - M[held[:, None], free] @ a[free]
-    return Holding(a, friction)
+    return ConstrainedMotion(a, friction)
 
 
 def choose_modes(
@@ -70,7 +71,7 @@ def choose_modes(
     direction = np.where(dry, np.sign(v), 0.0)
     stuck = at_rest.copy()
     for _ in range(_CHANGES_PER_JOINT * int(at_rest.sum())):
-        a, friction = hold(M, effort - direction * sliding, stuck)
+        a, friction = constrained_motion(M, effort - direction * sliding, stuck)
         forward = np.where(at_rest & ~stuck, a * direction, 0.0)
         hindmost = int(np.argmin(forward))
         if forward[hindmost] < -_HOLD_TOLERANCE * np.abs(a).max():

@@ -14,7 +14,7 @@ import pinocchio as pin
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.actuator import Actuators, make_reflected_inertia
-from robot_dynamics.joints.drive_effort import DriveEffort
+from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.uncertainty import ModelUncertainty
@@ -115,7 +115,7 @@ class ArmModel:
     payloads: tuple[Payload, ...] = ()
     actuators: Actuators | None = None
     reductions: Reductions = field(default_factory=dict)
-    drive: DriveEffort | None = None
+    drive: EffortCalibration | None = None
     uncertainty: ModelUncertainty | None = None
 
     def __repr__(self) -> str:
@@ -181,11 +181,11 @@ class ArmModel:
         J = make_reflected_inertia(self.joint_names, inertia)
         return replace(self._with_armature(J), actuators=None)
 
-    def with_drive(self, drive: DriveEffort | None) -> 'ArmModel':
+    def with_drive(self, drive: EffortCalibration | None) -> 'ArmModel':
         """
         Return this arm with these drives, None for drives whose effort is the torque.
 
-        The effort limits become those of the torque (`DriveEffort.torque_limit`).
+        The effort limits become those of the torque (`EffortCalibration.torque_limit`).
         """
         if drive is None:
             return self
@@ -193,10 +193,10 @@ class ArmModel:
             self, drive=drive, limits=replace(self.limits, effort=drive.torque_limit()))
 
     @property
-    def given_drive(self) -> DriveEffort:
+    def given_drive(self) -> EffortCalibration:
         """The drives; scale 1 and offset 0, both exact, if `drive` is not set."""
         n = self.joint_count
-        return self.drive or DriveEffort(np.ones(n), np.zeros(n), self.limits.effort)
+        return self.drive or EffortCalibration(np.ones(n), np.zeros(n), self.limits.effort)
 
     def with_rotors_apart(self, apart: BoolArray) -> 'ArmModel':
         """Return this arm without the rotors of the joints for which `apart` (n,) is true."""

@@ -26,7 +26,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.joints.stiction import choose_modes, hold
+from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.unchecked_rigid_body import singular_mass_matrix, UncheckedRigidBody
@@ -135,7 +135,7 @@ class UncheckedArmDynamics:
             effort = effort - body.external(q, wrenches)
         try:
             modes = choose_modes(M, v, effort, sliding, friction.breakaway)
-            a = hold(M, effort - modes.direction * sliding, modes.stuck).acceleration
+            a = constrained_motion(M, effort - modes.direction * sliding, modes.stuck).acceleration
         except np.linalg.LinAlgError:
             a = np.full_like(effort, np.nan)
         if not np.isfinite(a).all():

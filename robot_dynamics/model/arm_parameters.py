@@ -21,7 +21,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
-from robot_dynamics.joints.drive_effort import drive_quantities, make_drive_effort
+from robot_dynamics.joints.effort_calibration import drive_quantities, make_effort_calibration
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
     make_effort_convention,
@@ -108,7 +108,7 @@ def arm_from_parameters(
         {field.name: of_joints(f'{group}.{field.name}') for field in of_group}
         for group, of_group in (('friction', FRICTION_FIELDS), ('actuator', fields(Actuators))))
     arm = arm.with_friction(make_friction(names, **friction, default=arm.friction))
-    arm = arm.with_drive(make_drive_effort(
+    arm = arm.with_drive(make_effort_calibration(
         names, of_joints('effort.scale'), of_joints('effort.offset'), arm.limits.effort,
         _drive_covariance(values, whole, names)))
     if set(names) == set(whole.joint_names):

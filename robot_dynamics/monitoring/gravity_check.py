@@ -21,7 +21,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.joints.angle_wrapping import nearest_turn
-from robot_dynamics.joints.drive_effort import DriveEffort
+from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.joints.effort_convention import (
     EffortConvention,
     joint_effort_at_rest,
@@ -102,7 +102,7 @@ class GravityCheck:
 
     def __init__(
         self, convention: EffortConvention, friction: JointFriction, actuators: Actuators | None,
-        is_continuous: BoolArray, drive: DriveEffort | None = None,
+        is_continuous: BoolArray, drive: EffortCalibration | None = None,
     ) -> None:
         """
         Take the known `friction` and `actuators` of the arm, which increase the tolerance.
@@ -227,7 +227,7 @@ class GravityCheck:
         return last - self._unloaded_since >= UNLOADED_PATIENCE_NS
 
 
-def _as_torque(drive: DriveEffort, effort: FloatArray, gravity: FloatArray) -> FloatArray:
+def _as_torque(drive: EffortCalibration, effort: FloatArray, gravity: FloatArray) -> FloatArray:
     """
     Return the torque of the driver's effort (samples, n), without `gravity`.
 

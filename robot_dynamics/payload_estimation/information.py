@@ -81,7 +81,7 @@ def solve(
     Return the estimate.
 
     `band` (n,) is the known dry friction at rest, `scale` (n,) the effort limits, all > 0.
-    `drive_covariance` (2n, 2n) is `DriveEffort.torque_error_covariance`.
+    `drive_covariance` (2n, 2n) is `EffortCalibration.torque_error_covariance`.
     """
     n = len(scale)
     groups = make_groups(rows, rests, band, scale)

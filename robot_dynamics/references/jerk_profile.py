@@ -51,8 +51,8 @@ def velocity_change(v: float, a: float, v_end: float, bounds: Bounds) -> Phases:
 
     An acceleration beyond its bound first returns to the bound. Bounds of velocity are not used.
     """
-    sign, _, j_first, first, hold, last = _velocity_change(v, a, v_end, bounds)
-    phases = ((first, sign * j_first), (hold, 0.0), (last, -sign * bounds.jerk))
+    sign, _, j_first, first, constant, last = _velocity_change(v, a, v_end, bounds)
+    phases = ((first, sign * j_first), (constant, 0.0), (last, -sign * bounds.jerk))
     return [phase for phase in phases if phase[0] > 0.0]
 
 
@@ -199,8 +199,8 @@ def _velocity_change(
         return sign, peak, j, max((peak - a) / j, 0.0), 0.0, peak / j
     j_first = j if a <= limit else -j
     first = (limit - a) / j_first
-    hold = (change - (a + limit) / 2.0 * first) / limit - last / 2.0
-    return sign, limit, j_first, first, max(hold, 0.0), last
+    constant = (change - (a + limit) / 2.0 * first) / limit - last / 2.0
+    return sign, limit, j_first, first, max(constant, 0.0), last
 
 
 def _stopped(q: float, v: float, a: float, bounds: Bounds) -> tuple[float, float, float, float]:
@@ -210,14 +210,15 @@ def _stopped(q: float, v: float, a: float, bounds: Bounds) -> tuple[float, float
     A delay dt of the stop by a jerk that differs by J from its first jerk changes position and
     total duration by |J| dt times the slopes.
     """
-    sign, peak, j, first, hold, last = _velocity_change(v, a, 0.0, bounds)
+    sign, peak, j, first, constant, last = _velocity_change(v, a, 0.0, bounds)
     v_last = peak * last / 2.0
-    v_hold = v_last + peak * hold
-    way = (v_hold + (peak / 2.0 - j * first / 6.0) * first) * first + (
-        (v_hold + v_last) / 2.0 * hold + v_last * last / 3.0)
+    v_constant = v_last + peak * constant
+    way = (v_constant + (peak / 2.0 - j * first / 6.0) * first) * first + (
+        (v_constant + v_last) / 2.0 * constant + v_last * last / 3.0)
     slope = first / peak if peak > 0.0 else 0.0
     return (
-        q - sign * way, first + hold + last, -sign * slope * (v_hold + peak * first / 2.0), slope)
+        q - sign * way, first + constant + last,
+        -sign * slope * (v_constant + peak * first / 2.0), slope)
 
 
 def _left_for_stop(

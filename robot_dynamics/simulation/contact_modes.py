@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.joints.stiction import choose_modes, hold, Modes
+from robot_dynamics.joints.stiction import choose_modes, constrained_motion, Modes
 from robot_dynamics.simulation.bristles import longest_undisturbed, Springs
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
@@ -128,7 +128,7 @@ class ContactModeSolver:
         M = forces.body_with(modes.open).mass_matrix(state.q)
         effort = forces.effort(state.q, v, modes.open, direction=direction)
         held = springs.holds | modes.joints.stuck
-        needed = hold(M, effort - direction * forces.friction.dry(v), held).friction
+        needed = constrained_motion(M, effort - direction * forces.friction.dry(v), held).friction
         return longest_undisturbed(
             springs, state.z, state.v, M, needed, ~held, forces.bristles.static)
 

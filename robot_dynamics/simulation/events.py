@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.stiction import hold
+from robot_dynamics.joints.stiction import constrained_motion
 from robot_dynamics.simulation.backlash import TOUCH
 from robot_dynamics.simulation.joint_forces import GearModes, JointForces, MotionState
 
@@ -180,7 +180,8 @@ class EventFinder:
             static = forces.friction.breakaway[stuck]
             effort = forces.effort(q, v, modes.open, modes.springs, direction) - (
                 direction * forces.friction.dry(v))
-            needed = hold(forces.body_with(modes.open).mass_matrix(q), effort, stuck).friction
+            M = forces.body_with(modes.open).mass_matrix(q)
+            needed = constrained_motion(M, effort, stuck).friction
             margins[_SLIP, stuck] = (static - np.abs(needed[stuck])) / (_SLACK * static) + 2.0
         if modes.springs is not None:
             held = modes.springs.holds

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.joints.friction import JointFriction
-from robot_dynamics.joints.stiction import hold, Modes
+from robot_dynamics.joints.stiction import constrained_motion, Modes
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
@@ -167,6 +167,6 @@ class JointForces:
             effort = remaining(q, v) - body.nonlinear(q, v)
             if wrenches:
                 effort = effort - body.external(q, wrenches)
-            return hold(body.mass_matrix(q), effort, stuck).acceleration
+            return constrained_motion(body.mass_matrix(q), effort, stuck).acceleration
 
         return acceleration

@@ -134,12 +134,12 @@ def final_error(
     q, v, now = np.zeros(2), np.zeros(2), START
     one.update(now, q, v)
     one.follow(make_trajectory(NAMES, (duration,), [goal], (), (), NAMES), 0)
-    acts = one.update(now, q, v).hold()
+    acts = one.update(now, q, v).holding_effort()
     for _ in range(round(seconds / period)):
         now += round(1e9 * period)
         output = one.update(now, q, v)
         assert output.command is not None
-        effort = guard.apply(output.command, output.hold, q, v, period)
+        effort = guard.apply(output.command, output.holding_effort, q, v, period)
         for _ in range(2):  # the effort for the previous state acts
             v = v + 0.5 * period * plant.forward_dynamics(q, v, acts)
             q = q + 0.5 * period * v

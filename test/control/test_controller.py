@@ -101,7 +101,7 @@ def test_another_command_ends_the_reference(mode: str) -> None:
     controller.set_options(options(controller.arm))
     output = controller.update(NOW, Q, ZERO)
     assert output.reference is None
-    assert command(output).tolist() == output.hold().tolist()
+    assert command(output).tolist() == output.holding_effort().tolist()
 
 
 # --- limits --------------------------------------------------------------------------------------
@@ -115,9 +115,10 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
     assert output.clamped.tolist() == [True, True]
     assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # reported without clamping
     limit = scale * np.array([150.0, 60.0])  # extended to the gravity torque
-    low, high = np.minimum(-limit, output.hold()), np.maximum(limit, output.hold())
+    holding = output.holding_effort()
+    low, high = np.minimum(-limit, holding), np.maximum(limit, holding)
     assert command(output).tolist() == np.clip(output.computed_torque, low, high).tolist()
-    assert output.hold().tolist() == output.gravity_compensation.tolist()
+    assert output.holding_effort().tolist() == output.gravity_compensation.tolist()
 
 
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])

@@ -66,7 +66,8 @@ def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> 
     assert output.reference.velocity == pytest.approx(V)
     later = one.update(NOW + 9 * SECOND, Q, ZERO)
     assert not later.reference.velocity.any()
-    assert np.abs(later.computed_torque - later.hold()).max() > 1.0  # it holds the position
+    # it holds the position
+    assert np.abs(later.computed_torque - later.holding_effort()).max() > 1.0
 
 
 @pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
@@ -124,7 +125,7 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
     one = moving(stops_and_holds=holds)
     output = one.update(NOW + SECOND + MS, Q, None)
     assert output.reference is None
-    assert output.command.tolist() == output.hold().tolist()
+    assert output.command.tolist() == output.holding_effort().tolist()
     with pytest.raises(TrajectoryError, match=NO_STATE):
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     assert one.stop() == NOTHING_TO_STOP
@@ -245,7 +246,7 @@ def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output() -
     for ours, theirs in zip(output.terms, expected):
         assert np.array_equal(ours, theirs)
     assert output.gravity_compensation.tolist() == read.gravity_compensation.tolist()
-    assert output.hold().tolist() == read.hold().tolist()
+    assert output.holding_effort().tolist() == read.holding_effort().tolist()
 
 
 @pytest.mark.filterwarnings('error')
@@ -253,7 +254,7 @@ def test_terms_that_are_not_finite_are_not_reported() -> None:
     one = make()
     output = one.update(NOW, Q, np.full(2, 1e200))
     assert output.terms is None  # the energy
-    assert output.command == pytest.approx(output.hold())
+    assert output.command == pytest.approx(output.holding_effort())
     assert one.update(NOW + MS, Q, V).terms is not None
 
 
@@ -279,7 +280,7 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> Non
     """Against the motion, with half of the damping of the feedback and the inertia of the load."""
     one, v = make(), 0.2 * V
     one.set_payloads(loads, 0.0, lambda _: None)  # type: ignore[arg-type]
-    hold = one.update(NOW, Q, v).hold()
+    hold = one.update(NOW, Q, v).holding_effort()
     braked = one.braked(Q, v, hold)
     assert braked == pytest.approx(hold - damping(v, loads))
     assert float(v @ (braked - hold)) < 0.0  # it takes energy away

@@ -49,11 +49,11 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(
     q: np.ndarray, v: np.ndarray, goal: np.ndarray,
 ) -> None:
     one, gravity = controller(), ArmDynamics(ARM).rigid_body.gravity(q)
-    assert one.update(NOW, q, v).hold() == pytest.approx(gravity)
+    assert one.update(NOW, q, v).holding_effort() == pytest.approx(gravity)
     one.follow(set_point(goal), 0)
     output = one.update(NOW, q, v)
     assert output.computed_torque is not None
-    assert output.hold() == pytest.approx(gravity)
+    assert output.holding_effort() == pytest.approx(gravity)
 
 
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
@@ -63,7 +63,7 @@ def test_without_a_reference_the_command_is_the_hold(
 ) -> None:
     one = controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
     output = one.update(NOW, q, ZERO)
-    assert output.command.tolist() == output.hold().tolist()
+    assert output.command.tolist() == output.holding_effort().tolist()
 
 
 @given(angles, angles, st.floats(0.0, 1.0), st.sampled_from([None, LOAD]), st.booleans())
@@ -77,8 +77,9 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     one.update(NOW, q, ZERO)
     one.follow(set_point(goal), 0)
     output = one.update(NOW, q, ZERO)
-    assert (np.abs(output.command) <= np.maximum(scale * LIMIT, np.abs(output.hold()))).all()
-    for effort in (output.command, output.hold()):
+    holding = output.holding_effort()
+    assert (np.abs(output.command) <= np.maximum(scale * LIMIT, np.abs(holding))).all()
+    for effort in (output.command, holding):
         assert (np.abs(effort) <= LIMIT).all()
         if robot_holds:
             assert (np.abs(effort + output.robot_gravity) <= np.maximum(
@@ -121,12 +122,12 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
 
 def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
     one = controller(effort_convention=COMPENSATES_GRAVITY)
-    assert one.update(NOW, Q, ZERO).hold().tolist() == [0.0, 0.0]
+    assert one.update(NOW, Q, ZERO).holding_effort().tolist() == [0.0, 0.0]
     one.set_payloads([LOAD], 0.0, lambda _: None)
     weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (
         ArmDynamics(ARM).rigid_body.gravity(Q))
     assert np.abs(weight).max() > 10.0
-    assert one.update(NOW, Q, ZERO).hold() == pytest.approx(weight)
+    assert one.update(NOW, Q, ZERO).holding_effort() == pytest.approx(weight)
 
 
 # --- a discarded reference -----------------------------------------------------------------------
@@ -140,7 +141,7 @@ def test_a_discarded_reference_is_no_longer_followed() -> None:
     output = one.update(NOW + SECOND, Q, ZERO)
     assert output.reference is None
     assert output.computed_torque is None
-    assert output.command.tolist() == output.hold().tolist()
+    assert output.command.tolist() == output.holding_effort().tolist()
 
 
 def test_the_next_one_begins_where_the_arm_is() -> None:
@@ -166,7 +167,7 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     assert 'position [0.8, 0.5] are not finite' in str(caught.value)
     one.forget_reference()
     after = one.update(NOW, Q, ZERO)
-    assert after.command.tolist() == before.hold().tolist()
+    assert after.command.tolist() == before.holding_effort().tolist()
 
 
 # --- the following error -------------------------------------------------------------------------

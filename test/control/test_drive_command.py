@@ -11,7 +11,7 @@ import pytest
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.joints.drive_effort import DriveEffort, make_drive_effort
+from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -34,8 +34,8 @@ angles = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
 robots = st.sampled_from([(), ('gravity',), ('friction',), ('gravity', 'friction')])
 
 
-def driven(arm: ArmModel, scale: Any, offset: Any) -> tuple[ArmModel, DriveEffort]:
-    drive = make_drive_effort(NAMES, scale, offset, LIMIT)
+def driven(arm: ArmModel, scale: Any, offset: Any) -> tuple[ArmModel, EffortCalibration]:
+    drive = make_effort_calibration(NAMES, scale, offset, LIMIT)
     assert drive is not None
     return arm.with_drive(drive), drive
 
@@ -60,9 +60,10 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
     one = controller(arm, robot, effort_limit_fraction=share)
     follow(one, goal)
     output = one.update(NOW + 1, Q, ZERO)
-    for effort in (output.command, output.hold(), one.braked(Q, V, output.hold())):
+    holding = output.holding_effort()
+    for effort in (output.command, holding, one.braked(Q, V, holding)):
         assert (np.abs(effort) <= LIMIT).all()
-    free = np.maximum(np.abs(output.hold()), np.abs(drive.offset))
+    free = np.maximum(np.abs(holding), np.abs(drive.offset))
     assert (np.abs(output.command) <= np.maximum(share * LIMIT, free) + 1e-9).all()
 
 
@@ -81,7 +82,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
     added = np.zeros(2)
     if 'gravity' in robot:
         added += output.robot_gravity
-    hold = drive.torque(output.hold() + added)
+    hold = drive.torque(output.holding_effort() + added)
     assert hold == pytest.approx(output.gravity_compensation)
     if 'friction' in robot:
         friction = controller(FRICTION, ())  # the same reference without a drive
@@ -99,10 +100,10 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
 def test_in_a_fault_the_damping_is_a_torque() -> None:
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     without, one = controller(ARM, ()), controller(arm, ())
-    held = without.update(NOW, Q, V).hold()
+    held = without.update(NOW, Q, V).holding_effort()
     braked = without.braked(Q, V, held)
     assert np.abs(braked - held).min() > 0.1
-    hold = one.update(NOW, Q, V).hold()
+    hold = one.update(NOW, Q, V).holding_effort()
     assert drive.torque(one.braked(Q, V, hold)) == pytest.approx(braked)
     assert one.braked(Q, None, hold) is hold
 

@@ -35,7 +35,7 @@ from robot_dynamics.identification.regression import (
 )
 from robot_dynamics.identification.regularized_fit import without_memory
 from robot_dynamics.identification.uncertainty import estimate_parameters
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
@@ -127,7 +127,7 @@ def test_the_library_computes_what_was_reported(planar, found):
 
 def test_drives_stay_in_the_parameters(found):
     fit = found.models.consistent
-    drive = make_drive_effort(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
+    drive = make_effort_calibration(ARM.joint_names, [0.7, 1.3], [8.0, -4.0], ARM.limits.effort)
     arm = ARM.with_drive(drive)
     values = parameter_values(arm, fit, given={'effort.scale': [0.7, 1.3, 1.0]})  # of a hand, too
     assert values['effort.scale'] == [0.7, 1.3]

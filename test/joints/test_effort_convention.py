@@ -190,7 +190,7 @@ def test_joint_and_command_keep_within_their_limits(
     assert output.terms is not None
     added = G if compensates else ZERO
     hold = G - added
-    assert output.hold() == pytest.approx(hold)
+    assert output.holding_effort() == pytest.approx(hold)
     low, high = np.minimum(-scale * LIMIT, hold), np.maximum(scale * LIMIT, hold)
     assert ((low - 1e-9 <= output.command) & (output.command <= high + 1e-9)).all()
     assert (np.abs(output.command + added) <= LIMIT + 1e-9).all()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.stiction import choose_modes, hold
+from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
 from scipy.linalg import expm
 
@@ -30,7 +30,7 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
     M, v, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, v, effort, coulomb, coulomb)
     sliding = effort - modes.direction * coulomb
-    a, friction = hold(M, sliding, modes.stuck)
+    a, friction = constrained_motion(M, sliding, modes.stuck)
     assert M @ a == pytest.approx(sliding - friction, abs=1e-9)
     assert (a[modes.stuck] == 0.0).all()
     assert (friction[~modes.stuck] == 0.0).all()
@@ -49,7 +49,7 @@ def test_a_joint_starts_to_slide_against_friction(seed: int, n: int) -> None:
     M, _, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, np.zeros(n), 2.0 * effort, coulomb, coulomb)
     sliding = 2.0 * effort - modes.direction * coulomb
-    a, _ = hold(M, sliding, modes.stuck)
+    a, _ = constrained_motion(M, sliding, modes.stuck)
     assert (a * modes.direction >= -1e-12 * np.abs(a).max()).all()
     # Of all accelerations, the result minimises Gauss's principle with dry friction.
     rest = 2.0 * effort - M @ a

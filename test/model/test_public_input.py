@@ -15,7 +15,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
@@ -174,9 +174,9 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
     'actuator.reflected_inertia': lambda x: fields_of(make_actuators(
         _BARE.joint_names, 0.1, 50.0, reflected_inertia=x)),
     'with_reflected_inertia': lambda x: _BARE.with_reflected_inertia(x).reflected_inertia.tolist(),
-    'effort.scale': lambda x: fields_of(make_drive_effort(_BARE.joint_names, x)),
-    'effort.offset': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, x)),
-    'effort limit': lambda x: fields_of(make_drive_effort(_BARE.joint_names, 2.0, 0.0, x)),
+    'effort.scale': lambda x: fields_of(make_effort_calibration(_BARE.joint_names, x)),
+    'effort.offset': lambda x: fields_of(make_effort_calibration(_BARE.joint_names, 2.0, x)),
+    'effort limit': lambda x: fields_of(make_effort_calibration(_BARE.joint_names, 2.0, 0.0, x)),
     'uncertainty.noise_deviation': lambda x: fields_of(make_uncertainty(
         _BARE, noise_deviation=x, noise_bandwidth=1.0)),
     **{f'gains.{name}': lambda x, name=name: fields_of(  # type: ignore[misc]

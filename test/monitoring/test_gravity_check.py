@@ -12,7 +12,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import JointFriction, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -323,7 +323,7 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
     assert verdict.agrees, verdict
 
 
-DRIVE = make_drive_effort(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
+DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
 
 
 @pytest.mark.parametrize('declared', [

@@ -16,7 +16,7 @@ from payload_bench import (
     SEEDED_CASES,
 )
 import pytest
-from robot_dynamics.joints.drive_effort import make_drive_effort
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.payload_estimation import PayloadEstimate
 
 
@@ -27,7 +27,7 @@ def with_uncertain_drives(case: Case) -> tuple[Case, np.ndarray]:
     C = np.zeros((2 * n, 2 * n))
     C[:n, :n] = 0.003**2 * (0.5 * common + 0.5 * np.eye(n))
     C[n:, n:] = np.diag((0.0005 * limit)**2)
-    drive = make_drive_effort(case.arm.joint_names, [1.0], [0.0], limit, C)
+    drive = make_effort_calibration(case.arm.joint_names, [1.0], [0.0], limit, C)
     error = np.random.default_rng(case.seed + 40_000).multivariate_normal(np.zeros(2 * n), C)
     return case._replace(arm=case.arm.with_drive(drive)), error
 

@@ -137,7 +137,8 @@ def framed_page(browser, server, robot):
         wait_until(lambda: not server.get_clients(), 'the end of the page')
 
 
-@pytest.mark.parametrize('robot', ['ur10', 'panda', 'xarm7', 'z1'])
+@pytest.mark.parametrize('robot', [
+    'ur10', *(pytest.param(name, marks=pytest.mark.soak) for name in ('panda', 'xarm7', 'z1'))])
 def test_the_arm_and_its_labels_are_between_the_panels(browser, server, robot):
     with framed_page(browser, server, robot) as (page, move, camera):
         panels = page.tab.get_by_label(FOLD)

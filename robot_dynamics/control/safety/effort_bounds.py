@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.joints.drive_effort import DriveEffort
+from robot_dynamics.joints.effort_calibration import EffortCalibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
@@ -46,7 +46,7 @@ NOTHING = RobotEffort(None, None)
 
 def robot_effort(
     convention: EffortConvention, gravity: FloatArray, friction: FloatArray | None,
-    drive: DriveEffort | None = None,
+    drive: EffortCalibration | None = None,
 ) -> RobotEffort:
     """
     Return the g(q) and friction (n,) that a robot adds on its own, or `NOTHING`.
@@ -72,7 +72,7 @@ class EffortBounds:
     """
 
     def __init__(
-        self, limit: FloatArray, scale: float = 1.0, drive: DriveEffort | None = None,
+        self, limit: FloatArray, scale: float = 1.0, drive: EffortCalibration | None = None,
     ) -> None:
         """`limit` (n,) are the effort limits of the arm [N·m] or [N]."""
         self._limit = limit
@@ -99,7 +99,7 @@ class EffortBounds:
         return True
 
     def bounded(
-        self, command: FloatArray, robot: RobotEffort, hold: FloatArray | None = None,
+        self, command: FloatArray, robot: RobotEffort, holding: FloatArray | None = None,
     ) -> tuple[FloatArray, BoolArray]:
         """
         Return the command within its limits, and which joints (n,) met their limit.
@@ -107,14 +107,14 @@ class EffortBounds:
         The effort at the joints is the sum of the command and the gravity torque that the robot
         adds; it stays within the limits. (Friction that the robot adds is neglected.) If gravity
         alone exceeds the limit of a joint, the command need not counteract it: the command may be
-        0, or reduce the load. `hold` is the command that holds the arm: if the scaled limits are
-        too low for `hold`, they are extended to `hold`. Without `hold` the scale does not apply.
+        0, or reduce the load. `holding` is the command that holds the arm: if the scaled limits
+        are too low for it, they are extended to it. Without it the scale does not apply.
         """
         limit = self._limit
         low, high = -limit, limit
-        if hold is not None:
-            low = np.maximum(low, np.minimum(-self.scaled, hold))
-            high = np.minimum(high, np.maximum(self.scaled, hold))
+        if holding is not None:
+            low = np.maximum(low, np.minimum(-self.scaled, holding))
+            high = np.minimum(high, np.maximum(self.scaled, holding))
         if robot.gravity is not None:
             low = np.maximum(low, np.minimum(-limit - robot.gravity, 0.0))
             high = np.minimum(high, np.maximum(limit - robot.gravity, 0.0))

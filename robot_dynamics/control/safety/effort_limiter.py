@@ -4,8 +4,8 @@
 """
 Limits of the effort of each joint, applied before the effort is sent to a real arm.
 
-`hold` is the command that holds the arm: g(q), as far as the robot does not add it on its own.
-Beyond `hold`, the efforts do not accelerate a joint toward a position limit that it is about to
+`holding` is the command that holds the arm: g(q), as far as the robot does not add it on its own.
+Beyond `holding`, the efforts do not accelerate a joint toward a position limit that it is about to
 pass, or beyond its velocity limit; the acceleration of the other joints stays as it is. The rate
 limit is applied last and has priority: if a joint reaches a limit while an effort acts toward it,
 this effort is reduced at the rate limit (100 N·m in 0.1 s at the default), not in one step. A step
@@ -48,7 +48,7 @@ class EffortLimits:
     margin: float
     rate: FloatArray | float
     effort: FloatArray | float = math.inf
-    """Largest effort (n,) or one for all joints, apart from `hold`."""
+    """Largest effort (n,) or one for all joints, apart from `holding`."""
 
     @cached_property
     def soft_lower(self) -> FloatArray:
@@ -129,13 +129,13 @@ class EffortLimiter:
         """The limits that have changed the last effort of `apply`, None for none."""
 
     def apply(
-        self, effort: FloatArray, hold: Callable[[], FloatArray], q: FloatArray,
+        self, effort: FloatArray, holding: Callable[[], FloatArray], q: FloatArray,
         v: FloatArray | None, dt: float, equation: MotionEquation | None = None,
     ) -> FloatArray:
         """
         Return the effort that may be published dt [s] after the last effort.
 
-        `hold` returns the command (n,) that holds the arm still; the first effort is that command.
+        `holding` returns the command (n,) that holds the arm still, which is the first effort.
         `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
         `equation` returns M(q) (n, n), and C(q, v) v with the compensation of friction (n,), by
         default the unit matrix and 0: joints that do not move each other.
@@ -144,7 +144,7 @@ class EffortLimiter:
         by_position = by_velocity = by_rate = limits.no_joint
         is_clear = limits.is_clear(q, v)
         if not is_clear:
-            still = hold()
+            still = holding()
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
@@ -158,7 +158,7 @@ class EffortLimiter:
                 allowed = np.clip(
                     still + passive + M @ np.where(is_held, 0.0, a), -most, most)
         if self.last is None:
-            self.last, dt = hold(), 0.0
+            self.last, dt = holding(), 0.0
         moved = self.rate_limited(allowed, dt)
         if moved is not allowed:
             by_rate = moved != allowed

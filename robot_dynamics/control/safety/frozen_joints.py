@@ -81,16 +81,16 @@ class FrozenJoints:
 
     def stopping_effort(
         self, output: ControlOutput, dt: float, q: FloatArray, v: FloatArray | None,
-        hold: FloatArray,
+        holding: FloatArray,
     ) -> FloatArray:
         """
         Return the effort (n,) of the planned stop at (q, v), dt [s] after the last state.
 
-        Without a command the effort is `hold`.
+        Without a command the effort is `holding`.
         """
         command, state, m = output.command, output.state, self.marks
         if command is None:
-            return hold
+            return holding
         if state.trajectory is None or state.v is None:
             return command
         M, _ = self._controller.motion_equation(output, q, v)

@@ -7,9 +7,9 @@ The supervisor of the command: decides when efforts are published and how they e
     inactive -> waiting for the first state -> running <-> fault
     running or fault -> braking -> stopping -> inactive
 
-The first effort is the command that holds the arm (`hold`). In a fault, the answer to each valid
-state is `hold` with damping; the fault action begins when no valid states arrive any more. The
-command resumes automatically once the cause has ended, except after a latched fault.
+The first effort is the command that holds the arm (`holding`). In a fault, the answer to each
+valid state is `holding` with damping; the fault action begins when no valid states arrive any
+more. The command resumes automatically once the cause has ended, except after a latched fault.
 Before the command ends, the arm stops (braking); then the effort is ramped to zero (stopping).
 The rate limit applies to the efforts of a fault action and of a ramp as well, so that a ramp from
 a large effort may take longer than the ramp time. No two consecutive efforts differ by more.
@@ -32,10 +32,10 @@ from robot_dynamics.control.safety.effort_limiter import (
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
-Hold = Callable[[], FloatArray]
+HoldingEffort = Callable[[], FloatArray]
 """Returns the command (n,) that holds the arm still; it is computed only when it is needed."""
 Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
-"""Returns the command (n,) that holds and brakes the arm at (q, v), from the `hold` command."""
+"""Returns the command (n,) that holds and brakes the arm at (q, v), from the `holding` command."""
 BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then the ramp begins in any case."""
 LONGEST_PAUSE = 0.25
@@ -109,7 +109,7 @@ class CommandSupervisor:
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
-        self.hold: Hold = partial(np.zeros, len(joint_names))
+        self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
         """Times [s] of the last valid state and of the last effort."""
@@ -200,23 +200,23 @@ class CommandSupervisor:
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
-        hold: Hold, dt: float | None = None, brake: Brake | None = None,
+        holding: HoldingEffort, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None, equation: MotionEquation | None = None,
         mean: FloatArray | None = None,
     ) -> FloatArray | None:
         """
-        Return the effort for a valid state; `hold` returns the command that holds the arm.
+        Return the effort for a valid state; `holding` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
-        fault that was found with this state. `brake` returns the hold with damping at (q, v); it
-        is used in a fault. `equation` is that of `EffortLimiter.apply`. `mean` (n,) is the mean
+        fault that was found with this state. `brake` returns `holding` with damping at (q, v), for
+        a fault. `equation` is that of `EffortLimiter.apply`. `mean` (n,) is the mean
         velocity since the previous state: one noisy velocity v is no overspeed.
         """
         cause = self._beyond_a_limit(q) or self._overspeed(slower(v, mean)) or fault
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.state_timeout):
             cause = self._timeout()
-        self.last_state, self.hold = now, hold
+        self.last_state, self.holding = now, holding
         if cause is not None:
             self.fail(now, cause)
         elif self.mode is Mode.WAITING:
@@ -227,11 +227,11 @@ class CommandSupervisor:
             return self._action(now)
         is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
         if is_damped:
-            return self._hold_on(now, hold() if brake is None else brake(q, v, hold()), dt)
+            return self._hold_on(now, holding() if brake is None else brake(q, v, holding()), dt)
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
         passed, self.last_output = now - self.last_output, now
-        return self.limiter.apply(command, hold, q, v, passed if dt is None else dt, equation)
+        return self.limiter.apply(command, holding, q, v, passed if dt is None else dt, equation)
 
     def act(self, now: float) -> None:
         """
@@ -270,7 +270,7 @@ class CommandSupervisor:
     ) -> FloatArray | None:
         """Answer a valid state in a fault: hold the arm and postpone the fault action."""
         self._since, self._braked = now + self.state_timeout, braked
-        self._ramped = self.hold()
+        self._ramped = self.holding()
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
         passed = now - self.last_output
@@ -317,7 +317,7 @@ class CommandSupervisor:
 
     def _begin(self, mode: Mode, now: float) -> None:
         self.mode, self._since, self._is_damped, self._acts = mode, now, False, False
-        self._braked = self._ramped = self.hold()
+        self._braked = self._ramped = self.holding()
 
     def _action(self, now: float) -> FloatArray | None:
         """Return the next effort of the fault action, or of the ramp of `deactivate`."""
@@ -348,7 +348,7 @@ class CommandSupervisor:
         return 0.0 if passed >= self.options.ramp_time else 1.0 - passed / self.options.ramp_time
 
     def _finish(self) -> None:
-        """Publish nothing; the next command begins with `hold`."""
+        """Publish nothing; the next command begins with `holding`."""
         self.limiter.last = None
         if self.mode is Mode.STOPPING:
             self.mode = Mode.INACTIVE

@@ -8,7 +8,7 @@ The URDF is in a parameter, in a file or in a package, or it is the URDF of the 
 """
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.drive_effort import LARGEST_SCALE, LEAST_SCALE
+from robot_dynamics.joints.effort_calibration import LARGEST_SCALE, LEAST_SCALE
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.drive_effort import (
-    DriveEffort,
+from robot_dynamics.joints.effort_calibration import (
+    EffortCalibration,
     LARGEST_SCALE,
     LEAST_SCALE,
-    make_drive_effort,
+    make_effort_calibration,
 )
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters
@@ -32,8 +32,8 @@ offsets = st.tuples(
 torques = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3).map(np.array)
 
 
-def drive(scale: Any = (0.7, 1.3, 1.0), offset: Any = (1.0, -2.0, 0.0)) -> DriveEffort:
-    made = make_drive_effort(NAMES, scale, offset, LIMIT)
+def drive(scale: Any = (0.7, 1.3, 1.0), offset: Any = (1.0, -2.0, 0.0)) -> EffortCalibration:
+    made = make_effort_calibration(NAMES, scale, offset, LIMIT)
     assert made is not None
     return made
 
@@ -50,7 +50,7 @@ def test_an_effort_without_its_offset_times_the_scale_is_the_torque() -> None:
 def test_the_conversions_are_inverse_for_one_and_many_samples(
     scale: list[float], offset: Any, torque: np.ndarray,
 ) -> None:
-    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     for samples in (torque, np.tile(torque, (4, 2, 1))):
         there = some.effort(samples)
         assert there.shape == samples.shape
@@ -64,7 +64,7 @@ def test_the_conversions_are_inverse_for_one_and_many_samples(
 def test_the_largest_torque_needs_no_effort_beyond_the_limit(
     scale: list[float], offset: Any, fraction: float, sign: float,
 ) -> None:
-    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     most = some.torque_limit(fraction)
     assert (most >= 0.0).all()
     assert (most <= np.maximum(fraction * LIMIT[:2], 0.0).tolist() + [np.inf]).all()
@@ -75,7 +75,7 @@ def test_the_largest_torque_needs_no_effort_beyond_the_limit(
 @laws
 @given(scales, offsets, st.sampled_from([1.0, -1.0]))
 def test_no_command_is_beyond_the_limit(scale: list[float], offset: Any, sign: float) -> None:
-    some = DriveEffort(np.array(scale), np.array(offset), LIMIT)
+    some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     command = some.command(np.full(3, sign * FAR))
     assert command[:2].tolist() == [sign * 10.0, sign * 40.0]
     assert np.isfinite(command[2])
@@ -95,11 +95,11 @@ def test_the_limit_of_the_torque() -> None:
 
 @pytest.mark.parametrize(('scale', 'offset'), [((), ()), ([1.0], [0.0]), ([1.0] * 3, ())])
 def test_drives_whose_effort_is_the_torque_cost_nothing(scale: Any, offset: Any) -> None:
-    assert make_drive_effort(NAMES, scale, offset, LIMIT) is None
+    assert make_effort_calibration(NAMES, scale, offset, LIMIT) is None
 
 
 def test_one_value_is_for_all_joints() -> None:
-    some = make_drive_effort(NAMES, [2.0], [-1.5])
+    some = make_effort_calibration(NAMES, [2.0], [-1.5])
     assert some is not None
     assert some.scale.tolist() == [2.0] * 3
     assert some.offset.tolist() == [-1.5] * 3
@@ -119,7 +119,7 @@ def test_one_value_is_for_all_joints() -> None:
 ])
 def test_mismatched_values_are_rejected_by_name(scale: Any, offset: Any, words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
-        make_drive_effort(NAMES, scale, offset, LIMIT)
+        make_effort_calibration(NAMES, scale, offset, LIMIT)
 
 
 def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque() -> None:
@@ -149,7 +149,7 @@ def covariance_of(deviations: list[float], seed: int = 0) -> np.ndarray:
 
 def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
     C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
-    known = make_drive_effort(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
+    known = make_effort_calibration(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
     assert known is not None
     drawn = np.random.default_rng(1).multivariate_normal(
         [*known.scale, *known.offset], C, 20_000)
@@ -166,7 +166,7 @@ def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
 
 def test_drives_without_a_covariance_are_exact() -> None:
     assert not drive().torque_error_covariance().any()
-    exact = make_drive_effort(NAMES, (), (), LIMIT, covariance_of([0.01] * 6))
+    exact = make_effort_calibration(NAMES, (), (), LIMIT, covariance_of([0.01] * 6))
     assert exact is not None  # scale 1 is only known within 1 %
     assert exact.torque_error_covariance().any()
 

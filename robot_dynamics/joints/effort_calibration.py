@@ -31,9 +31,9 @@ LARGEST_OFFSET = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class DriveEffort:
+class EffortCalibration:
     """
-    The drives of n joints; checked by `make_drive_effort`.
+    The drives of n joints; checked by `make_effort_calibration`.
 
     `scale` s (n,) is the torque at the joint per unit of the driver's effort, `offset` o (n,)
     [N·m] or [N] the driver's effort at zero torque. `limit` L (n,) [N·m] or [N] is the effort
@@ -87,10 +87,10 @@ def drive_quantities(joint_names: Sequence[str]) -> list[str]:
     return [f'{name}({joint})' for name in ('scale', 'offset') for joint in joint_names]
 
 
-def make_drive_effort(
+def make_effort_calibration(
     joint_names: Sequence[str], scale: npt.ArrayLike = (), offset: npt.ArrayLike = (),
     limit: npt.ArrayLike = np.inf, covariance: FloatArray | None = None,
-) -> DriveEffort | None:
+) -> EffortCalibration | None:
     """
     Return checked drives, None if s is exactly 1 and o exactly 0 at every joint.
 
@@ -117,4 +117,4 @@ def make_drive_effort(
                 f'{most:g}')
     if covariance is None and (s == 1.0).all() and not o.any():
         return None
-    return DriveEffort(s, o, limits, covariance)
+    return EffortCalibration(s, o, limits, covariance)
