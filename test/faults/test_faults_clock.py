@@ -181,8 +181,8 @@ def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
     try:
         report(one)
         one.efforts.wait_count(len(one.efforts.messages) + 100)
-        assert np.array([m.effort for m in one.efforts.messages]) == pytest.approx(
-            np.tile(effort, (len(one.efforts.messages), 1)), abs=1e-6)
+        efforts = np.array([m.effort for m in one.efforts.messages])
+        assert efforts == pytest.approx(np.tile(effort, (len(efforts), 1)), abs=1e-6)
     finally:
         clock.go_on()
     one.set_point(one.driver.q)

@@ -136,7 +136,7 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     assert "velocity of 'joint" in status.message
     assert 'expected at most 1.2 times' in status.message
     assert '(overspeed_factor)' in status.message
-    assert figure_of(status, 'faults: overspeed') == before + 1
+    assert figure_of(status, 'faults: overspeed') > before  # again, if the status is late
     # damping against the motion of joint1, and never zero
     arm.efforts.wait_for(lambda message: abs(message.effort[0] - G[0]) > 50.0)
     arm.wait_status('reference', lambda status: (
