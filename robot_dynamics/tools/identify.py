@@ -10,6 +10,7 @@ nothing could be identified; 130 interrupted.
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 import sys
@@ -101,7 +102,8 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
-    settings = command_line.read_settings(arguments)
+    settings = replace(
+        command_line.read_settings(arguments), effort_is_current=arguments.effort == 'current')
     if arguments.dask is not None:
         require_dask()
     payloads = [
