@@ -144,6 +144,8 @@ def print_identification(
     """Print the results, the paths of the files, and notes about them."""
     identification = found.identification
     print(text_table([], summary.fact_rows(found)))
+    command_line.print_list(
+        'Contradictions, with their likely causes:', summary.contradiction_lines(found))
     command_line.print_list('Recordings:', summary.recording_lines(found))
     print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(summary.residual_rows(identification)))
