@@ -21,6 +21,7 @@ from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.analysis.contradictions import find_contradictions, without_delay
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.identification.bag_identification import IdentificationSettings, read_motion
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -131,3 +132,14 @@ def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
 def test_the_recording_of_a_real_arm_has_no_cause():
     read = read_for_arm(UR10, SETTINGS)
     assert find_contradictions(read.arm, filter_motion(read.series)) == (0.0, ())
+
+
+def test_identification_names_rest_and_a_joint_without_effort(tmp_path):
+    settings = IdentificationSettings(SETTINGS, 0.6)
+    still = recorded(tmp_path / 'still', q=0.0 * MOTION.q, v=0.0 * MOTION.v)
+    with pytest.raises(RecordingError, match='is at rest'):
+        read_motion(still, settings)
+    tau = MOTION.tau.copy()
+    tau[:, 4] = np.nan
+    with pytest.raises(RecordingError, match='no finite number: effort of wrist_2_joint'):
+        read_motion(recorded(tmp_path / 'nan', tau=tau), settings)
