@@ -145,7 +145,8 @@ def _plausible(
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
     reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
     for name, values, limit in (
-            ('position', series.position, reach), ('velocity', series.velocity, arm.limits.velocity),
+            ('position', series.position, reach),
+            ('velocity', series.velocity, arm.limits.velocity),
             ('effort', None if is_motor_side else series.effort, arm.given_drive.limit)):
         if values is None:
             continue

@@ -153,7 +153,8 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
     page.section('Identification')
     page.table(summary.fact_rows(found), has_head=False, kind='text')
     for title, lines, kind in (
-            ('Contradictions, with their likely causes', summary.contradiction_lines(found), 'loss'),
+            ('Contradictions, with their likely causes',
+             summary.contradiction_lines(found), 'loss'),
             ('Warnings', summary.warnings(found.identification), 'loss'),
             ('Recordings that could not be used',
              [f'{bag}: {error}' for bag, error in found.failed], 'loss'),

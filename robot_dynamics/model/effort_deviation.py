@@ -94,7 +94,7 @@ class EffortDeviation:
         smooth: bool = False,
     ) -> FloatArray:
         """
-        Return the standard deviation (n,) [N·m] or [N] of the model's effort at a state, each (n,).
+        Return the deviation (n,) [N·m] or [N] of the effort of the model at a state, each (n,).
 
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
