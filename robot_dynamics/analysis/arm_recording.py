@@ -9,16 +9,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from robot_dynamics.analysis.velocity_check import contradicts_position
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
+from robot_dynamics.reporting.text_table import percent
 
 ROBOT_DESCRIPTION = '/robot_description'
-IMPLAUSIBLE = 10.0
-"""Multiple of a position, velocity or effort limit beyond which a sample is noise."""
+IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
+"""Multiple of a limit beyond which a sample is noise."""
+MOST_IMPLAUSIBLE = 0.1
+"""Largest share of implausible samples of a joint that counts as noise."""
+_CAUSES = {
+    'position': 'positions in degrees or millimetres, or the URDF of another arm',
+    'velocity': 'velocities in degrees or millimetres per second, or the URDF of another arm',
+    'effort': 'efforts in mA or in another unit than N·m (`identify --effort current`, '
+              'or `effort.scale`)'}
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,7 @@ class AnalysisSettings:
     type, None for the joint states in the recording. `joint_map` has pairs of names of the same
     joint, in the recording and in the URDF. `cutoff_hz` [Hz] is the cut-off frequency of the
     filter, None to choose it from the data. `parameters` are those of `dynamics_node`, by their
-    full names.
+    full names. With `effort_is_current`, the limits of the effort do not apply.
     """
 
     urdf: str = ''
@@ -38,6 +47,7 @@ class AnalysisSettings:
     joint_map: tuple[tuple[str, str], ...] = ()
     cutoff_hz: float | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    effort_is_current: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +87,9 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         remarks = [*recording.notes, *series.faults.words()]
     arm = arm_from_parameters(urdf, settings.parameters, joints)
     series = series.unwrapped(arm.is_continuous)
-    series, wild = _plausible(series, arm, settings.parameters)
+    series, wild = _plausible(series, arm, settings.effort_is_current or (
+        settings.parameters.get('measured_effort') in MOTOR_SIDE))
+    _check_degrees(series)
     received, series = len(series.stamps_ns), series.driven()
     held = received - len(series.stamps_ns)
     locked = [name for name in whole.joint_names if name not in joints]
@@ -91,8 +103,8 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         remarks.append(f'left out: {counted(held, "sample")} with zero effort, because the brakes '
                        'were probably engaged')
     if wild:
-        remarks.append(f'left out: {counted(wild, "sample")} beyond {IMPLAUSIBLE:g} times a limit '
-                       'of the arm')
+        remarks.append(f'left out: {counted(wild, "sample")} beyond the limits of the arm (' + (
+            ', '.join(f'{name} {factor:g} times' for name, factor in IMPLAUSIBLE.items())) + ')')
     return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
 
 
@@ -123,21 +135,47 @@ def _renamed(
 
 
 def _plausible(
-    series: JointSeries, arm: ArmModel, parameters: Mapping[str, Any],
+    series: JointSeries, arm: ArmModel, is_motor_side: bool,
 ) -> tuple[JointSeries, int]:
-    """Return the samples within IMPLAUSIBLE times the limits, and the number of the others."""
+    """
+    Return the samples within IMPLAUSIBLE times the limits, and the number of the others.
+
+    Raises RecordingError if more than MOST_IMPLAUSIBLE of the samples of a joint are beyond.
+    """
     good = np.ones(len(series.stamps_ns), dtype=np.bool_)
-    is_motor_side = parameters.get('measured_effort') in MOTOR_SIDE
     reach = np.maximum(np.maximum(np.abs(arm.limits.lower), np.abs(arm.limits.upper)), 1.0)
-    for values, limit in (
-            (series.position, reach), (series.velocity, arm.limits.velocity),
-            (None if is_motor_side else series.effort, arm.given_drive.limit)):
-        if values is not None:
-            bound = np.where(limit > 0.0, IMPLAUSIBLE * limit, np.inf)
-            good &= (np.abs(values) <= bound).all(axis=1)
-    if not good.any():
-        raise RecordingError(
-            f'every sample is beyond {IMPLAUSIBLE:g} times a limit of the arm {arm.name!r}, '
-            'expected its own description')
+    for name, values, limit in (
+            ('position', series.position, reach),
+            ('velocity', series.velocity, arm.limits.velocity),
+            ('effort', None if is_motor_side else series.effort, arm.given_drive.limit)):
+        if values is None:
+            continue
+        is_good = np.abs(values) <= np.where(limit > 0.0, IMPLAUSIBLE[name] * limit, np.inf)
+        share = 1.0 - is_good.mean(axis=0)
+        if share.max() > MOST_IMPLAUSIBLE:
+            listed = ', '.join(
+                f'{joint} ({percent(part)} of the samples, up to {largest:.4g}, limit {bound:.4g})'
+                for joint, part, largest, bound in zip(
+                    arm.joint_names, share, np.abs(values).max(axis=0), limit)
+                if part > MOST_IMPLAUSIBLE)
+            raise RecordingError(
+                f'{name} beyond {IMPLAUSIBLE[name]:g} times the limit at {listed}. '
+                f'Likely cause: {_CAUSES[name]}')
+        good &= is_good.all(axis=1)
     return (series, 0) if good.all() else (
         series.at(np.flatnonzero(good)), int((~good).sum()))
+
+
+def _check_degrees(series: JointSeries) -> None:
+    """Raise RecordingError if the velocity is the derivative of the position taken as degrees."""
+    q, v = series.position, series.velocity
+    if q is None or v is None or len(v) < 2:
+        return
+    is_wrong, is_wrong_as_degrees = (
+        contradicts_position(series.times, each, v, series.stretches())
+        for each in (q, np.radians(q)))
+    if (is_wrong & ~is_wrong_as_degrees).any():
+        raise RecordingError(
+            'position in degrees: its derivative is 57.3 times the velocity at '
+            + ', '.join(np.array(series.joint_names)[is_wrong & ~is_wrong_as_degrees])
+            + '. Expected radians')

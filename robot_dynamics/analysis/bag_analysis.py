@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm, ReadRecording
+from robot_dynamics.analysis.contradictions import corrected
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.analysis.residual import residual_statistics, ResidualStatistics
 from robot_dynamics.arrays import FloatArray
@@ -85,12 +86,14 @@ def analyze_recording(
     terms = model_terms(
         ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
     measured, remark = joint_effort(motion, terms.gravity, read.arm, settings.parameters)
-    if remark:
-        read = replace(read, remarks=(*read.remarks, remark))
     usable = motion.usable
     if not usable.any():
         raise RecordingError(
             f'recording {str(path)!r} has only samples near gaps and ends, expected others too')
+    causes = () if measured is None else corrected(
+        read.arm, replace(motion, effort=measured))[1]
+    read = replace(read, remarks=(*read.remarks, *filter(None, (
+        remark, *(f'likely cause of the residual: {cause}' for cause in causes)))))
     statistics = None if measured is None else residual_statistics(
         measured[usable], terms.effort[usable], read.arm.joint_names)
     use = _limit_use(read.arm, motion, terms.effort if measured is None else measured)

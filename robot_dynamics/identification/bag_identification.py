@@ -16,11 +16,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.analysis.bag_analysis import with_joint_effort
 from robot_dynamics.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.identification.friction_regressor import scales_of
+from robot_dynamics.identification.joint_excitation import LEAST_TRAVEL
 from robot_dynamics.identification.pipeline import Identification, identify_recordings, Recordings
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.steps import (
@@ -28,7 +31,7 @@ from robot_dynamics.identification.steps import (
     EvaluatedRecording,
     Evaluation,
     FilteredArmMotion,
-    recording_facts,
+    prepared_motion,
     reduce_recording,
     Reduction,
 )
@@ -69,15 +72,22 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotio
     Return the filtered motion of a recording, with the effort at the joints.
 
     Raises the errors of `read_for_arm` and `filter_motion`, and RecordingError if there is no
-    effort.
+    effort, or no motion.
     """
     read = read_for_arm(bag, settings.analysis)
     arm = settings.arm(read.arm.joint_names, bag.name)
+    if read.series.position is not None and (np.ptp(read.series.position, axis=0) < (
+            LEAST_TRAVEL * scales_of(arm.joint_kinds))).all():
+        raise RecordingError(
+            f'the recording is at rest: no joint moves by {LEAST_TRAVEL:g} rad, expected a motion')
+    if read.series.effort is None:
+        raise RecordingError('; '.join((
+            'the recording has no effort, expected the measured effort',
+            *(f'no finite number: {each}' for each in read.series.faults.never_finite))))
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks
-    return FilteredArmMotion(
-        arm, motion, recording_facts(motion, read.losses, remarks), settings.train_fraction)
+    return prepared_motion(arm, motion, settings.train_fraction, read.losses, remarks)
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, Reduction]) -> QrInformation:

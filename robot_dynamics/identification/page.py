@@ -42,6 +42,7 @@ RULE = (
     f'{100.0 * (BETTER - 1.0):.0f} %. Friction dominates if it alone removes more than half of '
     'the mean square of the residual of the URDF.')
 USE = 'use `identified.yaml`'
+CONTRADICTED = 'resolve the contradictions of the recordings first'
 RECORD = 'record a longer motion, or a trajectory generated with `excite`'
 UNIT = ('check the unit of the effort (`--effort current`), the joint names (`--map`) and the '
         'payload (`--payload`)')
@@ -59,9 +60,13 @@ def joint_verdicts(identification: Identification) -> list[Verdict]:
         return [Verdict(
             name, Grade.UNKNOWN, 'not tested: all samples were used for training', TEST)
             for name in identification.arm.joint_names]
-    return [
+    verdicts = [
         joint_verdict(name, float(urdf[j]), float(simple[j]), float(consistent[j]))
         for j, name in enumerate(identification.arm.joint_names)]
+    if not any(recording.facts.contradictions for recording in identification.recordings):
+        return verdicts
+    return [verdict._replace(grade=Grade.CHECK, next_step=CONTRADICTED)
+            if verdict.grade == Grade.GOOD else verdict for verdict in verdicts]
 
 
 def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> Verdict:
@@ -148,6 +153,8 @@ def _add_lists(page: Page, found: BagIdentification) -> None:
     page.section('Identification')
     page.table(summary.fact_rows(found), has_head=False, kind='text')
     for title, lines, kind in (
+            ('Contradictions, with their likely causes',
+             summary.contradiction_lines(found), 'loss'),
             ('Warnings', summary.warnings(found.identification), 'loss'),
             ('Recordings that could not be used',
              [f'{bag}: {error}' for bag, error in found.failed], 'loss'),

@@ -27,10 +27,9 @@ from robot_dynamics.identification.steps import (
     evaluate_recording,
     EvaluatedRecording,
     Evaluation,
-    FilteredArmMotion,
     merge_tests,
     ModelTest,
-    recording_facts,
+    prepared_motion,
     reduce_recording,
     Reduction,
 )
@@ -137,7 +136,7 @@ def identify(
     and the errors of `identify_recordings`. Needs scipy.
     """
     arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
-    recorded = [FilteredArmMotion(loaded, motion, recording_facts(motion), train_fraction)
+    recorded = [prepared_motion(loaded, motion, train_fraction)
                 for loaded, motion in zip(arms, motions)]
     return identify_recordings(Recordings(
         lambda _: arm, lambda step: [reduce_recording(each, step) for each in recorded],

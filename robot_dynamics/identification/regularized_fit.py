@@ -39,16 +39,12 @@ from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
     parameters_of,
-    pseudo_inertia_matrix,
+    regularizing_roots,
     relative_rows,
 )
 
 URDF_REGULARIZATION = 1e12
 """κ that leaves the bodies of the URDF unchanged."""
-_LEAST_MASS = 0.01
-"""Fraction of the arm's mass that is the smallest assumed error of the mass of a body."""
-_LEAST_RADIUS = 0.03
-"""Smallest radius of gyration [m] that the regularization assumes."""
 _LEAST_ROTOR = 0.1
 """
 Reflected inertia that is expected at every joint, as a fraction of the largest inertia at a joint:
@@ -105,13 +101,8 @@ def make_prior(
 ) -> Prior:
     """
     Return the prior of a URDF's φ⁰ (p,), with inertia s and velocity limit (n,) of each joint.
-
-    If a body of the URDF is very light, flat or physically inconsistent, the regularization adds a
-    small mass around the same centre, so that the data can still change its parameters.
     """
-    bodies = parameters.reshape(-1, COUNT)
-    total = max(float(np.maximum(bodies[:, 0], 0.0).sum()), 1e-3)
-    roots = np.stack([np.linalg.cholesky(_regularizing_body(phi, total)) for phi in bodies])
+    roots = regularizing_roots(parameters)
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
         part = slice(COUNT * i, COUNT * (i + 1))
@@ -121,23 +112,6 @@ def make_prior(
         np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
         velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
         np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
-
-
-def _regularizing_body(phi: FloatArray, total: float) -> FloatArray:
-    P = pseudo_inertia_matrix(phi)
-    least_mass = _LEAST_MASS * total
-    mass = max(float(P[3, 3]), 0.0)
-    centre = P[:3, 3] / mass if mass > 0.0 else np.zeros(3)
-    about_centre = P[:3, :3] - mass * np.outer(centre, centre)
-    values, vectors = np.linalg.eigh(about_centre)
-    mass = max(mass, 1e-3 * least_mass)
-    least = max(least_mass, mass) * _LEAST_RADIUS**2 * 0.1
-    about_centre = (vectors * np.maximum(values, least)) @ vectors.T
-    P = np.empty((4, 4))
-    P[:3, :3] = about_centre + mass * np.outer(centre, centre)
-    P[:3, 3] = P[3, :3] = mass * centre
-    P[3, 3] = mass
-    return P
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.steps import write_samples
 from robot_dynamics.identification.summary import (
     bounds_by_joint,
+    contradiction_lines,
     not_separable,
     residual_title,
     warnings,
@@ -148,6 +149,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'deviation_by_noise': _numbers(gains.noise),
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
+        'contradictions': contradiction_lines(found),
         'warnings': warnings(identification),
     }
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from robot_dynamics.analysis.contradictions import corrected
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.analysis.sample_files import motion_columns
 from robot_dynamics.arrays import FloatArray
@@ -120,6 +121,7 @@ class RecordingFacts:
     cutoff_reason: str
     losses: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,15 +201,18 @@ class EvaluatedRecording:
     samples: dict[str, FloatArray] | None = None
 
 
-def recording_facts(
-    motion: FilteredMotion, losses: tuple[str, ...] = (), remarks: tuple[str, ...] = (),
-) -> RecordingFacts:
-    """Return the facts about a filtered motion, with the losses and remarks of its recording."""
+def prepared_motion(
+    arm: ArmModel, motion: FilteredMotion, train_fraction: float, losses: tuple[str, ...] = (),
+    remarks: tuple[str, ...] = (),
+) -> FilteredArmMotion:
+    """Return a motion of an arm, without a delay of its effort, and the facts about it."""
     if motion.differentiated:
         remarks = (*remarks, 'recorded velocity is inconsistent with the position, and is not '
                              f'used, for {", ".join(motion.differentiated)}')
-    return RecordingFacts(
-        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks)
+    motion, causes = corrected(arm, motion)
+    return FilteredArmMotion(arm, motion, RecordingFacts(
+        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks, causes,
+    ), train_fraction)
 
 
 def reduce_recording(recording: FilteredArmMotion, step: Reduction) -> QrInformation:
@@ -231,8 +236,10 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
     samples = {name: column[first:] for name, column in motion_columns(
         recording.arm, motion, efforts).items()}
     test_from = float(motion.times[first]) if first < len(motion.times) else float('nan')
+    facts = recording.facts if step.drive_gain is None else replace(
+        recording.facts, contradictions=corrected(recording.arm, motion)[1])
     return EvaluatedRecording(
-        recording.facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
+        facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
         EffortSeries(motion.times[::every], motion.velocity[::every], effort[::every],
                      model[::every], test_from),
         samples if step.keeps_samples else None)

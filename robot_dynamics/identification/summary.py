@@ -271,6 +271,13 @@ def _of_effort(identification: Identification) -> Iterator[str]:
                'current or in another unit, use --effort current')
 
 
+def contradiction_lines(found: BagIdentification) -> list[str]:
+    """Return the likely causes of contradictions, with the names of the recordings."""
+    return [f'{bag.name}: {cause}'
+            for bag, recording in zip(found.bags, found.identification.recordings)
+            for cause in recording.facts.contradictions]
+
+
 def recording_lines(found: BagIdentification) -> list[str]:
     """Return losses and remarks of the recordings, with their names."""
     return [f'{bag.name}: {line}'

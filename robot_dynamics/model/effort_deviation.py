@@ -94,13 +94,19 @@ class EffortDeviation:
         smooth: bool = False,
     ) -> FloatArray:
         """
-        Return the standard deviation (n,) [N·m] or [N] of the effort at a state, each (n,).
+        Return the deviation (n,) [N·m] or [N] of the effort of the model at a state, each (n,).
 
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
         X = self.derivatives(q, v, a, load, smooth)
         return np.asarray(np.linalg.norm(X @ self._uncertainty.root, axis=1))
+
+    def prediction(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the deviation (n,) of a measured effort: that of the model and of the noise."""
+        return np.hypot(self(q, v, a, load), self._uncertainty.noise_deviation)
 
     def derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

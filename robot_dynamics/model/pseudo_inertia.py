@@ -25,6 +25,10 @@ from robot_dynamics.arrays import FloatArray
 COUNT = 10
 """Number of parameters of a body."""
 NAMES = ('m', 'mx', 'my', 'mz', 'Ixx', 'Ixy', 'Iyy', 'Ixz', 'Iyz', 'Izz')
+_LEAST_MASS = 0.01
+"""Fraction of the arm's mass that is the smallest assumed error of the mass of a body."""
+_LEAST_RADIUS = 0.03
+"""Smallest radius of gyration [m] that the regularization assumes."""
 _UPPER = np.triu_indices(4, 1)
 _DIAGONAL = np.diag_indices(4)
 
@@ -64,6 +68,35 @@ def relative_rows(L0: FloatArray) -> FloatArray:
         relative = inverse @ pseudo_inertia_matrix(unit) @ inverse.T
         rows.append(np.concatenate([relative[_DIAGONAL], np.sqrt(2.0) * relative[_UPPER]]))
     return np.asarray(np.array(rows).T)
+
+
+def regularizing_roots(parameters: FloatArray) -> FloatArray:
+    """
+    Return the Cholesky factors of P₀ (bodies, 4, 4), for φ⁰ (10 × bodies,) of a URDF.
+
+    If a body of the URDF is very light, flat or physically inconsistent, a small mass around the
+    same centre is added, so that data can still change its parameters.
+    """
+    bodies = parameters.reshape(-1, COUNT)
+    total = max(float(np.maximum(bodies[:, 0], 0.0).sum()), 1e-3)
+    return np.stack([np.linalg.cholesky(_regularizing_body(phi, total)) for phi in bodies])
+
+
+def _regularizing_body(phi: FloatArray, total: float) -> FloatArray:
+    P = pseudo_inertia_matrix(phi)
+    least_mass = _LEAST_MASS * total
+    mass = max(float(P[3, 3]), 0.0)
+    centre = P[:3, 3] / mass if mass > 0.0 else np.zeros(3)
+    about_centre = P[:3, :3] - mass * np.outer(centre, centre)
+    values, vectors = np.linalg.eigh(about_centre)
+    mass = max(mass, 1e-3 * least_mass)
+    least = max(least_mass, mass) * _LEAST_RADIUS**2 * 0.1
+    about_centre = (vectors * np.maximum(values, least)) @ vectors.T
+    P = np.empty((4, 4))
+    P[:3, :3] = about_centre + mass * np.outer(centre, centre)
+    P[:3, 3] = P[3, :3] = mass * centre
+    P[3, 3] = mass
+    return P
 
 
 def from_coordinates(L0: FloatArray, coordinates: FloatArray) -> FloatArray:

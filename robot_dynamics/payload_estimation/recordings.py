@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.analysis.bag_analysis import with_joint_effort
+from robot_dynamics.analysis.contradictions import corrected
 from robot_dynamics.analysis.motion_filter import (
     filter_motion,
     filter_motion_below,
@@ -88,7 +89,9 @@ def _read(
     motion = filter_motion_below(read.series, CUTOFF) if settings.cutoff_hz is None else (
         filter_motion(read.series, settings.cutoff_hz))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
-    return read.arm, motion, tuple(filter(None, (*read.losses, *read.remarks, remark)))
+    motion, causes = corrected(read.arm, motion)
+    return read.arm, motion, tuple(filter(
+        None, (*read.losses, *read.remarks, remark, *causes)))
 
 
 def add_motion(estimator: PayloadEstimator, motion: FilteredMotion) -> None:

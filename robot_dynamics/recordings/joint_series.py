@@ -200,6 +200,10 @@ class RecordedJointStates:
             other_joints=count - len(stamps) - len(self.decoded.unreadable),
             incomplete=int((~whole).sum()),
             unreadable=len(self.decoded.unreadable), arrival_times=arrival_times,
+            never_finite=tuple(
+                f'{field_name} of {name}' for field_name, values in columns.items()
+                if np.isfinite(values).any() for name, column in zip(names, values.T)
+                if not np.isfinite(column).any()),
             start_ns=int(kept[0]))
 
         def chosen(name: str) -> FloatArray | None:

@@ -39,7 +39,8 @@ class SampleFaults:
     `gaps` are the intervals beyond GAP median periods, `duplicated_ns` the repeated stamps, and
     `backward_ns` the stamps out of order, behind or ahead of their neighbours. `other_joints`,
     `incomplete` and `unreadable` count messages without the wanted joints, without a finite
-    number in a field that others have, and with bytes that are no joint state. With
+    number in a field that others have, and with bytes that are no joint state.
+    `never_finite` lists fields that only some joints have, such as 'effort of joint2'. With
     `arrival_times` no message had a stamp: the times are those at which they were recorded.
     """
 
@@ -51,6 +52,7 @@ class SampleFaults:
     other_joints: int = 0
     incomplete: int = 0
     unreadable: int = 0
+    never_finite: tuple[str, ...] = ()
     arrival_times: bool = False
     start_ns: int = 0
 
@@ -83,7 +85,7 @@ class SampleFaults:
                 ('that cannot be decoded', self.unreadable)):
             if count:
                 lines.append(f'left out: {counted(count, "message")} {what}')
-        return lines
+        return lines + [f'no finite number: {each}' for each in self.never_finite]
 
     def _at(self, stamps: Sequence[int]) -> str:
         times = [f'{(stamp - self.start_ns) / NANOSECONDS_PER_SECOND:.3f}'

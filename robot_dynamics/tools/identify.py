@@ -10,6 +10,7 @@ nothing could be identified; 130 interrupted.
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 import sys
@@ -101,7 +102,8 @@ def _payload(text: str) -> tuple[str, str, tuple[float, ...]]:
 def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
     require('the tool', 'rosbags', 'yaml', 'scipy', 'matplotlib')
     bags = find_recordings(arguments.bags)
-    settings = command_line.read_settings(arguments)
+    settings = replace(
+        command_line.read_settings(arguments), effort_is_current=arguments.effort == 'current')
     if arguments.dask is not None:
         require_dask()
     payloads = [
@@ -142,6 +144,8 @@ def print_identification(
     """Print the results, the paths of the files, and notes about them."""
     identification = found.identification
     print(text_table([], summary.fact_rows(found)))
+    command_line.print_list(
+        'Contradictions, with their likely causes:', summary.contradiction_lines(found))
     command_line.print_list('Recordings:', summary.recording_lines(found))
     print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(summary.residual_rows(identification)))

@@ -305,7 +305,8 @@ def _position_limits(
         return -math.inf, math.inf
     if limit is None:
         raise ModelError(
-            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires')
+            f'robot_description: {where} is {kind} and has no <limit>, which URDF requires'
+            + (': a joint without limits has the type continuous' if kind == 'revolute' else ''))
     lower, upper = _number(limit, 'lower', 0.0, where), _number(limit, 'upper', 0.0, where)
     if lower > LARGEST_VALUE or upper < -LARGEST_VALUE:
         raise ModelError(

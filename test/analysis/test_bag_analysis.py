@@ -160,7 +160,7 @@ def test_noise_of_a_damaged_file_is_excluded_and_reported(tmp_path):
     v = MOTION.v.copy()
     v[400, 1] = 1e6
     analysis = analyze_recording(recorded(tmp_path, states(v=v)), SETTINGS)
-    assert any('1 sample beyond 10 times' in remark for remark in analysis.recording.remarks)
+    assert any('1 sample beyond the limits' in remark for remark in analysis.recording.remarks)
     assert (analysis.statistics.relative < 2e-3).all()
 
 

@@ -152,7 +152,7 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             assert np.array(response.effort) == pytest.approx(
                 expected.inverse_dynamics(*state), rel=1e-12, abs=1e-12)
             assert np.array(response.effort_deviation) == pytest.approx(
-                EffortDeviation(expected, arm.uncertainty)(*state), rel=1e-9)
+                EffortDeviation(expected, arm.uncertainty).prediction(*state), rel=1e-9)
             assert 0.0 < max(response.effort_deviation) < 5.0
             # and this differs from the model of the URDF
             before = ArmDynamics(ARM).inverse_dynamics(*state)

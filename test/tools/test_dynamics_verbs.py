@@ -153,7 +153,7 @@ def test_tables_have_units(ask: Ask) -> None:
     assert 'Effort by term [N·m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
     # 0.5 kg at the acceleration of gravity
-    assert 'Standard deviation of the effort by the uncertainty of the model\n' in out
+    assert 'Standard deviation of a measured effort, by model and noise\n' in out
     assert re.search(r'joint  kind +deviation \[N·m, N\]\nrail +prismatic +4\.9050\n', out)
     assert 'Warning: ' in out  # the elbow cannot deliver the effort
     out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', node='/lift/dynamics')[1]

@@ -89,7 +89,8 @@ REFUSALS = {
         'expected a tree'),
     'revolute without limit': (
         joint_of('', limit=''),
-        "robot_description: joint 'turn' is revolute and has no <limit>, which URDF requires"),
+        "robot_description: joint 'turn' is revolute and has no <limit>, which URDF requires: a "
+        'joint without limits has the type continuous'),
     'prismatic without limit': (
         joint_of('', 'prismatic', limit=''),
         "robot_description: joint 'turn' is prismatic and has no <limit>, which URDF requires"),

@@ -110,7 +110,7 @@ class DynamicsServices:
         response.effort = floats_to_ros(order.answer(terms.effort))
         uncertainty = dynamics.arm.uncertainty
         if uncertainty is not None and uncertainty.has_covariance:
-            deviation = EffortDeviation(checked, uncertainty)(
+            deviation = EffortDeviation(checked, uncertainty).prediction(
                 q, v, a, terms.effort - terms.friction)
             response.effort_deviation = floats_to_ros(order.answer(deviation))
         response.terms = terms_to_ros(terms, order.names, stamp_to_ros(0), order)

@@ -84,7 +84,7 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
     deviation = list(response.effort_deviation)
     if deviation:
         heading = f'deviation [{units.effort}]'
-        blocks.append('Standard deviation of the effort by the uncertainty of the model\n'
+        blocks.append('Standard deviation of a measured effort, by model and noise\n'
                       + units.table(names, {heading: deviation}))
     if motors['motor_current']:
         blocks.append('Motors\n' + text_table(

@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings that contradict the arm: each tool names the likely cause."""
+
+from pathlib import Path
+import re
+
+from identification_bench import (
+    changed_arm,
+    fourier_motion,
+    lugre_friction,
+    moves_with_pauses,
+    rigid_effort,
+    series_of,
+)
+import numpy as np
+import pytest
+from recordings import encoded, KnownMotion, write_recording
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.analysis.contradictions import find_contradictions, without_delay
+from robot_dynamics.analysis.motion_filter import filter_motion
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.identification.bag_identification import IdentificationSettings, read_motion
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import JOINTS, robot_urdf
+
+UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
+URDF = robot_urdf('ur10')
+MOTION = KnownMotion(urdf=URDF, rest=-0.8)
+SETTINGS = AnalysisSettings(urdf=URDF)
+
+
+def recorded(path, q=MOTION.q, v=MOTION.v, tau=MOTION.tau):
+    return write_recording(path, encoded(MOTION.stamps_ns, MOTION.names, q, v, tau))
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    ({'tau': 100.0 * MOTION.tau}, r'effort beyond 10 times .* shoulder_lift_joint .* in mA'),
+    ({'q': np.degrees(MOTION.q), 'v': np.degrees(MOTION.v)}, 'position beyond 2 .* in degrees'),
+    ({'q': 0.02 * np.degrees(MOTION.q), 'v': 0.02 * MOTION.v}, 'position in degrees'),
+])
+def test_a_wrong_unit_is_an_error_with_its_likely_cause(tmp_path, change, words):
+    with pytest.raises(RecordingError, match=words):
+        read_for_arm(recorded(tmp_path / 'bag', **change), SETTINGS)
+
+
+def test_currents_have_no_limit_of_the_effort(tmp_path):
+    bag = recorded(tmp_path / 'bag', tau=100.0 * MOTION.tau)
+    read = read_for_arm(bag, AnalysisSettings(urdf=URDF, effort_is_current=True))
+    assert len(read.series.stamps_ns) == len(MOTION.stamps_ns)
+
+
+# --- causes that a fit names ---------------------------------------------------------------------
+
+ARM = load_arm(URDF)
+STATES = fourier_motion(ARM, 100.0, 20.0)
+TRUE = changed_arm(ARM, 0.15)
+FRICTION = 0.02 * ARM.limits.effort
+NOISE = 0.004 * ARM.limits.effort * np.random.default_rng(0).normal(size=STATES.q.shape)
+SIGNS = np.where(np.arange(6) == 2, -1.0, 1.0)
+OFFSET = np.radians(2.0) * (np.arange(6) == 1)
+LOAD = make_payload('tool0', 1.0, (0.0, 0.0, 0.05))
+
+
+def effort_of(arm=TRUE, states=STATES):
+    return rigid_effort(arm, states, 0.005 * ARM.limits.effort) + FRICTION * (
+        0.5 * states.v + np.tanh(states.v / 0.03))
+
+
+def late(seconds):
+    return np.stack([np.interp(STATES.times - seconds, STATES.times, column)
+                     for column in effort_of().T], axis=1)
+
+
+def filtered(effort, states=STATES):
+    return filter_motion(series_of(ARM, states, effort + NOISE))
+
+
+AT_REST = STATES._replace(v=0.0 * STATES.v, a=0.0 * STATES.a)
+CASES = {
+    'opposite sign at elbow_joint': SIGNS * effort_of(),
+    'opposite sign at all joints': -effort_of(),
+    'lacks gravity': effort_of() - rigid_effort(TRUE, AT_REST),
+    'base is tilted by 1': effort_of(TRUE.with_gravity((-2.54, 0.0, -9.48))),
+    r'changes by \+[\d.]+ kg after about (8|9|1[0-2])': np.where(
+        STATES.times[:, np.newaxis] > 10.0, effort_of(TRUE.with_payloads([LOAD])), effort_of()),
+}
+
+
+@pytest.mark.parametrize('words', CASES)
+def test_a_cause_is_named(words):
+    found = find_contradictions(ARM, filtered(CASES[words]))
+    assert not found.delay
+    assert len(found.causes) == 1
+    assert re.search(words, found.causes[0])
+
+
+def test_the_offset_of_an_encoder_is_named():
+    motion = filtered(effort_of(), STATES._replace(q=STATES.q + OFFSET))
+    causes = find_contradictions(ARM, motion).causes
+    assert len(causes) == 1
+    assert re.search(r'shoulder_lift_joint is \+[12]\.?\d* ° too large', causes[0])
+
+
+@pytest.mark.parametrize('seconds', [0.05, 0.2])
+def test_a_delay_is_found_and_removed(seconds):
+    motion = filtered(late(seconds))
+    found = find_contradictions(ARM, motion)
+    assert found.delay == pytest.approx(seconds, abs=2e-3)
+    assert not found.causes
+    moved = without_delay(motion, found.delay)
+    assert find_contradictions(ARM, moved) == (0.0, ())
+    assert moved.times[-1] == pytest.approx(motion.times[-1] - seconds, abs=0.011)
+
+
+@pytest.mark.parametrize('robot', ['default', 'ur5', 'ur10', 'panda', 'xarm7', 'z1'])
+@pytest.mark.parametrize('moves', [fourier_motion, moves_with_pauses])
+def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
+    arm = load_arm(default_arm_urdf() if robot == 'default' else robot_urdf(robot),
+                   JOINTS.get(robot, ()))
+    states = moves(arm, 100.0, 20.0, 3)
+    effort = rigid_effort(changed_arm(arm, 0.15, 1), states, 0.1) + lugre_friction(states)
+    noise = 0.1 * np.random.default_rng(0).normal(size=effort.shape)
+    assert find_contradictions(
+        arm, filter_motion(series_of(arm, states, effort + noise))) == (0.0, ())
+
+
+@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+def test_the_recording_of_a_real_arm_has_no_cause():
+    read = read_for_arm(UR10, SETTINGS)
+    assert find_contradictions(read.arm, filter_motion(read.series)) == (0.0, ())
+
+
+def test_identification_names_rest_and_a_joint_without_effort(tmp_path):
+    settings = IdentificationSettings(SETTINGS, 0.6)
+    still = recorded(tmp_path / 'still', q=0.0 * MOTION.q, v=0.0 * MOTION.v)
+    with pytest.raises(RecordingError, match='is at rest'):
+        read_motion(still, settings)
+    tau = MOTION.tau.copy()
+    tau[:, 4] = np.nan
+    with pytest.raises(RecordingError, match='no finite number: effort of wrist_2_joint'):
+        read_motion(recorded(tmp_path / 'nan', tau=tau), settings)
