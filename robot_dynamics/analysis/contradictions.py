@@ -207,7 +207,7 @@ class _Test:
         columns = np.array([*range(p), *hypothesis.columns, y])
         own = self._own
         signs = {j: -1.0 if j in hypothesis.flipped else 1.0 for j in self.measured}
-        is_used = {j: (True, True) for j in self.measured}
+        is_used = dict.fromkeys(self.measured, (True, True))
         variance = dict.fromkeys(self.measured, 0.01)  # relative to the power
         x = np.zeros(len(columns))
         for _ in range(12):
@@ -281,7 +281,7 @@ def _of_gravity(g: FloatArray, found: FloatArray) -> str:
     """Return the cause if gravity `found` (3,) fits better than that of the model, g (3,)."""
     size = float(np.linalg.norm(found) / np.linalg.norm(g))
     if size < 0.3:
-        return ("the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or "
+        return ('the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or '
                 'the robot compensates it')
     angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))
     if angle < LEAST_TILT:

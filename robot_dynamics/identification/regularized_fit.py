@@ -99,9 +99,7 @@ class Prior:
 def make_prior(
     parameters: FloatArray, joint_inertia: FloatArray, velocity_limit: FloatArray,
 ) -> Prior:
-    """
-    Return the prior of a URDF's φ⁰ (p,), with inertia s and velocity limit (n,) of each joint.
-    """
+    """Return the prior of a URDF's φ⁰ (p,), inertia s and velocity limit (n,) of each joint."""
     roots = regularizing_roots(parameters)
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
