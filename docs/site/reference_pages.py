@@ -209,6 +209,8 @@ def _messages_page() -> str:
     for file in sorted((ROOT / INTERFACES).glob('*/*.*')):
         if file.suffix in ('.msg', '.srv'):
             definition = file.read_text(encoding='utf-8').rstrip()
+            for ascii_unit, unit in (('N m', 'N·m'), ('kg m', 'kg·m'), ('^2', '²')):
+                definition = definition.replace(ascii_unit, unit)
             text.append(
                 f'## {file.stem}\n\n`{INTERFACES}/{file.parent.name}/{file.stem}`\n\n'
                 f'```text\n{definition}\n```\n')

@@ -120,7 +120,7 @@ def _check_mass(arm: ArmModel, payload: Payload, remedy: str) -> None:
     raise InvalidInputError(
         f'payload.inertia.m is {payload.mass:.6g} kg on {payload.link!r}, expected at most '
         f'{holdable_mass(arm, payload):.3g} kg: with more, gravity exceeds the effort limits in '
-        f'more than {1.0 - HELD_FRACTION:.0%} of the poses of the arm{remedy}')
+        f'more than {100.0 * (1.0 - HELD_FRACTION):.0f} % of the poses of the arm{remedy}')
 
 
 def _held_masses(arm: ArmModel, payload: Payload) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,7 @@ from ros_harness import wait_until
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
+from robot_dynamics.tools.viewer import framing
 from robot_dynamics.tools.viewer.framing import ASPECT, Cameras, FIELD_OF_VIEW, FILLED, framed
 from robot_dynamics.tools.viewer.labels import CHARACTER, LINE, newest_view, spread, View, view_of
 from robot_dynamics.tools.viewer.panel import ArmPanel
@@ -119,13 +120,13 @@ def framed_page(browser, server, robot):
             closing(ArmPanel(server.gui, arm, lambda do: do())):
         assert scene.missing == []
 
-        def move(*angles):
+        def move(*angles, size=1.0):
             q = np.clip(
                 np.resize(angles, arm.joint_count), arm.limits.lower, arm.limits.upper)
             scene.move(q)
             effort = 0.3 * np.minimum(arm.limits.effort, 100.0)
             scene.mark(drawn(marks, arm, q, effort, None).markers)
-            cameras.show(scene.extent())
+            cameras.show(size * scene.extent())
 
         scene.move(np.zeros(arm.joint_count))
         cameras.restart(scene.extent())
@@ -178,6 +179,21 @@ def test_a_camera_that_the_user_moves_stays(browser, server):
         move(1.5, -1.5)
         page.tab.wait_for_timeout(1000)
         np.testing.assert_allclose(camera.position, own, atol=1e-3)
+
+
+def test_the_camera_comes_closer_again(browser, server, monkeypatch):
+    monkeypatch.setattr(framing, 'PATIENCE', 0.5)
+    with framed_page(browser, server, 'ur10') as (page, move, camera):
+        wait_until(page.has_arm_in_view, 'the arm between the panels')
+        move(0.0)
+        near = float(np.linalg.norm(camera.position))
+        move(0.0, size=3.0)
+        wait_until(lambda: np.linalg.norm(camera.position) > 2.0 * near, 'the camera farther')
+
+        def is_near():
+            move(0.0)
+            return np.linalg.norm(camera.position) < 1.1 * near
+        wait_until(is_near, 'the camera closer')
 
 
 def test_panels_fold_to_strips_and_unfold(browser, server):

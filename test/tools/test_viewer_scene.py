@@ -135,6 +135,9 @@ def test_marks_come_change_and_go(server, tmp_path):
     first = shown(marks)
     assert None not in first
     assert texts(first) == ['joint1: 10.0 N·m', 'joint2: -5.0 N·m']
+    (arrow,) = [marker for marker in marks if marker.ns == 'external force']
+    start = arrow.points[0]
+    assert (start.x, start.y, start.z) in [tuple(point) for point in scene.extent()]
 
     changed = drawn(ArmMarks(arm), arm, q + 0.5, 2.0 * effort, 2.0 * external).markers
     scene.mark(changed)

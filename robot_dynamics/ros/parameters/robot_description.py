@@ -70,7 +70,7 @@ ACTUATOR_SPECS = (
     _actuator_spec(
         'gear_ratio', 'Gear ratio N, motor revolutions per joint revolution',
         'the mechanicalReduction of the <transmission> in the URDF', -1e6, 1e6),
-    _actuator_spec('back_emf_constant', 'Back-EMF constant K_e [V s/rad]', 'K_t', 0, 1e6),
+    _actuator_spec('back_emf_constant', 'Back-EMF constant K_e [V·s/rad]', 'K_t', 0, 1e6),
     _actuator_spec('resistance', 'Winding resistance R [Ohm]', '0', 0, 1e6),
     _actuator_spec('inductance', 'Winding inductance L [H]', '0', 0, 1e6),
     _actuator_spec(

@@ -127,8 +127,8 @@ def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
 def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
     """Return lines about the rates, the losses and the planned effort."""
     lines = [
-        f'Control rate     {report.efforts_per_second:.1f} efforts/s of {run.rate:g} states/s; '
-        f'{100.0 * report.answered:.2f} % of the states were answered',
+        f'Control          {100.0 * report.answered:.2f} % of the states were answered: '
+        f'{run.rate:g} per second of motion, {report.efforts_per_second:.1f} per second',
         f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
         f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
         'by the recorder']

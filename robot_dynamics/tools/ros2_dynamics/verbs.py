@@ -33,6 +33,7 @@ from robot_dynamics.tools.ros2_dynamics.completion import (
 if TYPE_CHECKING:
     from robot_dynamics.tools.ros2_dynamics.answers import Answer
 
+_PROG = 'ros2 dynamics'
 _NEGATIVE = re.compile(r'^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$', re.IGNORECASE)
 
 
@@ -227,7 +228,7 @@ def run(
         print(json.dumps(found.data, indent=2) if arguments.json else found.text)
         return found.status
 
-    return run_tool(f'ros2 dynamics {name}', answer)
+    return run_tool(f'{_PROG} {name}', answer)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -239,7 +240,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         pass
     else:
         argcomplete.autocomplete(parser)
-    arguments = parser.parse_args(argv)
+    arguments, unknown = parser.parse_known_args(argv)
+    if unknown:
+        Parser(prog=f'{_PROG} {arguments.verb or ""}'.rstrip()).error(
+            f'unrecognized arguments: {" ".join(unknown)}')
     if arguments.verb is None:
         parser.print_help(sys.stderr)
         return MISTAKE

@@ -62,9 +62,9 @@ class Viewer:
         self._arm_problem = self._state_problem = ''
         self._q: FloatArray | None = None
         self._v: FloatArray | None = None
-        self._state_time = self._reference_time = self._marks_time = -SILENCE
+        self._state_time = self._reference_time = -SILENCE
         self._plot_time = -SILENCE
-        self._newest_stamp = 0.0
+        self._newest_stamp = self._marks_stamp = 0.0
         self._load = ''
         self._warnings: list[str] = []
         self._source = ArmSource(node, robot)
@@ -137,9 +137,10 @@ class Viewer:
         if received.state is not None:
             self._take_state(shown, received.state)
         if received.markers is not None:
-            self._marks_time = now
+            self._marks_stamp = max((1e-9 * stamp_from_ros(one.header.stamp)
+                                     for one in received.markers.markers), default=0.0)
             shown.scene.mark(received.markers.markers)
-        elif now - self._marks_time > SILENCE:
+        elif self._newest_stamp - self._marks_stamp > SILENCE:  # the arm moves on without marks
             shown.scene.mark(())
         self._plot(shown, received)
 

@@ -3,6 +3,7 @@
 
 """The cameras of the pages of the viewer: each shows the whole arm until its user moves it."""
 
+import time
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,8 @@ FIELD_OF_VIEW = 0.8
 """Vertical [rad]."""
 ASPECT = 0.75
 """Width / height of the image that is assumed until a page reports its own."""
+LOOSE, PATIENCE = 1.5, 3.0
+"""A camera this many times as far as necessary comes closer after this time [s]."""
 FILLED, LARGEST = 0.8, 0.95
 """Fractions of the image that the arm fills: at first, and before the camera moves back."""
 
@@ -65,17 +68,25 @@ class Cameras:
         self._place(self._server.initial_camera, *framed(points, ASPECT))
 
     def show(self, points: FloatArray) -> None:
-        """Move each camera that no user has moved if points (m, 3) of the arm are not in view."""
+        """
+        Move each camera that no user has moved, so that points (m, 3) of the arm fill the image.
+
+        A camera moves back at once, and closer after PATIENCE.
+        """
         clients = self._server.get_clients()
         self._pages = {key: self._pages.get(key) or _Page() for key in clients}
         for key, client in clients.items():
             page, view = self._pages[key], view_of(client.camera)
             if view is None or page.is_moved(view):
                 continue
-            if page.positions and shows(view, points):
+            aspect = view.width / view.height
+            if page.is_loose(view, *framed(points, aspect)):
+                page.points = points
+            elif page.positions and shows(view, points):
                 continue
-            page.points = np.vstack([page.points, points])
-            position, target = framed(page.points, view.width / view.height)
+            else:
+                page.points = np.vstack([page.points, points])
+            position, target = framed(page.points, aspect)
             page.positions += [view.position, position]
             with client.atomic():
                 client.camera.fov = FIELD_OF_VIEW
@@ -92,8 +103,16 @@ class _Page:
     def __init__(self) -> None:
         self.positions: list[FloatArray] = []
         self.points = np.zeros((0, 3))
+        self._close_time = time.monotonic()
 
     def is_moved(self, view: View) -> bool:
         """Return whether the user has moved the camera."""
         return bool(self.positions) and not any(
             np.allclose(view.position, one, atol=1e-3) for one in self.positions)
+
+    def is_loose(self, view: View, nearest: FloatArray, target: FloatArray) -> bool:
+        """Return whether the camera has been LOOSE times as far as `nearest` for PATIENCE."""
+        now = time.monotonic()
+        if np.linalg.norm(view.position - target) < LOOSE * np.linalg.norm(nearest - target):
+            self._close_time = now
+        return now - self._close_time > PATIENCE

@@ -198,7 +198,7 @@ class ArmScene:
             if _can_be_drawn(marker)}
         self._marked = np.vstack([np.zeros((0, 3)), *(
             _points(one) if one.points else _position(one)
-            for one in named.values() if one.type != Marker.ARROW)])
+            for one in named.values())])
         labels, anchors = self._labels(
             {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING})
         named.update(labels)
