@@ -14,10 +14,8 @@ import json
 import math
 import os
 from pathlib import Path
-import signal
 import sys
 import textwrap
-import threading
 from typing import Any, NoReturn, TYPE_CHECKING
 import warnings
 
@@ -66,11 +64,11 @@ def run_tool(
 
     `rejected` is the status of a RobotDynamicsError or OSError, whose message takes one line;
     `interrupted` is the message of a KeyboardInterrupt. A broken pipe is no error to print. The
-    message of a ToolError keeps its lines, because it may end with a log.
+    message of a ToolError keeps its
+    lines, because it may end with a log.
     """
     try:
-        with _interrupted_by_signals():
-            return run()
+        return run()
     except ToolError as error:
         message, status = str(error), FAILED
     except RobotDynamicsError as error:
@@ -84,22 +82,6 @@ def run_tool(
         message, status = interrupted, INTERRUPTED
     print(f'{prog}: {message}', file=sys.stderr)
     return status
-
-
-@contextmanager
-def _interrupted_by_signals() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM and SIGHUP, too, unless they are ignored (nohup)."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    if threading.current_thread() is not threading.main_thread():
-        before = {}
-    for number, handler in before.items():
-        if handler != signal.SIG_IGN:
-            signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def os_error_text(error: OSError) -> str:

@@ -181,6 +181,7 @@ def test_a_camera_that_the_user_moves_stays(browser, server):
         np.testing.assert_allclose(camera.position, own, atol=1e-3)
 
 
+@pytest.mark.soak
 def test_the_camera_comes_closer_again(browser, server, monkeypatch):
     monkeypatch.setattr(framing, 'PATIENCE', 0.5)
     with framed_page(browser, server, 'ur10') as (page, move, camera):

@@ -45,7 +45,7 @@ WINDOW, LEAST_COUNT = 0.2, 4
 """[s] over which amplitudes are averaged, and the least number of half-waves in it."""
 LOUD, FORGETTING = 4.0, 0.02
 """Mean amplitude of an oscillation by that of the quietest window, and its increase per window."""
-STEP, LEAST = 0.7, 0.03
+STEP, LEAST = 0.7, 0.1
 """Factor of the bandwidth after an event, and the smallest product of these factors."""
 SETTLING = 1.0
 """[s] after the last change of a factor until an oscillation at LEAST is judged."""

@@ -15,6 +15,7 @@ from datetime import datetime
 from functools import partial
 import os
 from pathlib import Path
+import signal
 import sys
 from typing import TYPE_CHECKING
 
@@ -36,10 +37,17 @@ LONGEST_DURATION = 3600.0
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demo; return its exit status."""
     arguments = _parser().parse_args(argv)
+    # A signal that ends the demo also ends its nodes; the recording is kept.
+    for name in ('SIGTERM', 'SIGHUP'):
+        signal.signal(getattr(signal, name), _interrupt)
     default = 'the planar two-link arm of this package' if arguments.replay is None else (
         'robot_description of the recording, or else the planar two-link arm of this package')
     origin = command_line.origin_of('demo', argv, arguments.robot, default)
     return command_line.run_tool('demo', partial(_run, arguments, origin))
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _parser() -> command_line.Parser:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+import signal
 import sys
 import time
 from types import MappingProxyType
@@ -83,9 +84,9 @@ def record_holds(request: MotionRequest) -> str | None:
     """
     Move the arm and record the holds; return the topic of the joint states, None for a preview.
 
-    The arm moves after a confirmation on the terminal. After a KeyboardInterrupt the arm stops,
-    and the recording up to then is kept. Raises KeyboardInterrupt then; InvalidInputError or
-    NoAnswerError if the arm cannot move, ToolError after an error during the motion.
+    The arm moves after a confirmation on the terminal. SIGINT and SIGTERM stop the arm, and the
+    recording up to then is kept. Raises KeyboardInterrupt then; InvalidInputError or NoAnswerError
+    if the arm cannot move, ToolError after an error during the motion.
     """
     for output in request.outputs:
         if output.exists():
@@ -94,7 +95,7 @@ def record_holds(request: MotionRequest) -> str | None:
     if not (request.previews or request.is_confirmed or sys.stdin.isatty()):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, or --yes')
-    with RecordingClient(request.node, request.timeout) as client:
+    with _interrupted_by_sigterm(), RecordingClient(request.node, request.timeout) as client:
         return _record_holds(client, request)
 
 
@@ -338,3 +339,13 @@ def _wait_for_enter(text: str) -> None:
 
 def _vector(weight: Payload) -> str:
     return f'({", ".join(f"{value:g}" for value in weight.com)})'
+
+
+@contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """Raise KeyboardInterrupt on SIGTERM, too."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
