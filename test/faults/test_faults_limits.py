@@ -182,6 +182,9 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
     move(bench, center)
+    while 'velocity of' in bench.next_status('joint states').message:
+        move(bench, [0.3, 0.3])  # a late state leaves a doubt until the joint moves again
+        move(bench, center)
     swing = bench.driver.change = Swing(center, [0.9, 0.0], 12.0 / 0.9)
     bench.efforts.clear()
     bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then
