@@ -41,7 +41,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 Array = npt.NDArray[np.float64]
 Measure = Callable[[Array, Array], tuple[Array, Array]]
 NUMBERS = count()
-PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0, 'hold_time': 30.0}
+PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0, 'hold_time': 1000.0}
 """Without the checks of timing, which a slow machine could fail."""
 FIRST_STAMP = NANOSECONDS
 PERIOD = 2_000_000
