@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Blocks of code that signals do not interrupt."""
+"""What SIGINT and SIGTERM do to a tool that records: they end it in order."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -37,3 +37,15 @@ def uninterrupted() -> Iterator[None]:
             handler = before[signal.Signals(signum)]
             if callable(handler):
                 handler(signum, frame)
+            else:  # what the operating system does
+                signal.raise_signal(signum)
+
+
+@contextmanager
+def interrupted_by_sigterm() -> Iterator[None]:
+    """Raise KeyboardInterrupt on SIGTERM, too."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -447,11 +447,12 @@ def test_topics_by_name_and_the_table(ask: Ask, tmp_path: Path) -> None:
     assert out.splitlines()[-1].endswith(' lost')
 
 
-def test_an_interrupt_ends_the_recording_in_order(tmp_path: Path) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_recording_in_order(tmp_path: Path, number: int) -> None:
     bag = tmp_path / 'bag'
     process = start('record', '--output', str(bag), '--json')
     assert first_line(process) == f'Recording 8 topics to {bag}; Ctrl-C ends.\n'
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     status, out, err = finish(process)
     assert status == 0, err
     with Recording(bag) as recording:

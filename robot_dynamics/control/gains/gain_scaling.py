@@ -261,7 +261,7 @@ class StableGains:
         source = 'differences of the positions' if self.differs else (
             'estimated velocities' if self._velocity_delay else 'measured velocities')
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
-                f'{noise:.2g} per second, {source} in use')
+                f'{round(noise, 6):.2g} per second, {source} in use')
 
     @property
     def lag(self) -> float:

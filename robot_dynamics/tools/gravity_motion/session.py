@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-import signal
 import sys
 import time
 from types import MappingProxyType
@@ -19,7 +18,7 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import describe_payloads, Payload
-from robot_dynamics.recordings.interrupts import uninterrupted
+from robot_dynamics.recordings.interrupts import interrupted_by_sigterm, uninterrupted
 from robot_dynamics.recordings.writer import RecordingWriter
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import payload_from_ros, payload_to_ros
@@ -95,7 +94,7 @@ def record_holds(request: MotionRequest) -> str | None:
     if not (request.previews or request.is_confirmed or sys.stdin.isatty()):
         raise InvalidInputError(
             'standard input is no terminal, expected one for the confirmation, or --yes')
-    with _interrupted_by_sigterm(), RecordingClient(request.node, request.timeout) as client:
+    with interrupted_by_sigterm(), RecordingClient(request.node, request.timeout) as client:
         return _record_holds(client, request)
 
 
@@ -339,13 +338,3 @@ def _wait_for_enter(text: str) -> None:
 
 def _vector(weight: Payload) -> str:
     return f'({", ".join(f"{value:g}" for value in weight.com)})'
-
-
-@contextmanager
-def _interrupted_by_sigterm() -> Iterator[None]:
-    """Raise KeyboardInterrupt on SIGTERM, too."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

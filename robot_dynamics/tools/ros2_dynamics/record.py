@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics.recordings.topics import common_types, TopicQos
 from robot_dynamics.recordings.writer import RecordingWriter
 from robot_dynamics.reporting.text_table import text_table
@@ -44,7 +45,7 @@ TOPICS = {
 
 
 def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
-    """Record until Ctrl-C or for the requested time; return the numbers of messages."""
+    """Record until Ctrl-C, SIGTERM or for a time; return the numbers of messages."""
     seconds = None if arguments.duration is None else check_scalar(
         '--duration', arguments.duration, 0.0, exclusive_minimum=True)
     directory = arguments.output or Path(f'recording-{datetime.now():%Y%m%d-%H%M%S}')
@@ -53,7 +54,7 @@ def answer_record(client: DynamicsClient, arguments: Namespace) -> Answer:
                                 'directory')
     specs = topic_specs(client, arguments.topics)
     urdf = _description(client)
-    with RecordingWriter(
+    with interrupted_by_sigterm(), RecordingWriter(
             directory, interface_definitions(INTERFACES, ['DynamicsTerms'])) as writer:
         if urdf is not None:
             write_description(
