@@ -49,14 +49,6 @@ def test_the_figures_of_the_guide_are_those_of_the_benchmark(result: str, benchm
     assert figures <= numbers_in(printed(benchmark))
 
 
-def test_the_guide_states_the_dates_of_the_runs() -> None:
-    stated = {name: date for names, date in re.findall(
-        r'((?:`\w+`[, and]*)+)[^`.]*?are from (\d{4}-\d\d-\d\d)', GUIDE)
-        for name in re.findall(r'`(\w+)`', names)}
-    dates = dict(re.findall(r'^<!-- (\w+) -->\n```text\n# (\d{4}-\d\d-\d\d)', PAGE, re.MULTILINE))
-    assert stated == dates
-
-
 def test_the_guide_names_each_faster_engine() -> None:
     faster = re.findall(r'^Faster than robot_dynamics: (\S+)', printed('peers'), re.MULTILINE)
     result, = (result for result, benchmark in rows_of_the_guide() if benchmark == 'peers')
