@@ -30,6 +30,8 @@ SHORTEST_SEGMENT = 2.0
 """Shortest usable segment between two gaps, in periods of the cut-off frequency."""
 EDGE = 0.5
 """Duration at each end of a segment in which the filter extrapolates, in the same periods."""
+NORMAL = 1.4826
+"""Standard deviation of a normal distribution by its median absolute value."""
 _EVEN = 1e-3
 
 
@@ -59,6 +61,8 @@ class FilteredMotion:
     left_out: int
     differentiated: tuple[str, ...] = ()
     """Joints whose recorded velocity is inconsistent with their position, and was not used."""
+    effort_noise: tuple[float, ...] = ()
+    """Deviation of the noise of `effort` by its RMS, if the noise is white; empty without one."""
 
     @property
     def times(self) -> FloatArray:
@@ -162,7 +166,21 @@ def _join(
         usable=usable,
         left_out=len(series.stamps_ns) - len(rows),
         differentiated=tuple(
-            name for name, is_bad in zip(series.joint_names, bad) if is_bad))
+            name for name, is_bad in zip(series.joint_names, bad) if is_bad),
+        effort_noise=_noise(series, rows, parts, cutoff.hz, rate))
+
+
+def _noise(
+    series: JointSeries, rows: IntArray, parts: list[_Signals], cutoff_hz: float, rate: float,
+) -> tuple[float, ...]:
+    """Return the deviation of white noise after the filter, from what the filter removed."""
+    if series.effort is None:
+        return ()
+    effort = np.concatenate([part.effort for part in parts if part.effort is not None])
+    removed = NORMAL * np.median(np.abs(series.effort[rows] - effort), axis=0)
+    passed = 1.0 / samples_per_independent_sample(cutoff_hz, rate)
+    rms = np.sqrt(np.mean(effort**2, axis=0))
+    return tuple((removed * np.sqrt(passed / (1.0 - passed)) / np.maximum(rms, 1e-300)).tolist())
 
 
 def _acceleration(

@@ -63,7 +63,8 @@ def joint_verdicts(identification: Identification) -> list[Verdict]:
     verdicts = [
         joint_verdict(name, float(urdf[j]), float(simple[j]), float(consistent[j]))
         for j, name in enumerate(identification.arm.joint_names)]
-    if not any(recording.facts.contradictions for recording in identification.recordings):
+    if not identification.contradictions and not any(
+            recording.facts.contradictions for recording in identification.recordings):
         return verdicts
     return [verdict._replace(grade=Grade.CHECK, next_step=CONTRADICTED)
             if verdict.grade == Grade.GOOD else verdict for verdict in verdicts]
@@ -121,6 +122,8 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         'combinations stay near the URDF.')
     page.section(summary.residual_title(identification))
     page.table(summary.residual_rows(identification))
+    page.section('Residual by the noise of the effort')
+    page.table(summary.noise_rows(found))
     page.text(
         'RMS of the residual (measured − model), relative to the RMS of the measured effort. '
         'The last column is the consistent set without presliding hysteresis, like an answer of '

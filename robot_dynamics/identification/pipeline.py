@@ -10,16 +10,22 @@ one or two seconds for any number of recordings.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.drive_gains import drive_gains, GainEstimate
 from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.model_selection import choose_model, fit_models, FittedModels
 from robot_dynamics.identification.qr_information import merge, QrInformation
+from robot_dynamics.identification.recording_agreement import (
+    contradicting_recordings,
+    difference_from_urdf,
+    far_from_urdf,
+)
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import make_prior, Prior
 from robot_dynamics.identification.steps import (
@@ -58,7 +64,9 @@ class Identification:
     `gains` are the gains of the drives if the effort was interpreted as a current;
     `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
     tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
-    have the residual on the cross-validation folds.
+    have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
+    of the consistent set from the URDF (`recording_agreement`); `contradictions` are those of all
+    recordings.
     """
 
     arm: ArmModel
@@ -70,6 +78,8 @@ class Identification:
     gains: GainEstimate | None
     seeming_gains: GainEstimate
     recordings: tuple[EvaluatedRecording, ...]
+    difference: FloatArray
+    contradictions: tuple[str, ...] = ()
     is_cross_validated: bool = False
 
 
@@ -164,23 +174,31 @@ def identify_recordings(
     seeming = drive_gains(first, prior_of(arm))
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
-    information = merge(recordings.reduce(Reduction(begun.base, scale)))
+    parts = recordings.reduce(Reduction(begun.base, scale))
+    information, prior = merge(parts), prior_of(arm)
     on_stage(STAGES[3])
     models = fit_model(arm, information, begun.choice.structures)
     base = base_parameters_of(bare_arm(arm))
-    estimate = estimate_parameters(information, base, prior_of(arm), models.choice.structures)
+    estimate = estimate_parameters(information, base, prior, models.choice.structures)
+    prior = prior.for_effort(information)
+    odd = contradicting_recordings(
+        parts, models.choice.structures, models.choice.weights, prior)
     on_stage(STAGES[4])
     evaluated = recordings.evaluate(Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))
+    for i, text in odd.items():
+        facts = evaluated[i].facts
+        evaluated[i] = replace(evaluated[i], facts=replace(
+            facts, contradictions=(*facts.contradictions, text)))
     tests = {name: merge_tests([recording.tests[name] for recording in evaluated])
              for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
-        tests = cross_validated_tests(
-            information, prior_of(arm).for_effort(information), models, tests)
+        tests = cross_validated_tests(information, prior, models, tests)
+    difference = difference_from_urdf(models.consistent, prior)
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
-        is_cross_validated)
+        difference, far_from_urdf(difference), is_cross_validated)
 
 
 def _first_pass(

@@ -149,6 +149,7 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'deviation_by_noise': _numbers(gains.noise),
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
+        'factor_to_urdf': np.exp(identification.difference).tolist(),
         'contradictions': contradiction_lines(found),
         'warnings': warnings(identification),
     }

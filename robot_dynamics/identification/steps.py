@@ -122,6 +122,8 @@ class RecordingFacts:
     losses: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
+    effort_noise: tuple[float, ...] = ()
+    """Of each joint, relative to the RMS of the effort."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +214,7 @@ def prepared_motion(
     motion, causes = corrected(arm, motion)
     return FilteredArmMotion(arm, motion, RecordingFacts(
         motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks, causes,
-    ), train_fraction)
+        motion.effort_noise), train_fraction)
 
 
 def reduce_recording(recording: FilteredArmMotion, step: Reduction) -> QrInformation:

@@ -25,6 +25,7 @@ from robot_dynamics.identification.friction_regressor import (
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.pipeline import Identification
+from robot_dynamics.identification.recording_agreement import factor_of
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
 from robot_dynamics.reporting.text_table import percent, Rows
@@ -40,6 +41,8 @@ LOST = 1.2
 SEEMS_OFF = 2.0
 """A drive gain that differs from 1 by more than this factor suggests a unit other than N·m."""
 _MOST_NAMES = 12
+LEAST_NOISE = 1e-4
+"""Noise of the effort, by its RMS, below which it was removed before the effort was recorded."""
 LEAST_DIFFERENCE = 1e-6
 """Smallest difference from the estimate without bounds, relative to the largest value."""
 _UNITS = (
@@ -79,7 +82,29 @@ def fact_rows(found: BagIdentification) -> Rows:
         ('condition number', f'{identification.estimate.condition:.3g} of their columns'),
         ('regularisation towards the URDF',
          f'κ = {choice.regularization:g}, chosen by cross-validation'),
+        ('bodies by those of the URDF', _bodies(identification)),
     ]
+
+
+def _bodies(identification: Identification) -> str:
+    difference = identification.difference
+    names = list(identification.arm.pinocchio_model.names)[1:]
+    most = int(np.argmax(difference))
+    return (f'a factor of {factor_of(difference):.3g}, the body of {names[most]} '
+            f'{factor_of(difference[[most]]):.3g}')
+
+
+def noise_rows(found: BagIdentification) -> Rows:
+    """Return the residual of each recording by the noise of its effort."""
+    rows: Rows = [('recording', *found.identification.arm.joint_names)]
+    for bag, recording in zip(found.bags, found.identification.recordings):
+        test = recording.tests['consistent']
+        residual = test.relative() if test.samples[1] else test.relative('train')
+        noise = recording.facts.effort_noise
+        rows.append((bag.name, *(
+            f'{r / s:.2g}' if s > LEAST_NOISE and np.isfinite(r) else '-'
+            for r, s in zip(residual, noise))))
+    return rows
 
 
 def residual_title(identification: Identification) -> str:
@@ -273,9 +298,10 @@ def _of_effort(identification: Identification) -> Iterator[str]:
 
 def contradiction_lines(found: BagIdentification) -> list[str]:
     """Return the likely causes of contradictions, with the names of the recordings."""
-    return [f'{bag.name}: {cause}'
-            for bag, recording in zip(found.bags, found.identification.recordings)
-            for cause in recording.facts.contradictions]
+    return [*found.identification.contradictions, *(
+        f'{bag.name}: {cause}'
+        for bag, recording in zip(found.bags, found.identification.recordings)
+        for cause in recording.facts.contradictions)]
 
 
 def recording_lines(found: BagIdentification) -> list[str]:

@@ -63,7 +63,8 @@ class Solution:
     π ± 1.96 deviations covers the true value in 95 % of the cases: deviations are larger than
     those of the covariance if few residuals determine the variances. `per_percent` (10,) is the
     error of π if all measured efforts are 1 % too large. `expected` are the variances (n,) of
-    further rows, by their kind: 'motion', 'single' or 'paired'.
+    further rows, by their kind: 'motion', 'single' or 'paired'. `residual` (n,) is the RMS of the
+    residuals of each joint by that of its effort, NaN without effort.
     """
 
     values: FloatArray
@@ -71,6 +72,7 @@ class Solution:
     deviations: FloatArray
     per_percent: FloatArray
     expected: dict[str, FloatArray]
+    residual: FloatArray
 
 
 def solve(
@@ -110,7 +112,16 @@ def solve(
     deviations = np.sqrt(np.diag(covariance)) * factor
     mean_friction = np.diag(inverse)[COUNT + 2 * n:COUNT + 3 * n]
     return Solution(theta[:COUNT], covariance, deviations, 0.01 * (inverse @ effort)[:COUNT],
-                    _expected(groups, variances, scale, band, mean_friction))
+                    _expected(groups, variances, scale, band, mean_friction),
+                    _relative_residual(groups, theta, n))
+
+
+def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatArray:
+    squares, power = np.zeros((2, n))
+    for group in groups:
+        squares[group.joint] += squares_of(group, theta, n)
+        power[group.joint] += group.gram[EFFORT, EFFORT]
+    return np.sqrt(np.divide(squares, power, out=np.full(n, np.nan), where=power > 0.0))
 
 
 def _drive_information(scale: FloatArray, covariance: FloatArray) -> FloatArray:

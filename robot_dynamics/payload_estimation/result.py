@@ -49,7 +49,8 @@ class PayloadEstimate:
     value in 95 % of the cases. `verdicts` has one of OBSERVABLE, UNOBSERVABLE, INSEPARABLE (every
     motion of this arm depends only on a sum with others) and NO_EFFECT. `per_percent` is the error
     if all measured efforts are 1 % too large. `duration` [s], `holds`, `pairs` and `singles`
-    (rests of single joints) and `blocks` (of motion) count the data. `implausible` says why the
+    (rests of single joints) and `blocks` (of motion) count the data. `residual` (n,) is the RMS of
+    the residuals of each joint by that of its effort, NaN without data. `implausible` says why the
     estimate is physically impossible.
     """
 
@@ -68,6 +69,8 @@ class PayloadEstimate:
     advice: tuple[str, ...]
     implausible: tuple[str, ...]
     remarks: tuple[str, ...]
+    joint_names: tuple[str, ...]
+    residual: FloatArray
 
     @property
     def mass(self) -> float:
@@ -154,7 +157,8 @@ def make_result(
         solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
         int((~rests.paired).sum()), int(rows.count.sum()),
         _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
-        (MASS_REMARK if is_calibrated else EFFORT_REMARK, *remarks))
+        (MASS_REMARK if is_calibrated else EFFORT_REMARK, *remarks),
+        arm.joint_names, solution.residual)
 
 
 def _verdicts(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
+from robot_dynamics.reporting.text_table import percent
 
 
 def headline(estimate: PayloadEstimate) -> str:
@@ -29,6 +30,14 @@ def data_text(estimate: PayloadEstimate) -> str:
     """Return the amount of data."""
     return (f'{estimate.duration:.1f} s: {estimate.holds} holds ({estimate.pairs} pairs and '
             f'{estimate.singles} single rests of joints), {estimate.blocks} blocks of motion')
+
+
+def fit_text(estimate: PayloadEstimate) -> str:
+    """Return the quality of the fit: the residual of each joint, relative to its effort."""
+    listed = ', '.join(
+        f'{name} {percent(residual)}' for name, residual in zip(
+            estimate.joint_names, estimate.residual.tolist()) if math.isfinite(residual))
+    return f'residual by the effort, RMS: {listed or "no data"}'
 
 
 def parameter_rows(
@@ -60,6 +69,7 @@ def as_dictionary(estimate: PayloadEstimate) -> dict[str, Any]:
         'covariance': estimate.covariance.tolist(),
         'centre_of_mass_m': numbers(estimate.com),
         'centre_of_mass_deviations_m': numbers(estimate.com_deviations),
+        'residual_by_effort': numbers(estimate.residual),
         'is_observable': estimate.is_observable, 'duration_s': estimate.duration,
         'holds': estimate.holds, 'pairs': estimate.pairs, 'single_rests': estimate.singles,
         'blocks_of_motion': estimate.blocks, 'friction': estimate.friction,

@@ -248,10 +248,15 @@ def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
     Raises ModelError or InvalidInputError if the URDF or the parameters cannot be read.
     """
     from robot_dynamics.analysis.arm_recording import AnalysisSettings
-    parameters = read_parameters(arguments.parameters)
+    from robot_dynamics.urdf.editing import with_continuous_joints
+    parameters, urdf = read_parameters(arguments.parameters), ''
+    if arguments.urdf is not None:
+        urdf, changed = with_continuous_joints(read_robot(arguments.urdf))
+        for name in changed:
+            print(f'Warning: joint {name!r} is revolute and has no <limit>, it is used as '
+                  'continuous, the type of a joint without limits', file=sys.stderr)
     return AnalysisSettings(
-        '' if arguments.urdf is None else read_robot(arguments.urdf), arguments.topic,
-        tuple(arguments.joint_map), arguments.cutoff, parameters)
+        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters)
 
 
 def read_parameters(path: Path | None) -> Mapping[str, Any]:

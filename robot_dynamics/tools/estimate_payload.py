@@ -18,6 +18,7 @@ from robot_dynamics.payload_estimation.recordings import estimate_from_bags, Rec
 from robot_dynamics.payload_estimation.summary import (
     as_dictionary,
     data_text,
+    fit_text,
     headline,
     parameter_rows,
 )
@@ -80,7 +81,8 @@ def print_payload(found: RecordedPayload) -> None:
     rows = parameter_rows(
         estimate.values, estimate.deviations, estimate.per_percent, estimate.verdicts)
     print(headline(estimate))
-    print(f'{counted(len(found.bags), "recording")}, {data_text(estimate)}\n')
+    print(f'{counted(len(found.bags), "recording")}, {data_text(estimate)}')
+    print(f'{fit_text(estimate)}\n')
     print(text_table(rows[0], rows[1:], left_columns=1))
     for title, lines in (
             ('Implausible:', estimate.implausible),

@@ -149,6 +149,8 @@ def print_identification(
     command_line.print_list('Recordings:', summary.recording_lines(found))
     print(f'\n{summary.residual_title(identification)}, RMS relative to the effort:')
     print(quantity_table(summary.residual_rows(identification)))
+    print('\nResidual by the noise of the effort:')
+    print(quantity_table(summary.noise_rows(found)[:command_line.LONGEST_LIST + 1]))
     print('\nFriction and rotors [N·m, rad, kg·m², or N, m, kg]:')
     print(quantity_table(summary.friction_rows(identification)))
     if identification.gains is not None:

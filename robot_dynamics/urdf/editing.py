@@ -25,11 +25,7 @@ def with_elements(
     Other attributes of `<dynamics>` are kept. The result declares UTF-8, and is to be written in
     it. Raises ModelError if the text is not valid XML, is too large or has a DTD.
     """
-    check_document(urdf)
-    try:
-        document = minidom.parseString(urdf.lstrip('\ufeff \t\r\n'))
-    except ExpatError as error:
-        raise ModelError(f'robot_description is not valid XML: {error}') from None
+    document = _parsed(urdf)
     robot = document.documentElement
     for link in _children(robot, 'link'):
         if link.getAttribute('name') in inertials:
@@ -43,6 +39,32 @@ def with_elements(
             _insert_first(document, joint, document.createElement('dynamics'))
         for name, value in values.items():
             _children(joint, 'dynamics')[0].setAttribute(name, value)
+    return _text(document)
+
+
+def with_continuous_joints(urdf: str) -> tuple[str, list[str]]:
+    """
+    Return the URDF with revolute joints that have no `<limit>` as continuous, and their names.
+
+    Raises ModelError like `with_elements`.
+    """
+    document = _parsed(urdf)
+    joints = [joint for joint in _children(document.documentElement, 'joint')
+              if joint.getAttribute('type') == 'revolute' and not _children(joint, 'limit')]
+    for joint in joints:
+        joint.setAttribute('type', 'continuous')
+    return _text(document) if joints else urdf, [joint.getAttribute('name') for joint in joints]
+
+
+def _parsed(urdf: str) -> minidom.Document:
+    check_document(urdf)
+    try:
+        return minidom.parseString(urdf.lstrip('\ufeff \t\r\n'))
+    except ExpatError as error:
+        raise ModelError(f'robot_description is not valid XML: {error}') from None
+
+
+def _text(document: minidom.Document) -> str:
     nodes = '\n'.join(node.toxml() for node in document.childNodes)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{nodes}\n'
 

@@ -5,6 +5,7 @@
 
 import json
 from pathlib import Path
+import re
 import shutil
 import sys
 
@@ -194,6 +195,18 @@ def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf)
     figures = figures_of(tmp_path / 'out')
     for model in ('urdf', 'base', 'consistent'):
         assert max(figures['residual'][model]['test']) < 5e-3
+
+
+def test_a_revolute_joint_without_limits_is_used_as_continuous(tmp_path, capsys):
+    urdf = tmp_path / 'arm.urdf'
+    urdf.write_text(re.sub(r'<limit [^>]*/>', '', default_arm_urdf().replace(
+        'type="continuous"', 'type="revolute"')))
+    record(tmp_path / 'bag')
+    assert run(tmp_path, urdf) == DONE
+    assert "joint 'joint1' is revolute and has no <limit>, it is used as continuous" in (
+        capsys.readouterr().err)
+    identified = load_arm(tmp_path / 'out/identified.urdf')
+    assert set(identified.joint_kinds) == {'continuous'}
 
 
 def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, capsys):

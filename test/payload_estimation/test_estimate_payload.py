@@ -45,10 +45,22 @@ def test_the_load_of_a_recording(bag: Path, capsys: pytest.CaptureFixture[str]) 
     assert (np.abs(error) < 4.0 * np.array(figures['deviations'][:4])).all()
     assert figures['pairs'] >= 30
     assert figures['holds'] == 12
+    assert max(figures['residual_by_effort']) < 0.2
     assert main([str(bag), *options()]) == DONE
     text = capsys.readouterr().out
     for words in ('centre of mass', 'observable', 'friction cancels', 'torque constant', 'mx'):
         assert words in text
+
+
+def test_the_residual_shows_a_wrong_sign(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    samples = holds(CASE, 6, both_sides=True)
+    effort = measured(CASE, samples) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
+    assert main([str(record(tmp_path / 'bag', samples, effort)), *options()]) == DONE
+    out = capsys.readouterr().out
+    assert float(out.split('shoulder_lift_joint ')[1].split()[0]) > 100.0
+    assert 'the effort has the opposite sign at shoulder_lift_joint' in out
 
 
 def test_two_recordings_are_one_estimate(

@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Recordings of different arms, and of an arm with the URDF of another, are named."""
+
+from identification_bench import changed_arm, fourier_motion, rigid_effort, series_of
+import numpy as np
+import pytest
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion, zero_phase
+from robot_dynamics.identification.pipeline import Identification, identify
+from robot_dynamics.model.arm import load_arm
+from robots import JOINTS, robot_urdf
+
+RATE, DURATION = 125.0, 20.0
+NOISE = 0.004
+"""Deviation of the noise of the effort, by its limit."""
+
+
+def recorded(name: str, urdf: str, seed: int) -> FilteredMotion:
+    """Return a motion of an arm whose masses differ from its URDF, read with another URDF."""
+    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
+    effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
+        0.5 * states.v + np.tanh(states.v / 0.03))
+    noise = NOISE * limit * np.random.default_rng(seed).normal(size=effort.shape)
+    return filter_motion(series_of(arm_of(urdf), states, effort + noise))
+
+
+def arm_of(name: str):
+    return load_arm(robot_urdf(name), JOINTS.get(name, ()))
+
+
+def identified(urdf: str, *names: str) -> Identification:
+    return identify(arm_of(urdf), [recorded(name, urdf, k) for k, name in enumerate(names)])
+
+
+def named(found: Identification) -> list[int]:
+    """Return the numbers of the recordings that contradict the others."""
+    return [k for k, each in enumerate(found.recordings)
+            if any('contradicts the other' in cause for cause in each.facts.contradictions)]
+
+
+@pytest.mark.parametrize(('urdf', 'names', 'odd'), [
+    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('panda', ('panda', 'panda'), []),
+    ('ur10', ('ur10', 'ur5', 'ur10'), [1]), ('ur5', ('ur3', 'ur5', 'ur5', 'ur5'), [0]),
+    ('ur10', ('ur5', 'ur10'), [0, 1])])
+def test_the_recording_of_another_arm_is_named(
+    urdf: str, names: tuple[str, ...], odd: list[int],
+) -> None:
+    assert named(identified(urdf, *names)) == odd
+
+
+@pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur5', 'ur3', True), ('ur10', 'ur10', False),
+    ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
+def test_the_urdf_of_another_arm_is_named(urdf: str, name: str, is_far: bool) -> None:
+    causes = identified(urdf, name).contradictions
+    assert ['another URDF' in cause for cause in causes] == [True] * is_far
+
+
+def test_the_noise_is_that_within_the_band_of_the_filter() -> None:
+    arm = arm_of('ur10')
+    motion = recorded('ur10', 'ur10', 3)
+    noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(
+        size=motion.position.shape)
+    within = zero_phase(noise, motion.cutoff_hz, RATE).std(axis=0)
+    rms = np.sqrt(np.mean(motion.measured_effort**2, axis=0))
+    assert motion.effort_noise * rms == pytest.approx(within, rel=0.25)
