@@ -30,6 +30,8 @@ from robot_dynamics.identification.regression import model_effort, reduce_motion
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
 
+SPEEDS = np.array([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])
+"""Bounds [rad/s] or [m/s] of the classes of speed in which residuals are summed."""
 SHOWN = 3000
 """Largest number of samples of a recording that are plotted."""
 
@@ -41,6 +43,8 @@ class ModelTest:
 
     `train` and `test` are along the motion, `test_by_sample` is sample by sample; `train_effort`
     and `test_effort` are those of the measured effort; `samples` are the counts (training, test).
+    `by_speed` (2, n, classes) are the sums of `test_by_sample` in the classes of SPEEDS, and the
+    counts of their samples.
     """
 
     train: FloatArray
@@ -49,6 +53,7 @@ class ModelTest:
     train_effort: FloatArray
     test_effort: FloatArray
     samples: tuple[int, int]
+    by_speed: FloatArray
 
     def relative(self, which: str = 'test') -> FloatArray:
         """Return RMS of residual / RMS of effort, (n,), for 'train', 'test', …; NaN if empty."""
@@ -73,13 +78,22 @@ def evaluate_motion(
         along, single = (effort - modelled for modelled in model_effort(arm, motion, fit))
         tests[name] = ModelTest(
             _squares(along[:count]), _squares(along[count:]), _squares(single[count:]),
-            _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count))
+            _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count),
+            _by_speed(motion.velocity[count:], single[count:]))
     return tests
+
+
+def _by_speed(v: FloatArray, residual: FloatArray) -> FloatArray:
+    """Return sums of squares and counts in the classes of SPEEDS, (2, n, classes)."""
+    which = np.digitize(np.abs(v), SPEEDS)
+    return np.array([
+        [np.bincount(own, weight, len(SPEEDS) + 1) for own, weight in zip(which.T, weights.T)]
+        for weights in (residual**2, np.ones_like(residual))])
 
 
 def merge_tests(tests: Sequence[ModelTest]) -> ModelTest:
     """Return the combined test of a model on several recordings."""
-    squares = ('train', 'test', 'test_by_sample', 'train_effort', 'test_effort')
+    squares = ('train', 'test', 'test_by_sample', 'train_effort', 'test_effort', 'by_speed')
     train, test = zip(*(each.samples for each in tests))
     return ModelTest(
         **{name: np.sum([getattr(each, name) for each in tests], axis=0) for name in squares},
@@ -108,7 +122,7 @@ def cross_validated_tests(
             without_memory(fits[name]).squares(grams) for fits, grams in zip(fitted, blocks))
         tests[name] = ModelTest(
             test.train, np.asarray(along), np.asarray(single), test.train_effort, effort,
-            (test.samples[0], count))
+            (test.samples[0], count), test.by_speed)
     return tests
 
 

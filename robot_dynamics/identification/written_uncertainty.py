@@ -19,13 +19,18 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
 from robot_dynamics.arrays import column_scale, FloatArray
+from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
+from robot_dynamics.identification.steps import ModelTest, SPEEDS
+from robot_dynamics.model.uncertainty import friction_share
 from robot_dynamics.validation import lower_triangle
 
 LARGEST_REGULARIZATION = 1.0
+LEAST_NOISE = 0.5
+"""Least noise away from rest, by the RMS of all residuals: other motions have other errors."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
 """The efforts are affine in gravity: these vectors have the parameters of any direction."""
 
@@ -33,16 +38,56 @@ GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.8
 def uncertainty_values(identification: Identification) -> dict[str, Any]:
     """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
     names, covariance = parameter_covariance(identification)
+    noise, friction, velocity = deviations_by_speed(identification.tests['consistent'])
     return {
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
-        # of single states, because the node knows no motion before a state
-        'uncertainty.noise_deviation':
-            identification.tests['consistent'].rms('test_by_sample').tolist(),
+        'uncertainty.noise_deviation': noise.tolist(),
+        'uncertainty.friction_deviation': friction.tolist(),
+        'uncertainty.friction_velocity': velocity.tolist(),
         'uncertainty.noise_bandwidth': min(
             0.5 * facts.rate_hz / samples_per_independent_sample(facts.cutoff_hz, facts.rate_hz)
             for facts in (recording.facts for recording in identification.recordings)),
     }
+
+
+def deviations_by_speed(test: ModelTest) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """
+    Return a, b and v_f (n,) of a model from its residuals at single states.
+
+    The node knows no motion before a state. Without classes of speed, b is 0.
+    """
+    n = len(test.test)
+    noise, friction = test.rms('test_by_sample'), np.zeros(n)
+    velocity = np.full(n, float(SPEEDS[-1]))
+    speed = np.append(SPEEDS * np.append(0.5, np.sqrt(SPEEDS[:-1] / SPEEDS[1:])), 2.0 * SPEEDS[-1])
+    for j, (squares, counts) in enumerate(zip(*test.by_speed)):
+        used = counts > 0.0
+        if not squares.any():
+            continue
+        mean = squares[used] / counts[used]
+        found = [_by_likelihood(counts[used], mean, friction_share(speed[used] / v)**2)
+                 for v in SPEEDS[1:]]
+        best = min(range(len(found)), key=lambda i: found[i][0])
+        noise[j] = max(found[best][1], LEAST_NOISE * noise[j])
+        friction[j], velocity[j] = found[best][2], SPEEDS[1 + best]
+    return noise, friction, velocity
+
+
+def _by_likelihood(
+    counts: FloatArray, mean: FloatArray, share: FloatArray,
+) -> tuple[float, float, float]:
+    """Return −2 ln of the likelihood, a and b, from mean squares with variances a² + b² share."""
+    nnls = optional('scipy.optimize', 'identification').nnls
+    variance = np.full_like(mean, float(counts @ mean / counts.sum()))
+    least = 1e-6 * variance
+    for _ in range(20):
+        weight = np.sqrt(counts) / variance
+        x = nnls(weight[:, np.newaxis] * np.stack([np.ones_like(share), share], axis=1),
+                 weight * mean)[0]
+        variance = np.maximum(x[0] + x[1] * share, least)
+    cost = float(counts @ (np.log(variance) + mean / variance))
+    return cost, float(np.sqrt(x[0])), float(np.sqrt(x[1]))
 
 
 def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:

@@ -115,7 +115,9 @@ def arm_from_parameters(
         arm = replace(arm, uncertainty=make_uncertainty(
             arm, [_current(name) for name in values.get('uncertainty.parameters', ())],
             values.get('uncertainty.covariance', ()), of_joints('uncertainty.noise_deviation'),
-            values.get('uncertainty.noise_bandwidth', 0.0)))
+            values.get('uncertainty.noise_bandwidth', 0.0),
+            of_joints('uncertainty.friction_deviation'),
+            of_joints('uncertainty.friction_velocity')))
     reflected = of_joints('actuator.reflected_inertia')
     if _has_no_motor_data(motors, values):
         motors, reflected = {}, motors['rotor_inertia']

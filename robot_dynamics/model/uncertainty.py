@@ -18,18 +18,25 @@ class ModelUncertainty:
     `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
     B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
     the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
-    [Hz].
+    [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at rest, which decreases
+    around `friction_velocity` (n,) [rad/s] or [m/s].
     """
 
     columns: IntArray
     root: FloatArray
     noise_deviation: FloatArray
     noise_bandwidth: float
+    friction_deviation: FloatArray
+    friction_velocity: FloatArray
 
     @property
     def has_covariance(self) -> bool:
         """Whether any parameter has a covariance."""
         return len(self.columns) > 0
+
+    def friction(self, v: FloatArray) -> FloatArray:
+        """Return the standard deviation (n,) of friction at a velocity (n,)."""
+        return np.asarray(self.friction_deviation * friction_share(v / self.friction_velocity))
 
     def noise(self, bandwidth: float, dt: float) -> FloatArray:
         """
@@ -41,3 +48,8 @@ class ModelUncertainty:
         """
         band = min(bandwidth, 0.5 / dt)
         return np.asarray(self.noise_deviation * math.sqrt(max(1.0, band / self.noise_bandwidth)))
+
+
+def friction_share(ratio: FloatArray) -> FloatArray:
+    """Return the deviation of friction at a velocity, by that at rest."""
+    return np.asarray(1.0 / (1.0 + ratio**2))

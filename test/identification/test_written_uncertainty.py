@@ -6,6 +6,8 @@
 from identification_bench import (
     changed_arm,
     fourier_motion,
+    lugre_friction,
+    moves_with_pauses,
     recorded,
     rigid_effort,
     ROTORS,
@@ -70,6 +72,26 @@ def test_errors_at_new_states_agree_with_the_deviations(cases):
         is_moving = np.abs(new.v[:, joint]) > 0.1
         assert 0.8 < np.sqrt(np.mean(z[:, is_moving, joint]**2)) < 1.25
         assert 0.8 < np.sqrt(np.mean(z[:, :, joint]**2)) < 1.5
+
+
+@pytest.mark.parametrize('motion', [fourier_motion, moves_with_pauses])
+def test_the_interval_contains_the_efforts_of_another_motion(motion):
+    """Slow and fast samples, with a friction at rest that the model does not describe."""
+    first, new = (motion(ARM, 100.0, 30.0, seed) for seed in (1, 2))
+    found = identify(ARM, [recorded(ARM, first, effort_of(first) + lugre_friction(first))])
+    arm = loaded(found, {
+        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
+    other = recorded(ARM, new, effort_of(new) + lugre_friction(new), seed=1)
+    rows = np.flatnonzero(other.usable)[::5]
+    state = other.position[rows], other.velocity[rows], other.acceleration[rows]
+    dynamics = ArmDynamics(arm)
+    error = other.measured_effort[rows] - dynamics.inverse_dynamics_batch(*state)
+    deviation = EffortDeviation(dynamics, arm.uncertainty)
+    is_inside = np.abs(error) < 2.0 * np.array([deviation.prediction(*each) for each in zip(*state)])
+    speed = np.abs(state[1])
+    is_slow = speed <= np.median(speed, axis=0)
+    for part in is_slow, ~is_slow:
+        assert (is_inside & part).sum(axis=0) == pytest.approx(0.94 * part.sum(axis=0), rel=0.07)
 
 
 def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):

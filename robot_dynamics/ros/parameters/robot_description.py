@@ -106,6 +106,13 @@ UNCERTAINTY_SPECS = (
     number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
         'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
+    numbers('uncertainty.friction_deviation', 0.0, 1e9, (
+        'Standard deviation [N·m] or [N] of friction at rest about the model; one value for all '
+        'joints or one per joint. If empty, 0.'), read_only=True),
+    numbers('uncertainty.friction_velocity', 0.0, 1e6, (
+        'Velocity v_f [rad/s] or [m/s] around which this deviation decreases: at v it is '
+        'uncertainty.friction_deviation / (1 + v²/v_f²). It must be above 0 if '
+        'uncertainty.friction_deviation is set.'), read_only=True),
 )
 
 DRIVE_SPECS = (
