@@ -87,7 +87,8 @@ def test_the_interval_contains_the_efforts_of_another_motion(motion):
     dynamics = ArmDynamics(arm)
     error = other.measured_effort[rows] - dynamics.inverse_dynamics_batch(*state)
     deviation = EffortDeviation(dynamics, arm.uncertainty)
-    is_inside = np.abs(error) < 2.0 * np.array([deviation.prediction(*each) for each in zip(*state)])
+    sigma = np.array([deviation.prediction(*each) for each in zip(*state)])
+    is_inside = np.abs(error) < 2.0 * sigma
     speed = np.abs(state[1])
     is_slow = speed <= np.median(speed, axis=0)
     for part in is_slow, ~is_slow:
