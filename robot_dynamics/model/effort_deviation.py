@@ -116,8 +116,8 @@ class EffortDeviation:
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
         X = self.derivatives(q, v, a, load, smooth)
-        return np.hypot(
-            np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v))
+        return np.asarray(np.hypot(
+            np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v)))
 
     def prediction(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

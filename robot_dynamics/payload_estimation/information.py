@@ -121,7 +121,8 @@ def _relative_residual(groups: list[Group], theta: FloatArray, n: int) -> FloatA
     for group in groups:
         squares[group.joint] += squares_of(group, theta, n)
         power[group.joint] += group.gram[EFFORT, EFFORT]
-    return np.sqrt(np.divide(squares, power, out=np.full(n, np.nan), where=power > 0.0))
+    return np.asarray(np.sqrt(np.divide(
+        squares, power, out=np.full(n, np.nan), where=power > 0.0)))
 
 
 def _drive_information(scale: FloatArray, covariance: FloatArray) -> FloatArray:
