@@ -233,7 +233,7 @@ def draw(runs: Sequence[Run], path: Path) -> None:
                 _draw_arm(axes, arm, [found for found in runs if (
                     found[0].arm == arm and found[0].motion == motion)])
             axes.axhline(1.0, color=GREY, linewidth=4.0, alpha=0.5)
-            axes.set(xscale='log', yscale='log', xlabel='step size [rad]', ylim=(0.002, 1.7))
+            axes.set(xscale='log', yscale='log', xlabel='step size [rad]', ylim=(0.008, 1.7))
             axes.set_xticks(SHOWN_SIZES, [f'{size:g}' for size in SHOWN_SIZES])
             axes.set_yticks(SHOWN_RATIOS, [f'{100.0 * ratio:g} %' for ratio in SHOWN_RATIOS])
             axes.minorticks_off()
