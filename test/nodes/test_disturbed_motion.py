@@ -53,7 +53,7 @@ TRACKING = 0.02
 """[rad] by which the arm may leave the hull of its reference."""
 OVERSPEED = 1.2
 """Largest speed after a wrong velocity, by the velocity limit."""
-AT_REST = 0.01
+AT_REST = 0.05
 """[rad/s]"""
 HELD = 0.08
 """[s] for which the arm is at rest before its effort decreases."""
