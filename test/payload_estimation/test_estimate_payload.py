@@ -57,7 +57,8 @@ def test_the_residual_shows_a_wrong_sign(
 ) -> None:
     samples = holds(CASE, 6, both_sides=True)
     effort = measured(CASE, samples) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
-    assert main([str(record(tmp_path / 'bag', samples, effort)), *options()]) == FAILED  # not observable
+    bag = record(tmp_path / 'bag', samples, effort)
+    assert main([str(bag), *options()]) == FAILED  # the load is not observable
     out = capsys.readouterr().out
     assert float(out.split('shoulder_lift_joint ')[1].split()[0]) > 100.0
     assert 'the effort has the opposite sign at shoulder_lift_joint' in out
