@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.identification.consistent_fit import consistent_fit
 from robot_dynamics.identification.friction_regressor import (
     FrictionStructure,
     SIMPLEST,
@@ -25,6 +24,7 @@ from robot_dynamics.identification.friction_regressor import (
 )
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import (
+    consistent_fit,
     Fit,
     grams_of,
     is_physical,

@@ -122,12 +122,12 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
         'combinations stay near the URDF.')
     page.section(summary.residual_title(identification))
     page.table(summary.residual_rows(identification))
-    page.section('Residual by the noise of the effort')
-    page.table(summary.noise_rows(found))
     page.text(
         'RMS of the residual (measured − model), relative to the RMS of the measured effort. '
         'The last column is the consistent set without presliding hysteresis, like an answer of '
         'the node to a single state.')
+    page.section('Residual by the noise of the effort')
+    page.table(summary.noise_rows(found))
     page.section('Friction and rotors')
     page.table(_friction_table(identification))
     page.text('docs/friction.md has the equations.')

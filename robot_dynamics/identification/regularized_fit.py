@@ -16,6 +16,11 @@ largest measured effort. κ = 1 corresponds to a URDF that is wrong by about 100
 that is wrong by 1 %. Source of the regularization: T. Lee, F. C. Park, "A geometric algorithm for
 robust multibody inertial parameter identification", IEEE Robotics and Automation Letters 3(3),
 2018.
+
+`consistent_fit` has the same cost, but with the entropic divergence itself. Its variables are the
+relative log-Cholesky coordinates of each body (`pseudo_inertia`), which represent only physically
+consistent bodies: every body is a mass distribution. Friction and rotors are non-negative. The
+problem is solved by Gauss–Newton steps within a trust region, starting from the URDF.
 """
 
 from collections.abc import Sequence
@@ -38,6 +43,9 @@ from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
 from robot_dynamics.model.pseudo_inertia import (
     COUNT,
+    divergence_residuals,
+    from_coordinates,
+    jacobian,
     parameters_of,
     regularizing_roots,
     relative_rows,
@@ -45,6 +53,9 @@ from robot_dynamics.model.pseudo_inertia import (
 
 URDF_REGULARIZATION = 1e12
 """κ that leaves the bodies of the URDF unchanged."""
+MOST_EVALUATIONS = 100
+LEAST_REGULARIZATION = 1.0
+"""Smallest κ, which keeps the bodies away from the boundary of physical consistency."""
 _LEAST_ROTOR = 0.1
 """
 Reflected inertia that is expected at every joint, as a fraction of the largest inertia at a joint:
@@ -255,3 +266,58 @@ def fit_of(x: FloatArray, structures: Sequence[FrictionStructure], p: int) -> Fi
     for j, (columns, part) in enumerate(own_variables(structures, p)):
         values[j, columns - p] = x[part]
     return Fit(x[:p], values, tuple(structures))
+
+
+def consistent_fit(
+    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, regularization: float, start: Fit,
+) -> Fit:
+    """
+    Return the physically consistent fit to factors R (n, k, k), with weights w (n,).
+
+    `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
+    """
+    least_squares = optional('scipy.optimize', 'identification').least_squares
+    p = prior.count
+    parts = [slice(i, i + COUNT) for i in range(0, p, COUNT)]
+    regularization = max(regularization, LEAST_REGULARIZATION)
+    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    n, k, _ = factors.shape
+    # the divergence replaces the regularization of φ itself
+    A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
+    R: FloatArray = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode='r'))
+    A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
+    data = len(R)
+    root = np.sqrt(2.0 * regularization)
+
+    def bodies_of(x: FloatArray) -> FloatArray:
+        return np.concatenate([
+            from_coordinates(L0, x[part]) for L0, part in zip(prior.roots, parts)])
+
+    def residuals(x: FloatArray) -> FloatArray:
+        r = A @ np.concatenate([bodies_of(x), x[p:]]) - b
+        for part in parts:
+            r[data:][part] = root * divergence_residuals(x[part])[0]
+        return np.asarray(r)
+
+    def derivative(x: FloatArray) -> FloatArray:
+        J = A.copy()
+        for L0, part in zip(prior.roots, parts):
+            J[:, part] = A[:, part] @ jacobian(L0, x[part])
+            J[data:][part, part] = root * np.diag(divergence_residuals(x[part])[1])
+        return J
+
+    x0 = np.concatenate([np.zeros(p), *(
+        start.joint_values[j, columns - p]
+        for j, (columns, _) in enumerate(own_variables(structures, p)))])
+    low[:p], high[:p] = -np.inf, np.inf
+    x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
+    found = least_squares(
+        residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
+        max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
+    x = np.asarray(found.x)
+    fit = fit_of(x, structures, p)
+    # the solver stops just inside its bounds; without effort, parameters are undetermined
+    is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
+    values = np.where(is_zero, 0.0, fit.joint_values)
+    return replace(fit, parameters=bodies_of(x), joint_values=values)
