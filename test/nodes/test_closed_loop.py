@@ -87,8 +87,7 @@ class Gate:
         """Wait for BUSY [s] with the state of the stamp `busy_at` [ns]."""
         self._client, self._namespace = client, namespace
         self._has_velocity, self._busy_at = has_velocity, busy_at
-        self._passed: JointState | None = None
-        self._is_open = False
+        self._is_open = self._is_waiting = False
         self._publisher = client.publisher(JointState, f'{namespace}/{self.TOPIC}')
         self._states = client.node.create_subscription(
             JointState, f'{namespace}/joint_states', self._relay, 10)
@@ -99,13 +98,13 @@ class Gate:
                 state.velocity = []
             if stamp_from_ros(state.header.stamp) == self._busy_at:
                 time.sleep(BUSY)
-            self._passed = state
             self._publisher.publish(state)
+        else:  # the state before it has been answered
+            self._is_waiting = True
 
     def follow(self, trajectory: JointTrajectory, stamp: float) -> None:
         """Send a trajectory that starts at a simulated time [s]; open once it is followed."""
-        wait_until(lambda: self._passed is not None and (
-            stamp_from_ros(self._passed.header.stamp) == self.HELD_AT), 'the state', LONG)
+        wait_until(lambda: self._is_waiting, 'the arm to wait', LONG)
         send(self._client, self._namespace, trajectory, stamp)
         # The node answers a request after the messages that it has received before.
         self._client.get_parameter(f'{self._namespace}/dynamics', 'command')
