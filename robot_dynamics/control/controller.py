@@ -38,7 +38,6 @@ from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.references.motion_limits import WorkspaceInertia
@@ -287,6 +286,11 @@ class Controller:
         return self._options.estimates_velocity
 
     @property
+    def dynamics(self) -> UncheckedArmDynamics:
+        """The dynamics of the control path, with the active loads."""
+        return self._load.dynamics
+
+    @property
     def planning_dynamics(self) -> ArmDynamics:
         """Dynamics of the arm with its loads, or those that a transition leads to."""
         return self._load.planning
@@ -481,11 +485,6 @@ class Controller:
                 passive = passive + body.nonlinear(q, v) - body.gravity(q)
             return (M, passive) if drive is None else (
                 M / drive.scale[:, np.newaxis], passive / drive.scale)
-
-    @property
-    def rigid_body(self) -> UncheckedRigidBody:
-        """The rigid bodies of the arm with its active loads."""
-        return self._load.dynamics.rigid_body
 
     def braked(self, q: FloatArray, v: FloatArray | None, holding: FloatArray) -> FloatArray:
         """Return `holding` (n,) with a damping torque −M(q) D v, within the effort limits."""

@@ -361,7 +361,7 @@ class ControlLoop:
             supervisor.activate()
         braked: Brake = controller.braked
         if self._frozen is not None:
-            if self._frozen.is_lost(used, now, supervisor.options.hold_time):
+            if self._frozen.is_lost(used, now):
                 supervisor.act(now)
             braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
             # The limits are those of the measured joints.
@@ -430,7 +430,7 @@ class ControlLoop:
             self.controller.stop()
         self._frozen.marks = consistency.frozen
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
-        return (*self._frozen.predict(stamp_ns, dt, q, v), fault)
+        return (*self._frozen.predict(stamp_ns, dt, q, v, self.supervisor.limiter.last), fault)
 
     def _end_when_stopped(
         self, stamp: int, q: FloatArray, v: FloatArray | None, now: float,

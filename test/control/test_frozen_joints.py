@@ -21,8 +21,6 @@ from robot_dynamics.model.arm import load_arm
 from robots import robot_urdf
 
 DT = 0.002
-HOLD = 2.5
-"""[s]"""
 
 
 def in_motion(rate: float = 500.0, seconds: float = 0.3) -> LockStep:
@@ -134,25 +132,23 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
     assert moved > 0.01
 
 
-def test_the_arm_is_lost_some_time_after_its_stop_or_when_other_joints_move() -> None:
+def test_the_arm_is_lost_if_its_stop_fails_or_other_joints_move_after_it() -> None:
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     limit, still = controller.arm.limits.velocity, np.zeros(6)
     start = FIRST_STAMP * 1e-9 + 0.5
     assert not controller.has_stopped
     fast = np.where(mask, 0.0, 2.0 * CALM * limit)
-    assert not frozen.is_lost(fast, start + STOP_TIME, HOLD)
-    assert frozen.is_lost(fast, start + STOP_TIME + 0.1, HOLD)
+    assert not frozen.is_lost(fast, start + STOP_TIME)
+    assert frozen.is_lost(fast, start + STOP_TIME + 0.1)
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     stamp, now = output.state.stamp_ns, start
     controller.stop()
     while not controller.has_stopped:
-        assert not frozen.is_lost(fast, now, HOLD)
+        assert not frozen.is_lost(fast, now)
         stamp, now = stamp + 2 * MS, now + DT
         controller.update(stamp, output.state.q, still)
-    assert not frozen.is_lost(None, now, HOLD)
-    assert not frozen.is_lost(0.99 * CALM * limit, now, HOLD)
-    assert not frozen.is_lost(np.where(mask, limit, 0.0), now, HOLD)
+    assert not frozen.is_lost(None, now)
+    assert not frozen.is_lost(0.99 * CALM * limit, now + 100.0)
+    assert not frozen.is_lost(np.where(mask, limit, 0.0), now)
     for j in np.flatnonzero(~mask):
-        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now, HOLD)
-    assert not frozen.is_lost(still, now + HOLD - DT, HOLD)
-    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now)

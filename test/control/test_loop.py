@@ -10,7 +10,17 @@ The arms have no friction, which would hide drift and damp oscillations.
 from collections.abc import Callable
 from functools import cache
 
-from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, Sensor, smooth_arm, Trace
+from lock_step_loop import (
+    directions,
+    FIRST_STAMP,
+    frozen,
+    LockStep,
+    middle,
+    MS,
+    Sensor,
+    smooth_arm,
+    Trace,
+)
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
@@ -44,11 +54,6 @@ def place(name: str) -> FloatArray:
 
 def loaded(mass: float, name: str = 'default', link: str = 'tool0') -> ArmModel:
     return arm_named(name).with_payloads([make_payload(link, mass)])
-
-
-def directions(n: int) -> FloatArray:
-    """Return −1 and 1 in turns, (n,)."""
-    return np.where(np.arange(n) % 2, 1.0, -1.0)
 
 
 def in_motion(name: str = 'default', way: float = 1.0, after: float = 0.5, **more: float) -> (
@@ -380,17 +385,6 @@ def sign(j: int) -> Sensor:
     def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         v = v.copy()
         v[j] = -v[j]
-        return q, v
-    return sensor
-
-
-def frozen(j: int) -> Sensor:
-    kept: list[float] = []
-
-    def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        kept.extend(() if kept else (q[j], v[j]))
-        q, v = q.copy(), v.copy()
-        q[j], v[j] = kept
         return q, v
     return sensor
 

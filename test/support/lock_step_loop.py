@@ -47,6 +47,23 @@ def middle(arm: ArmModel, free: float = 0.0) -> FloatArray:
         for low, high in zip(lower, upper)])
 
 
+def directions(n: int) -> FloatArray:
+    """Return −1 and 1 in turns, (n,)."""
+    return np.where(np.arange(n) % 2, 1.0, -1.0)
+
+
+def frozen(j: int) -> Sensor:
+    """Return a sensor that repeats its first sample of one joint."""
+    kept: list[float] = []
+
+    def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        kept.extend(() if kept else (q[j], v[j]))
+        q, v = q.copy(), v.copy()
+        q[j], v[j] = kept
+        return q, v
+    return sensor
+
+
 class Trace(NamedTuple):
     """
     The motion of an arm, one row per ms.

@@ -32,7 +32,7 @@ def rest_stiffness(controller: Controller) -> RestStiffness | None:
         if state is None or controller.options.command != 'computed_torque':
             return None
         K_p = controller.feedback_gains[0]
-        K = np.diagonal(controller.rigid_body.mass_matrix(state[1])) * K_p
+        K = np.diagonal(controller.dynamics.rigid_body.mass_matrix(state[1])) * K_p
     friction = controller.loaded_arm.friction
     F_s = friction.at_rest.static
     spring = F_s / friction.tracking_width if controller.compensates_friction_at_rest else 0.0

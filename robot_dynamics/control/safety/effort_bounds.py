@@ -31,6 +31,11 @@ class RobotEffort(NamedTuple):
         effort = self.without_gravity(effort)
         return effort if self.friction is None else effort - self.friction
 
+    def effort(self, command: FloatArray) -> FloatArray:
+        """Return the effort at the joints for a command: the inverse of `command`."""
+        effort = command if self.gravity is None else command + self.gravity
+        return effort if self.friction is None else effort + self.friction
+
     def command_terms(self, terms: EffortTerms) -> EffortTerms:
         """Return the terms of the command for the terms of an effort at the joints."""
         if self.gravity is None and self.friction is None:

@@ -9,6 +9,8 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.safety.effort_bounds import NOTHING
+from robot_dynamics.control.safety.frozen_joint_observer import FrozenJointObserver
 
 LONGEST_PERIOD, STEP = 0.05, 0.002
 """[s] between two states for which the motion of a frozen joint is predicted, and its step."""
@@ -16,7 +18,7 @@ DISTURBANCE_TIME = 0.05
 """[s] of the low-pass filter of the disturbance of the other joints."""
 STOP_TIME = 3.0
 """[s] for the stop of an arm with frozen joints, at most."""
-CALM = 0.1
+CALM = 0.3
 """Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
 _MOST_STEPS = 100
 
@@ -27,6 +29,7 @@ class FrozenJoints:
 
     Until the fault is found, the feedback acts on the error of the frozen sample; afterwards on
     the predicted error e = q_r − q, which then decays by ë = −K_d ė − K_p e whatever the inertia.
+    Without friction gravity lets such a prediction diverge: there `FrozenJointObserver` follows.
 
     Friction, a load or the frozen joint itself disturb the other joints: ë + K_d ė + K_p e = d is
     not 0. Computed torque would add M d, although the joints are not accelerated by d. The frozen
@@ -44,8 +47,9 @@ class FrozenJoints:
         `dt` [s] is the period of the states, in which the feedback is constant; `now` [s] is the
         time of the steady clock.
         """
-        self.marks, self._controller = marks, controller
-        self._since = self._moved_until = now
+        self.marks, self._controller, self._since = marks, controller, now
+        self._observer: FrozenJointObserver | None = None
+        self._robot = NOTHING
         v = v if v is not None else np.zeros_like(q)
         self._q = q
         self._e, self._e_dot, self._disturbance = np.zeros((3, len(q)))
@@ -69,15 +73,40 @@ class FrozenJoints:
 
     def predict(
         self, stamp_ns: int, dt: float, q: FloatArray, v: FloatArray | None,
+        command: FloatArray | None,
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return q and v (n,) with the predicted values of these joints, dt [s] later."""
-        trajectory, velocity = self._controller.trajectory, np.zeros_like(q)
+        """
+        Return q and v (n,) with the predicted values of these joints, dt [s] later.
+
+        `command` (n,) is the effort since the last state, None if there was none.
+        """
+        trajectory, velocity, m = self._controller.trajectory, np.zeros_like(q), self.marks
         if trajectory is not None:
-            self._follow(min(max(dt, 0.0), LONGEST_PERIOD))
+            dt = min(max(dt, 0.0), LONGEST_PERIOD)
             q_r, v_r, _ = trajectory.sample(stamp_ns)
-            self._q, velocity = q_r - self._e, v_r - self._e_dot
-        return np.where(self.marks, self._q, q), (
-            None if v is None else np.where(self.marks, velocity, v))
+            if self._observes(dt, q, v, command) and self._observer is not None:
+                self._q, velocity = self._observer.q, self._observer.v
+                self._e, self._e_dot = q_r - self._q, v_r - velocity
+            else:
+                self._follow(dt)
+                self._q, velocity = q_r - self._e, v_r - self._e_dot
+        q, v_known = np.where(m, self._q, q), np.zeros_like(q) if v is None else v
+        v_known = np.where(m, velocity, v_known)
+        if self._observer is None and trajectory is not None:
+            self._observer = FrozenJointObserver(m, self._controller.dynamics, q, v_known)
+        return q, None if v is None else v_known
+
+    def _observes(
+        self, dt: float, q: FloatArray, v: FloatArray | None, command: FloatArray | None,
+    ) -> bool:
+        """Update the observer, and return whether its estimate is valid."""
+        observer = self._observer
+        if observer is None or not observer.is_valid or command is None or dt == 0.0:
+            return False
+        drive = self._controller.arm.drive
+        effort = self._robot.effort(command if drive is None else drive.torque(command))
+        observer.update(self._controller.dynamics, effort, dt, q, v)
+        return observer.is_valid
 
     def stopping_effort(
         self, output: ControlOutput, dt: float, q: FloatArray, v: FloatArray | None,
@@ -89,6 +118,7 @@ class FrozenJoints:
         Without a command the effort is `holding`.
         """
         command, state, m = output.command, output.state, self.marks
+        self._robot = output.robot
         if command is None:
             return holding
         if state.trajectory is None or state.v is None:
@@ -99,20 +129,17 @@ class FrozenJoints:
         coupling[m] = np.linalg.lstsq(M[np.ix_(m, m)], (M @ self._disturbance)[m])[0]
         return np.asarray(command - M @ coupling)
 
-    def is_lost(self, v: FloatArray | None, now: float, hold_time: float) -> bool:
+    def is_lost(self, v: FloatArray | None, now: float) -> bool:
         """
-        Return whether the arm is held no longer: `hold_time` [s] after its stop.
+        Return whether the arm is held no longer, at the velocity v (n,) and the time `now` [s].
 
-        Nothing measures what a joint without a signal does after its planned stop: errors of its
-        predicted motion grow, and without friction they grow exponentially. Other joints that
-        move after the stop show that it has left its predicted position.
+        Other joints that move after the stop show that a joint without a signal has left its
+        predicted position.
         """
         if not self._controller.has_stopped:
-            self._moved_until = now
             return now - self._since > STOP_TIME
         limit = CALM * self._controller.arm.limits.velocity
-        is_disturbed = v is not None and bool((np.abs(v) > limit)[~self.marks].any())
-        return is_disturbed or now - self._moved_until > hold_time
+        return v is not None and bool((np.abs(v) > limit)[~self.marks].any())
 
     def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
         """Filter ë + K_d ė + K_p e of the joints with a signal."""

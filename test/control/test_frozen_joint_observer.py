@@ -1,0 +1,100 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The observer of joints without a signal, alone and in the real loop."""
+
+from lock_step_loop import directions, frozen, LockStep, middle, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.safety.frozen_joint_observer import (
+    FrozenJointObserver,
+    UNKNOWN_EFFORT,
+)
+from robot_dynamics.control.safety.supervisor import Mode
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+
+DT = 0.002
+MARKS = [[1], [2]]
+
+
+def observed(
+    arm: ArmModel, plant_arm: ArmModel, marks: list[int], error: float, seconds: float,
+) -> tuple[FrozenJointObserver, ArmSimulation, list[float]]:
+    """
+    Hold an arm by feedback of the estimate, whose first position is wrong by `error`.
+
+    Return observer, plant and the errors of the estimated positions.
+    """
+    dynamics, n = UncheckedArmDynamics(arm), arm.joint_count
+    q = middle(arm, 0.4)
+    mask = np.isin(np.arange(n), marks)
+    plant = ArmSimulation(plant_arm, q)
+    plant.release()
+    observer = FrozenJointObserver(mask, dynamics, np.where(mask, q + error, q), np.zeros(n))
+    errors = []
+    for _ in range(round(seconds / DT)):
+        body = dynamics.rigid_body
+        effort = body.mass_matrix(observer.q) @ (
+            100.0 * (q - observer.q) - 20.0 * observer.v) + body.gravity(observer.q)
+        plant.step(effort, DT)
+        observer.update(dynamics, effort, DT, plant.q.copy(), plant.v.copy())
+        errors.append(float(np.abs(observer.q - plant.q).max()))
+    return observer, plant, errors
+
+
+@pytest.mark.parametrize('name', ['ur10', 'panda'])
+@pytest.mark.parametrize('marks', MARKS)
+def test_the_estimate_converges_to_the_true_position(name: str, marks: list[int]) -> None:
+    """Gravity and coupling at the other joints show it."""
+    observer, plant, errors = observed(*2 * [smooth_arm(name)], marks, 0.01, 4.0)
+    assert max(errors) < 0.1
+    assert errors[-1] < 0.003
+    assert np.abs(plant.v).max() < 0.03
+    assert observer.is_valid
+
+
+def test_friction_that_the_model_lacks_makes_the_estimate_invalid() -> None:
+    """As soon as the efforts of the other joints contradict the model."""
+    arm = smooth_arm('ur10')
+    friction = 2.0 * UNKNOWN_EFFORT * arm.limits.effort
+    sticky = arm.with_friction(make_friction(arm.joint_names, coulomb=friction.tolist()))
+    dynamics, q = UncheckedArmDynamics(arm), middle(arm, 0.4)
+    v = np.full(6, 0.3)
+    plant = ArmSimulation(sticky, q, v)
+    plant.release()
+    observer = FrozenJointObserver(np.arange(6) == 1, dynamics, q, v)
+    for _ in range(50):
+        effort = dynamics.rigid_body.gravity(plant.q)
+        plant.step(effort, DT)
+        observer.update(dynamics, effort, DT, plant.q.copy(), plant.v.copy())
+    assert not observer.is_valid
+    known = FrozenJointObserver(np.arange(6) == 1, UncheckedArmDynamics(sticky), q, v)
+    assert not known.is_valid
+
+
+
+@pytest.mark.parametrize('name', ['ur5', 'ur10', 'panda'])
+@pytest.mark.parametrize('j', [0, 1, 2, 3])
+@pytest.mark.parametrize('seconds', [0.3, 0.6])
+def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(
+    name: str, j: int, seconds: float,
+) -> None:
+    """
+    Gravity would topple it within one second.
+
+    Nothing shows a slow motion of a joint about a vertical axis, as the first one.
+    """
+    arm = smooth_arm(name)
+    one = LockStep(arm, q=middle(arm, 0.4), rate=500.0)
+    one.run(0.2)
+    one.follow(one.q + 1.2 * directions(arm.joint_count))
+    one.run(seconds)
+    one.sensor = frozen(j)
+    trace = one.run(5.0)
+    assert (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
+    assert one.loop.supervisor.mode is Mode.FAULT
+    assert trace.last(2.0).speed.max() < 0.05
