@@ -6,7 +6,6 @@
 from lock_step_loop import directions, frozen, LockStep, middle, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.safety.frozen_joint_observer import (
     FrozenJointObserver,
     UNKNOWN_EFFORT,

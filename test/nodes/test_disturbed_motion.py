@@ -57,6 +57,8 @@ AT_REST = 0.05
 """[rad/s]"""
 HELD = 0.08
 """[s] for which the arm is at rest before its effort decreases."""
+HELD_BY_FRICTION = 0.008
+"""[rad] from a goal at which known dry friction may hold a joint; see friction.md."""
 SLOW = 0.05
 """[rad/s] of all joints, after the stop that a disturbance has caused."""
 TICK = PERIOD / NANOSECONDS
@@ -232,8 +234,8 @@ class DisturbedArm:
         return self.excess(self.arm.limits.lower, self.arm.limits.upper)
 
     def rests_at(self, goal: Array) -> bool:
-        """Return whether the arm rests at a goal."""
-        return bool(np.abs(self.plant.q - goal).max() < 0.005 and np.abs(
+        """Return whether the arm rests at a goal, or where dry friction holds it (friction.md)."""
+        return bool(np.abs(self.plant.q - goal).max() < HELD_BY_FRICTION and np.abs(
             self.plant.v).max() < 0.005)
 
     def status(self, check: str, holds: Callable[[DiagnosticStatus], bool]) -> DiagnosticStatus:
@@ -277,7 +279,8 @@ def run_to(bench: DisturbedArm, goal: Array, share: float) -> None:
     j = int(np.argmax(np.abs(way)))
 
     def is_there() -> bool:
-        return bool((bench.plant.q[j] - start[j]) / way[j] >= share)
+        moved = abs(bench.plant.q[j] - start[j])
+        return bool(moved >= min(share * abs(way[j]), abs(way[j]) - HELD_BY_FRICTION))
 
     bench.run(6.0, is_there)
     assert is_there(), f'the arm has not made {share:g} of its way to {goal} in 6 s'

@@ -97,8 +97,10 @@ class FrozenJointObserver:
         if not dynamics.is_frictionless:
             h = h + dynamics.friction_effort(v, h)
         free, M_mo = torque - h, M[np.ix_(m, o)]
-        a_m = np.linalg.solve(M[np.ix_(m, m)], free[m] - M_mo @ a_o)
-        return a_m, free[o] - M[np.ix_(o, o)] @ a_o - M_mo.T @ a_m, M
+        a_m = np.asarray(
+            np.linalg.solve(M[np.ix_(m, m)], free[m] - M_mo @ a_o), dtype=np.float64)
+        r_o: FloatArray = free[o] - M[np.ix_(o, o)] @ a_o - M_mo.T @ a_m
+        return a_m, r_o, M
 
     def _derivatives(
         self, dynamics: UncheckedArmDynamics, torque: FloatArray, a_o: FloatArray, a: FloatArray,
