@@ -115,7 +115,8 @@ class EffortDeviation:
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
-        X = self.derivatives(q, v, a, load, smooth)
+        load = None if load is None else load[None]
+        X = self.derivatives(q[None], v[None], a[None], load, smooth)[0]
         return np.asarray(np.hypot(
             np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v)))
 
@@ -125,18 +126,31 @@ class EffortDeviation:
         """Return the deviation (n,) of a measured effort: that of the model and of the noise."""
         return np.hypot(self(q, v, a, load), self._uncertainty.noise_deviation)
 
+    def errors(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """
+        Return what independent errors of deviation 1 add to the efforts, (m, n, k).
+
+        All arguments are (m, n). The covariance of an effort is the sum of the squares.
+        """
+        return np.asarray(self.derivatives(q, v, a) @ self._uncertainty.root)
+
     def derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
         smooth: bool = False,
     ) -> FloatArray:
-        """Return the derivatives (n, k) of the effort by the uncertain parameters."""
+        """
+        Return the derivatives (m, n, k) of the efforts by the uncertain parameters.
+
+        All arguments are (m, n).
+        """
         if load is None:
-            load = self._dynamics.rigid_body.inverse_dynamics(q, v, a)
+            load = self._dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
         sign = smooth_sign(v, SMOOTHING_VELOCITY) if smooth else np.sign(v)
         # friction by the load multiplies all of the bodies
         per_load = self._dynamics.friction.smooth(v)[1]
         by_load = np.ones_like(v) if per_load is None else 1.0 + per_load * np.sign(load)
-        bodies = by_load[:, np.newaxis] * self._regressor(q[None], v[None], a[None])[0]
-        joints = np.concatenate([np.diag(column) for column in (
-            by_load * a, *(unit.effort(v, load, sign) for unit in self._units))], axis=1)
-        return np.asarray(np.concatenate([bodies, joints], axis=1)[:, self._uncertainty.columns])
+        bodies = by_load[..., np.newaxis] * self._regressor(q, v, a)
+        joints = [column[..., np.newaxis] * np.eye(v.shape[1]) for column in (
+            by_load * a, *(unit.effort(v, load, sign) for unit in self._units))]
+        return np.asarray(np.concatenate(
+            [bodies, *joints], axis=2)[..., self._uncertainty.columns])

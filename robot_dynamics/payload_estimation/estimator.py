@@ -16,6 +16,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import LoadRegressor
 from robot_dynamics.payload_estimation.information import solve
@@ -35,6 +36,8 @@ from robot_dynamics.validation import LARGEST_VALUE
 
 SHORTEST_BLOCK = 0.1
 """[s]"""
+MOST_SAMPLES = 500
+"""Samples that are processed together."""
 _FRICTION_SMOOTHING = SLIDING_VELOCITY / 5.0
 
 
@@ -55,10 +58,16 @@ class PayloadEstimator:
             raise InvalidInputError(f'cutoff_hz is {cutoff_hz:g}, expected a number > 0')
         self.arm, self.link = arm, link
         self._regressor = LoadRegressor(arm, link)
-        self._dynamics = ArmDynamics(arm).unchecked
+        dynamics = ArmDynamics(arm)
+        self._dynamics = dynamics.unchecked
+        self._model_errors: EffortDeviation | None = None
+        columns = COLUMNS
+        if arm.uncertainty is not None and arm.uncertainty.has_covariance:
+            self._model_errors = EffortDeviation(dynamics, arm.uncertainty)
+            columns += arm.uncertainty.root.shape[1]
         self._block = max(SHORTEST_BLOCK, 1.0 / cutoff_hz)
         self._independent_interval = 0.5 / cutoff_hz  # of band-limited white noise
-        self._rows = RowBuilder(arm.joint_count, self._block, self._block)
+        self._rows = RowBuilder(arm.joint_count, self._block, self._block, columns)
         self._position: FloatArray | None = None
         self._largest_effort = np.zeros(arm.joint_count)
 
@@ -73,11 +82,18 @@ class PayloadEstimator:
         Take filtered samples: times t (m,) [s], all others (m, n), in the order of time.
 
         `effort` [N·m] or [N] is measured, on the joint side of the gearbox, with gravity. Raises
-        InvalidInputError, and takes none of the samples, if the model has no finite effort for
-        one of them.
+        InvalidInputError if the model has no finite effort for a sample, and takes none of the
+        MOST_SAMPLES around it and after them.
         """
         if not len(t):
             return
+        for begin in range(0, len(t), MOST_SAMPLES):
+            part = slice(begin, begin + MOST_SAMPLES)
+            self._add(t[part], q[part], v[part], a[part], effort[part])
+
+    def _add(
+        self, t: FloatArray, q: FloatArray, v: FloatArray, a: FloatArray, effort: FloatArray,
+    ) -> None:
         rows = self._observations(q, v, a, effort)
         if not (np.abs(rows) < LARGEST_VALUE).all():
             raise InvalidInputError(
@@ -92,10 +108,10 @@ class PayloadEstimator:
     def _observations(
         self, q: FloatArray, v: FloatArray, a: FloatArray, effort: FloatArray,
     ) -> FloatArray:
-        """Return the rows (2, m, n, COLUMNS) of joints that slide and that rest."""
+        """Return the rows (2, m, n, c) of joints that slide and that rest."""
         dynamics = self._dynamics
         rigid = dynamics.rigid_body.inverse_dynamics_batch(q, v, a)
-        rows = np.zeros((2, *q.shape, COLUMNS))
+        rows = np.zeros((2, *q.shape, self._rows.columns))
         rows[:, :, :, :COUNT] = self._regressor(q, v, a)
         rows[..., VELOCITY], rows[..., EFFORT], rows[..., ONE] = v, effort, 1.0
         rows[..., SIGN] = np.tanh(v / _FRICTION_SMOOTHING)
@@ -104,6 +120,9 @@ class PayloadEstimator:
         # at rest, dry friction is unknown
         rows[1, ..., RESIDUAL] = friction.load_behind(
             np.zeros_like(v), effort, np.zeros_like(v)) - rigid
+        if self._model_errors is not None:
+            for row, velocity in zip(rows, (v, np.zeros_like(v))):
+                row[..., COLUMNS:] = self._model_errors.errors(q, velocity, a)
         return rows
 
     def estimate(self, with_advice: bool = True) -> PayloadEstimate:

@@ -7,7 +7,8 @@ Weighted least squares in information form, with variances that are estimated fr
 The unknowns are π (10,) of the load; for each joint an error of the viscous and of the dry
 friction of the model, and the mean dry friction of its single rests in the direction of approach;
 a delay of all measured efforts, because drives hold an effort during a period; and for each joint
-an error of the effort scale and of the effort offset, with the covariance of their calibration.
+an error of the effort scale and of the effort offset, with the covariance of their calibration;
+the errors of the model, as independent unknowns with the deviation 1 (`ModelUncertainty.root`).
 
 The rows form groups with a variance each (`variance_groups`): Λ = Σ_g Λ_g / σ_g², with σ_g² from
 the residuals of the group and its degrees of freedom.
@@ -93,10 +94,11 @@ def solve(
                           for group in groups])
     freedom = np.ones(len(groups))
     drive = _drive_information(scale, drive_covariance)
-    theta, inverse = np.zeros(unknown_count(n)), inverse_of(
-        _prior_information(groups, variances, band, scale, drive))
+    count = unknown_count(n, rows.gram.shape[1])
+    theta, inverse = np.zeros(count), inverse_of(
+        _prior_information(groups, variances, band, scale, drive, count))
     for _ in range(_ITERATIONS if groups else 0):
-        prior = _prior_information(groups, variances, band, scale, drive)
+        prior = _prior_information(groups, variances, band, scale, drive, count)
         inverse = inverse_of(prior + sum(A / s for A, s in zip(information, variances)))
         theta = inverse @ sum(b / s for b, s in zip(right, variances))
         squares = np.array([squares_of(group, theta, n) for group in groups])
@@ -133,19 +135,20 @@ def _drive_information(scale: FloatArray, covariance: FloatArray) -> FloatArray:
 
 def _prior_information(
     groups: list[Group], variances: FloatArray, band: FloatArray, scale: FloatArray,
-    drive: FloatArray,
+    drive: FloatArray, count: int,
 ) -> FloatArray:
-    """Return the information matrix of the unknowns without data."""
+    """Return the information matrix (count, count) of the unknowns without data."""
     friction = np.maximum(band, LEAST_NOISE * scale)**2
     for group, variance in zip(groups, variances):
         if group.kind == 'single' and band[group.joint] == 0.0:  # from the scatter of its rests
             friction[group.joint] = variance / BAND_VARIANCE
-    information = np.zeros((unknown_count(len(scale)), unknown_count(len(scale))))
+    information = np.eye(count)
     single = 1.0 / np.concatenate([
         np.full(COUNT, PRIOR_DEVIATION**2), np.tile((FRICTION_ERROR * scale)**2, 2), friction,
         [LARGEST_DELAY**2]])
     information[:len(single), :len(single)] = np.diag(single)
-    information[len(single):, len(single):] = drive
+    end = len(single) + len(drive)
+    information[len(single):end, len(single):end] = drive
     return information
 
 

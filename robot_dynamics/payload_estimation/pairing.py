@@ -26,7 +26,7 @@ class RestRows:
     """
     The observations at rest, k of them.
 
-    `joint` (k,), `row` (k, COLUMNS), whose SIGN is the direction of approach, `paired` (k,),
+    `joint` (k,), `row` (k, c), whose SIGN is the direction of approach, `paired` (k,),
     `weight` (k,) in (0, 1]: parts of one uninterrupted rest share the weight of one observation,
     because friction may be the same.
     `noise` (k,) is the variance of the average due to noise between samples.
@@ -62,8 +62,8 @@ def pair_rests(rests: Sequence[Rest], independent_interval: float) -> RestRows:
 
     return RestRows(
         np.array([group[0].joint for group in groups], dtype=np.intp),
-        np.array([np.mean([rest.row for rest in group], axis=0) for group in groups]).reshape(
-            -1, COLUMNS),
+        np.array([np.mean([rest.row for rest in group], axis=0) for group in groups])
+        if groups else np.zeros((0, COLUMNS)),
         np.array([len(group) == 2 for group in groups], dtype=np.bool_),
         np.array([1.0 / max(stays[rest.joint, rest.stay] for rest in group)
                   for group in groups]),

@@ -31,11 +31,6 @@ LEAST_MASSES = np.array([1.0, *(0.2,) * 3, *(1.0,) * 6])
 """Masses [kg] that a smaller mass counts as."""
 LENGTH = 0.1
 """Length [m] with which parameters are scaled to compare them."""
-EFFORT_REMARK = (
-    'a wrong torque constant or a wrong mass of the arm in the URDF changes the estimate, and is '
-    'not part of the deviations: see the error per 1 % of the measured effort')
-MASS_REMARK = (
-    'a wrong mass of the arm in the URDF changes the estimate, and is not part of the deviations')
 _STATES = 40
 _NOTHING = 1e-9
 
@@ -147,18 +142,32 @@ def make_result(
         advice = advise(arm, link, missing, Knowledge(
             solution.values, inverse_of(solution.covariance), limit, position, solution.expected,
             block))
-    remarks: tuple[str, ...] = ()
+    remarks = _unknown_errors(arm)
     if all(verdict == OBSERVABLE for verdict in verdicts) and not is_consistent(solution.values):
-        remarks = ('no mass distribution has the estimated inertia: its error is too large',)
-    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
+        remarks += ('no mass distribution has the estimated inertia: its error is too large',)
     deviations = np.where([one == NO_EFFECT for one in verdicts], np.inf, solution.deviations)
     return PayloadEstimate(
         link, solution.values, deviations, solution.covariance, verdicts,
         solution.per_percent, rows.duration, rows.holds, int(rests.paired.sum()),
         int((~rests.paired).sum()), int(rows.count.sum()),
         _friction_text(rests, band), advice, _implausible(arm, solution, verdicts),
-        (MASS_REMARK if is_calibrated else EFFORT_REMARK, *remarks),
+        remarks,
         arm.joint_names, solution.residual)
+
+
+def _unknown_errors(arm: ArmModel) -> tuple[str, ...]:
+    """Return which errors are not part of the deviations."""
+    is_calibrated = arm.drive is not None and arm.drive.covariance is not None
+    unknown = [
+        name for name, is_known in (
+            ('torque constant', is_calibrated),
+            ('mass of the arm in the URDF', arm.uncertainty is not None and (
+                arm.uncertainty.has_covariance))) if not is_known]
+    if not unknown:
+        return ()
+    return (f'a wrong {" or a wrong ".join(unknown)} changes the estimate, and is not part of the '
+            'deviations' + (
+                '' if is_calibrated else ': see the error per 1 % of the measured effort'),)
 
 
 def _verdicts(

@@ -38,8 +38,12 @@ LARGEST_GAP = 0.5
 """[s] between two samples from which on the motion between them is unknown."""
 VELOCITY, SIGN, RATE, RESIDUAL, EFFORT, ONE = range(COUNT, COUNT + 6)
 COLUMNS = COUNT + 6
-"""Columns of a row: Y, velocity, its sign, rate of the effort, residual, effort, and 1."""
-_SQUARE, _SAMPLES, _TIME, _POSITION = range(COLUMNS, COLUMNS + 4)
+"""
+Columns of a row: Y, velocity, its sign, rate of the effort, residual, effort, and 1.
+
+Behind them are those of the errors of the model, if its uncertainty is known.
+"""
+_SQUARE, _SAMPLES, _TIME, _POSITION = range(-4, 0)
 """Further columns of the sums over a block or a rest; the last two are of its last sample."""
 _STANDSTILL = 0.2 * REVERSAL
 _REST, _BETWEEN = 0, 2
@@ -50,7 +54,7 @@ class Rest:
     """
     The average over a rest of one joint, [N·m] or [N].
 
-    `row` (COLUMNS,); `variance` is that of the residual between samples, `duration` is in [s].
+    `row` (c,), c ≥ COLUMNS; `variance` is that of the residual between samples, `duration` is in [s].
     `approach` is the direction of the last displacement, ±1, or 0 if unknown. Rests with one
     `stay` of a joint are parts of one uninterrupted rest. `position` (n,) is that of the arm.
     """
@@ -69,7 +73,7 @@ class LoadRows:
     """
     All observations: sums over the blocks of motion, and the rests.
 
-    `gram` and `lagged` (n, COLUMNS, COLUMNS) are Σ z zᵀ of the rows z and Σ z₁ z₂ᵀ of consecutive
+    `gram` and `lagged` (n, c, c) are Σ z zᵀ of the rows z and Σ z₁ z₂ᵀ of consecutive
     rows, of which there are `count` and `pairs` (n,). `duration` is in [s]; `holds` counts the
     holds, in which all joints were at rest.
     """
@@ -86,11 +90,13 @@ class LoadRows:
 class RowBuilder:
     """Forms the rows of n joints from samples in the order of time, in constant memory."""
 
-    def __init__(self, joint_count: int, block: float, settling: float) -> None:
+    def __init__(
+        self, joint_count: int, block: float, settling: float, columns: int = COLUMNS,
+    ) -> None:
         """Average over `block` [s]; discard `settling` [s] after a change of direction."""
         n = joint_count
-        self._block, self._settling = block, settling
-        self._gram, self._lagged = np.zeros((2, n, COLUMNS, COLUMNS))
+        self._block, self._settling, self.columns = block, settling, columns
+        self._gram, self._lagged = np.zeros((2, n, columns, columns))
         self._count, self._pairs = np.zeros((2, n))
         self._rests = [deque[Rest](maxlen=MOST_RESTS) for _ in range(n)]
         self._holds, self._duration = 0, 0.0
@@ -105,13 +111,13 @@ class RowBuilder:
         self._begin_stretch()
 
     def _begin_stretch(self) -> None:
-        n = len(self._count)
+        n, columns = self._gram.shape[:2]
         self._kind: IntArray = np.full(n, _BETWEEN)
         self._since = np.full(n, -np.inf)
         self._begin, self._begin_position, self._time = np.zeros(n), np.zeros(n), -np.inf
         # the sums, and those of a rest one or two blocks ago
-        self._sums, self._recent, self._settled = np.zeros((3, n, _POSITION + 1))
-        self._previous, self._pending = np.full((2, n, COLUMNS), np.nan)
+        self._sums, self._recent, self._settled = np.zeros((3, n, columns + 4))
+        self._previous, self._pending = np.full((2, n, columns), np.nan)
         self._is_hold = False
         self._position, self._effort = np.zeros((2, n))
         self._low, self._high = np.full(n, np.inf), np.full(n, -np.inf)
@@ -123,7 +129,7 @@ class RowBuilder:
         """
         Take a sample at the time t [s] with the position and velocity (n,).
 
-        `moving` and `resting` (n, COLUMNS) are the rows of joints that slide and rest, which
+        `moving` and `resting` (n, c) are the rows of joints that slide and rest, which
         differ in the friction of the model. Their RATE is determined here.
         """
         if not 0.0 < t - self._time <= LARGEST_GAP and np.isfinite(self._time):
@@ -140,7 +146,7 @@ class RowBuilder:
         is_first = used & (self._sums[:, _SAMPLES] == 0.0)
         self._begin = np.where(is_first, t, self._begin)
         self._begin_position = np.where(is_first, q, self._begin_position)
-        self._sums[used, :COLUMNS] += z[used]
+        self._sums[used, :_SQUARE] += z[used]
         self._sums[used, _SQUARE] += z[used, RESIDUAL]**2
         self._sums[used, _SAMPLES] += 1.0
         self._sums[used, _TIME], self._sums[used, _POSITION] = t, q[used]
@@ -197,7 +203,7 @@ class RowBuilder:
             return
         self._commit(done & np.isfinite(self._pending[:, 0]))
         sums = self._sums[done]
-        self._pending[done] = sums[:, :COLUMNS] / sums[:, _SAMPLES, None]
+        self._pending[done] = sums[:, :_SQUARE] / sums[:, _SAMPLES, None]
         self._sums[done] = 0.0
 
     def _commit(self, done: BoolArray) -> None:
@@ -223,7 +229,7 @@ class RowBuilder:
 
     def _rest(self, j: int) -> Rest:
         sums = self._settled[j]
-        row = sums[:COLUMNS] / sums[_SAMPLES]
+        row = sums[:_SQUARE] / sums[_SAMPLES]
         row[SIGN] = self._approach[j]
         variance = max(sums[_SQUARE] / sums[_SAMPLES] - row[RESIDUAL]**2, 0.0)
         return Rest(

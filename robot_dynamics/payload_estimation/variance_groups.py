@@ -18,6 +18,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.payload_estimation.pairing import RestRows
 from robot_dynamics.payload_estimation.rows import (
+    COLUMNS,
     EFFORT,
     LoadRows,
     ONE,
@@ -84,8 +85,10 @@ def make_groups(
 def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
     """Return the unknowns of a group, and their columns in its rows."""
     scale_error = COUNT + 3 * n + 1 + group.joint
-    unknowns = [*range(COUNT), scale_error, scale_error + n]
-    columns = [*range(COUNT), EFFORT, ONE]
+    model_errors = range(COLUMNS, len(group.gram))
+    unknowns = [*range(COUNT), scale_error, scale_error + n, *(
+        unknown_count(n) + i for i in range(len(model_errors)))]
+    columns = [*range(COUNT), EFFORT, ONE, *model_errors]
     if group.kind == 'motion':
         unknowns += [COUNT + group.joint, COUNT + n + group.joint, COUNT + 3 * n]
         columns += [VELOCITY, SIGN, RATE]
@@ -95,27 +98,27 @@ def _columns(group: Group, n: int) -> tuple[list[int], list[int]]:
     return unknowns, columns
 
 
-def unknown_count(n: int) -> int:
+def unknown_count(n: int, columns: int = COLUMNS) -> int:
     """Return the number of unknowns for n joints, which `information` lists."""
-    return COUNT + 5 * n + 1
+    return COUNT + 5 * n + 1 + columns - COLUMNS
 
 
 def embedded(group: Group, n: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    A = np.zeros((unknown_count(n), unknown_count(n)))
+    A = np.zeros(2 * (unknown_count(n, len(group.gram)),))
     A[np.ix_(unknowns, unknowns)] = group.gram[np.ix_(columns, columns)]
     return A
 
 
 def right_side(group: Group, n: int, column: int) -> FloatArray:
     unknowns, columns = _columns(group, n)
-    b = np.zeros(unknown_count(n))
+    b = np.zeros(unknown_count(n, len(group.gram)))
     b[unknowns] = group.gram[columns, column]
     return b
 
 
 def _residual_form(group: Group, theta: FloatArray, n: int) -> FloatArray:
-    """Return u (COLUMNS,) with u·z the residual of a row z."""
+    """Return u (c,) with u·z the residual of a row z."""
     unknowns, columns = _columns(group, n)
     u = np.zeros(len(group.gram))
     u[columns], u[RESIDUAL] = -theta[unknowns], 1.0

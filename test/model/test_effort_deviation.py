@@ -53,7 +53,7 @@ def test_the_derivatives_are_differences_of_efforts(name):
     found = EffortDeviation(ArmDynamics(arm), make_uncertainty(
         arm, names, np.eye(k)[np.tril_indices(k)]))
     q, v, a = (each[0] for each in random_states(arm, 1, seed=2))
-    X = found.derivatives(q, v, a)
+    X = found.derivatives(q[None], v[None], a[None])[0]
 
     def effort(i, step):
         """Return the effort after a change of one parameter."""
@@ -77,15 +77,15 @@ def test_the_derivatives_are_differences_of_efforts(name):
 def test_a_covariance_of_a_few_parameters():
     deviation = EffortDeviation(ArmDynamics(ARM), make_uncertainty(ARM, NAMES, COVARIANCE))
     q, v, a = np.array([0.3, 0.4]), np.array([-0.5, 0.8]), np.array([0.1, 0.2])
-    X = deviation.derivatives(q, v, a)
+    X = deviation.derivatives(q[None], v[None], a[None])[0]
     C = np.array([[0.04, 0.003, 0.0], [0.003, 0.01, 0.0], [0.0, 0.0, 0.09]])
     assert deviation(q, v, a) == pytest.approx(np.sqrt(np.diag(X @ C @ X.T)), rel=1e-12)
     assert X[0, 1] == -0.5
     assert X[1, 2] == 1.0
     # around rest, the sign of a measured velocity is smooth
     slow = np.array([0.0, 0.005])
-    assert 0.4 < deviation.derivatives(q, slow, a, smooth=True)[1, 2] < 0.5
-    assert deviation.derivatives(q, slow, a)[1, 2] == 1.0
+    assert 0.4 < deviation.derivatives(q[None], slow[None], a[None], smooth=True)[0, 1, 2] < 0.5
+    assert deviation.derivatives(q[None], slow[None], a[None])[0, 1, 2] == 1.0
 
 
 def test_without_parameters_an_arm_has_no_uncertainty():
