@@ -18,6 +18,7 @@ from robot_dynamics.identification import summary
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.regression import bare_arm
+from robot_dynamics.identification.written_uncertainty import holding_deviation
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -39,14 +40,16 @@ RULE = (
     f'Rule: residual of the consistent set on the test samples, RMS relative to the RMS of the '
     f'effort: good up to {100.0 * GOOD:g} %, check up to {100.0 * POOR:g} %, bad above. It is not '
     f'good if the residual of the URDF, with or without friction, is lower by more than '
-    f'{100.0 * (BETTER - 1.0):.0f} %. Friction dominates if it alone removes more than half of '
-    'the mean square of the residual of the URDF.')
+    f'{100.0 * (BETTER - 1.0):.0f} %, or if the covariance leaves a deviation above '
+    f'{100.0 * GOOD:g} % at rest in other poses. Friction dominates if it alone removes more than '
+    'half of the mean square of the residual of the URDF.')
 USE = 'use `identified.yaml`'
 CONTRADICTED = 'resolve the contradictions of the recordings first'
 RECORD = 'record a longer motion, or a trajectory generated with `excite`'
 UNIT = ('check the unit of the effort (`--effort current`), the joint names (`--map`) and the '
         'payload (`--payload`)')
 TEST = 'run `identify` with a smaller `--train-fraction`, or test with `analyze_bag`'
+POSES = 'record more poses of this joint, for example with `excite`'
 REVERSALS = ('record this joint with faster motion and fewer standstills, for example a '
              'trajectory generated with `excite`')
 
@@ -60,14 +63,31 @@ def joint_verdicts(identification: Identification) -> list[Verdict]:
         return [Verdict(
             name, Grade.UNKNOWN, 'not tested: all samples were used for training', TEST)
             for name in identification.arm.joint_names]
+    effort = np.sqrt(tests['consistent'].test_effort / max(tests['consistent'].samples[1], 1))
     verdicts = [
-        joint_verdict(name, float(urdf[j]), float(simple[j]), float(consistent[j]))
-        for j, name in enumerate(identification.arm.joint_names)]
+        in_other_poses(joint_verdict(name, *residuals), deviation / max(size, 1e-12))
+        for name, deviation, size, *residuals in zip(
+            identification.arm.joint_names, holding_deviation(identification).tolist(),
+            effort.tolist(), urdf.tolist(), simple.tolist(), consistent.tolist())]
     if not identification.contradictions and not any(
             recording.facts.contradictions for recording in identification.recordings):
         return verdicts
     return [verdict._replace(grade=Grade.CHECK, next_step=CONTRADICTED)
             if verdict.grade == Grade.GOOD else verdict for verdict in verdicts]
+
+
+def in_other_poses(verdict: Verdict, deviation: float) -> Verdict:
+    """
+    Return the verdict, not good if the effort at rest has a larger deviation than GOOD.
+
+    `deviation` is relative to the RMS of the measured effort, by the covariance of the parameters.
+    """
+    if verdict.grade != Grade.GOOD or deviation <= GOOD:
+        return verdict
+    return verdict._replace(
+        grade=Grade.CHECK, next_step=POSES,
+        text=f'{verdict.text}; in other poses its effort at rest is known within ± '
+        f'{percent(2.0 * deviation)} of this effort')
 
 
 def joint_verdict(name: str, urdf: float, simple: float, consistent: float) -> Verdict:

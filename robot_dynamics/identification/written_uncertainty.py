@@ -25,10 +25,14 @@ from robot_dynamics.identification.pipeline import base_parameters_of, Identific
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
 from robot_dynamics.identification.steps import ModelTest, SPEEDS
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
+from robot_dynamics.model.regressor import random_states
 from robot_dynamics.model.uncertainty import friction_share
 from robot_dynamics.validation import lower_triangle
 
 LARGEST_REGULARIZATION = 1.0
+POSES = 200
 LEAST_NOISE = 0.5
 """Least noise away from rest, by the RMS of all residuals: other motions have other errors."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
@@ -49,6 +53,23 @@ def uncertainty_values(identification: Identification) -> dict[str, Any]:
             0.5 * facts.rate_hz / samples_per_independent_sample(facts.cutoff_hz, facts.rate_hz)
             for facts in (recording.facts for recording in identification.recordings)),
     }
+
+
+def holding_deviation(identification: Identification) -> FloatArray:
+    """
+    Return the deviation (n,) of the effort at rest by the covariance, RMS over random poses.
+
+    The poses are within the position limits, also where nothing was recorded.
+    """
+    arm = bare_arm(identification.arm)
+    names, covariance = parameter_covariance(identification)
+    uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
+    if uncertainty is None:
+        return np.zeros(arm.joint_count)
+    q = random_states(arm, POSES)[0]
+    errors = EffortDeviation(ArmDynamics(arm), uncertainty).errors(
+        q, np.zeros_like(q), np.zeros_like(q))
+    return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
 
 
 def deviations_by_speed(test: ModelTest) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -54,9 +54,10 @@ class Rest:
     """
     The average over a rest of one joint, [N·m] or [N].
 
-    `row` (c,), c ≥ COLUMNS; `variance` is that of the residual between samples, `duration` is in [s].
-    `approach` is the direction of the last displacement, ±1, or 0 if unknown. Rests with one
-    `stay` of a joint are parts of one uninterrupted rest. `position` (n,) is that of the arm.
+    `row` (c,) has at least COLUMNS; `variance` is that of the residual between samples, `duration`
+    is in [s]. `approach` is the direction of the last displacement, ±1, or 0 if unknown. Rests
+    with one `stay` of a joint are parts of one uninterrupted rest. `position` (n,) is that of the
+    arm.
     """
 
     joint: int

@@ -3,9 +3,15 @@
 
 """The verdict of `identify` on a joint, from the residuals of three models."""
 
+from identification_bench import fourier_motion, rigid_effort, series_of
+import numpy as np
 import pytest
-from robot_dynamics.identification.page import joint_verdict
+from robot_dynamics.analysis.motion_filter import filter_motion
+from robot_dynamics.identification.page import in_other_poses, joint_verdict, joint_verdicts
+from robot_dynamics.identification.pipeline import identify
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.reporting.html_page import Grade
+from robots import robot_urdf
 
 
 @pytest.mark.parametrize(('residuals', 'grade', 'words', 'step'), [
@@ -29,3 +35,33 @@ def test_the_verdict(residuals, grade, words, step):
 def test_friction_dominates_only_if_it_removes_half_of_the_mean_square():
     assert 'friction' in joint_verdict('joint', 0.4, 0.28, 0.05).text
     assert 'friction' not in joint_verdict('joint', 0.4, 0.29, 0.05).text
+
+
+def test_a_good_joint_is_uncertain_if_its_effort_in_other_poses_is():
+    good, bad = (joint_verdict('joint', 1.0, 0.95, one) for one in (0.05, 0.9))
+    assert in_other_poses(good, 0.1) is good
+    assert in_other_poses(bad, 9.9) is bad
+    found = in_other_poses(good, 0.2)
+    assert found.grade is Grade.CHECK
+    assert found.text == (
+        f'{good.text}; in other poses its effort at rest is known within ± 40.0 % of this effort')
+    assert 'more poses' in found.next_step
+
+
+@pytest.mark.parametrize(('size', 'names'), [(1.0, []), (0.08, ['shoulder_lift_joint'])])
+def test_a_small_motion_leaves_other_poses_uncertain(size, names):
+    """A recording of one pose says little about the others, however small its residuals are."""
+    arm = load_arm(robot_urdf('ur10'))
+    states = fourier_motion(arm, 125.0, 30.0, 0)
+    centre = states.q.mean(axis=0)
+    states = states._replace(
+        q=centre + size * (states.q - centre), v=size * states.v, a=size * states.a)
+    rng = np.random.default_rng(0)
+    effort = rigid_effort(arm, states) + 0.004 * arm.limits.effort * rng.normal(
+        size=states.q.shape)
+    verdicts = joint_verdicts(identify(arm, [filter_motion(series_of(arm, states, effort))]))
+    uncertain = [one.name for one in verdicts if 'in other poses' in one.text]
+    assert set(names) <= set(uncertain)
+    assert not names or all(
+        one.grade is Grade.CHECK for one in verdicts if one.name in uncertain)
+    assert bool(names) == bool(uncertain)
