@@ -11,21 +11,27 @@ import pytest
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.safety.frozen_joint_observer import FrozenJointObserver
 from robot_dynamics.control.safety.frozen_joints import (
     CALM,
     DISTURBANCE_TIME,
     FrozenJoints,
     STOP_TIME,
 )
+from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
 from robot_dynamics.model.arm import load_arm
 from robots import robot_urdf
 
 DT = 0.002
 
 
-def in_motion(rate: float = 500.0, seconds: float = 0.3) -> LockStep:
+def in_motion(
+    rate: float = 500.0, seconds: float = 0.3, drive: EffortCalibration | None = None,
+) -> LockStep:
     """Return a UR10 that has moved for this time on its way of 1 rad at all joints."""
     arm = load_arm(robot_urdf('ur10'))
+    if drive is not None:
+        arm = arm.with_drive(drive)
     one = LockStep(arm, q=np.array([0.0, -1.0, 1.0, 0.0, 1.0, 0.0]), rate=rate)
     one.run(0.2)
     one.follow(one.q + np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
@@ -42,9 +48,11 @@ class Case(NamedTuple):
     output: ControlOutput
 
 
-def case_at(marks: list[int], e: FloatArray, e_dot: FloatArray) -> Case:
+def case_at(
+    marks: list[int], e: FloatArray, e_dot: FloatArray, drive: EffortCalibration | None = None,
+) -> Case:
     """Return a moving arm with these joints frozen, at these errors."""
-    one = in_motion()
+    one = in_motion(drive=drive)
     controller, n = one.loop.controller, len(one.q)
     mask = np.isin(np.arange(n), marks)
     stamp = FIRST_STAMP + one.k * MS
@@ -109,6 +117,80 @@ def test_the_effort_without_a_command_holds_the_arm() -> None:
     resting = controller.update(output.state.stamp_ns, output.state.q, None)
     effort = frozen.stopping_effort(resting, DT, output.state.q, None, hold)
     assert effort is resting.command
+
+
+class Predictions(NamedTuple):
+    """The states that `predict` returned, 2 ms apart, and the observer."""
+
+    case: Case
+    states: list[tuple[FloatArray, FloatArray]]
+    observer: FrozenJointObserver
+    first: int
+    """[ns]"""
+    command: FloatArray
+
+    def predict(self, dt: float, command: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+        """Predict at the next stamp."""
+        state = self.case.output.state
+        assert state.v is not None
+        stamp = self.first + len(self.states) * 2 * MS
+        q, v = self.case.frozen.predict(stamp, dt, state.q, state.v, command)
+        assert v is not None
+        self.states.append((q, v))
+        return q, v
+
+
+def predictions(scale: float = 1.0) -> Predictions:
+    """Return those of an arm with one frozen joint after two states; drives deliver `scale`."""
+    names, limit = in_motion().arm.joint_names, in_motion().arm.limits.effort
+    case = case_at([1], E, E_DOT, make_effort_calibration(
+        names, np.full(6, scale), np.zeros(6), limit))
+    state = case.output.state
+    assert state.v is not None
+    command = case.controller.dynamics.rigid_body.nonlinear(state.q, state.v) / scale
+    first = case.frozen.predict(state.stamp_ns, DT, state.q, state.v, command)
+    assert first[1] is not None
+    observer = case.frozen._observer
+    assert observer is not None
+    found = Predictions(
+        case, [(first[0], first[1])], observer, state.stamp_ns, command)
+    found.predict(DT, command)
+    return found
+
+
+def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid() -> None:
+    found = predictions()
+    q, v = found.states[-1]
+    assert (q[1], v[1]) == (found.observer.q[1], found.observer.v[1])
+    used = found.case.output.state.v
+    assert used is not None
+    assert found.observer.v[[0, 2, 3, 4, 5]].tolist() == used[[0, 2, 3, 4, 5]].tolist()
+    found.observer.is_valid = False
+    further = found.predict(DT, found.command)
+    assert further[0][1] == pytest.approx(q[1] + DT * v[1], abs=2e-4)
+    assert further[1][1] == pytest.approx(v[1], abs=0.1)
+    assert found.observer.q[1] == q[1]
+
+
+@pytest.mark.parametrize(('dt', 'has_command'), [(0.0, True), (DT, False)])
+def test_without_a_period_or_a_command_the_motion_is_predicted(
+    dt: float, has_command: bool,
+) -> None:
+    found = predictions()
+    q, v = found.states[-1]
+    further = found.predict(dt, found.command if has_command else None)
+    assert found.observer.q[1] == q[1]
+    assert further[0][1] == pytest.approx(q[1] + DT * v[1], abs=2.5e-3)
+    assert np.isfinite(further).all()
+
+
+def test_the_observer_takes_the_torque_that_the_drives_deliver() -> None:
+    found = predictions(2.0)
+    dynamics, state = found.case.controller.dynamics, found.case.output.state
+    expected = FrozenJointObserver(found.case.marks, dynamics, *found.states[0])
+    expected.update(dynamics, 2.0 * found.command, DT, state.q, state.v)
+    assert found.observer.q.tolist() == expected.q.tolist()
+    assert found.observer.v.tolist() == expected.v.tolist()
 
 
 @pytest.mark.parametrize('joint', range(6))
