@@ -9,7 +9,8 @@ integrator with the default gains. Verdicts use the true state of the plant, not
 
 A run is bad for one of these reasons:
 
-- oscillates: in the last second the peak-to-peak amplitude of a joint exceeds AMPLITUDE. With
+- oscillates: in the last second the peak-to-peak amplitude of a joint exceeds AMPLITUDE, except
+  of one without a signal, whose drift nothing shows if it has no gravity and no friction. With
   gearboxes and without noise, from 100 Hz on, a joint is faster than REST_SPEED, or its effort
   changes by more than REST_CHANGE F_c (`safe_motion_gearbox`);
 - overshoots: without a disturbance, a joint passes its goal by more than OVERSHOOT or by the share
@@ -140,7 +141,8 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     rates = {period: rate for rate, period in PERIODS.items()}
     margin = NOISE_MARGINS[rates[scene.longest_period]] if case.noisy else NO_MARGIN
     judged, q, last = trace.is_judged, trace.q, trace.q[-JUDGED:]
-    amplitude = float(np.ptp(last, axis=0).max())
+    is_measured = ~scene.loop.consistency.frozen
+    amplitude = float(np.ptp(last, axis=0)[is_measured].max(initial=0.0))
     excess, way = _overshoot(scene, trace)
     free_way = STEP * (PERIODS[case.rate] + case.delay) * scene.start_speed
     allowed = margin.overshoot + free_way + np.maximum(OVERSHOOT_FRACTION * way, OVERSHOOT)

@@ -52,7 +52,7 @@ SHORTEST, REST = 4.0, 2.0
 SETTLING = 4.0
 """[s] that a run lasts at least after the begin of its disturbance."""
 FROZEN_SETTLING = 8.0
-"""[s] that a run lasts at least after a joint was found frozen: until brakes hold the arm."""
+"""[s] that a run lasts at least after a joint was found frozen."""
 RAMP_SLACK = 0.1
 """[s] by which a ramp to zero may take longer than the ramp time."""
 FIRST_STATES = 2

@@ -361,7 +361,7 @@ class ControlLoop:
             supervisor.activate()
         braked: Brake = controller.braked
         if self._frozen is not None:
-            if self._frozen.is_lost(used, now):
+            if self._frozen.is_lost(used, now, supervisor.options.hold_time):
                 supervisor.act(now)
             braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
             # The limits are those of the measured joints.

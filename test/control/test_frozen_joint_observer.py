@@ -71,8 +71,21 @@ def test_friction_that_the_model_lacks_makes_the_estimate_invalid() -> None:
         plant.step(effort, DT)
         observer.update(dynamics, effort, DT, plant.q.copy(), plant.v.copy())
     assert not observer.is_valid
+    assert observer.is_held
     known = FrozenJointObserver(np.arange(6) == 1, UncheckedArmDynamics(sticky), q, v)
     assert not known.is_valid
+
+
+def test_noise_makes_the_estimate_invalid() -> None:
+    """Noise is no friction: nothing holds the joint."""
+    arm = smooth_arm('ur10')
+    dynamics, q, rng = UncheckedArmDynamics(arm), middle(arm, 0.4), np.random.default_rng(1)
+    observer = FrozenJointObserver(np.arange(6) == 1, dynamics, q, np.zeros(6))
+    effort = dynamics.rigid_body.gravity(q)
+    for _ in range(100):
+        observer.update(dynamics, effort, DT, q, 0.02 * rng.normal(size=6))
+    assert not observer.is_valid
+    assert not observer.is_held
 
 
 

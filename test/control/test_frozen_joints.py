@@ -16,6 +16,7 @@ from robot_dynamics.control.safety.frozen_joints import (
     CALM,
     DISTURBANCE_TIME,
     FrozenJoints,
+    HELD_CALM,
     STOP_TIME,
 )
 from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
@@ -23,6 +24,8 @@ from robot_dynamics.model.arm import load_arm
 from robots import robot_urdf
 
 DT = 0.002
+HOLD = 2.5
+"""[s]"""
 
 
 def in_motion(
@@ -152,6 +155,7 @@ def predictions(scale: float = 1.0) -> Predictions:
     assert first[1] is not None
     observer = case.frozen._observer
     assert observer is not None
+    observer._weight = 1.0  # as after FILTER_TIME
     found = Predictions(
         case, [(first[0], first[1])], observer, state.stamp_ns, command)
     found.predict(DT, command)
@@ -214,23 +218,39 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
     assert moved > 0.01
 
 
-def test_the_arm_is_lost_if_its_stop_fails_or_other_joints_move_after_it() -> None:
+def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
+    """An observer, or friction that it found, holds the arm for any time."""
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     limit, still = controller.arm.limits.velocity, np.zeros(6)
     start = FIRST_STAMP * 1e-9 + 0.5
     assert not controller.has_stopped
     fast = np.where(mask, 0.0, 2.0 * CALM * limit)
-    assert not frozen.is_lost(fast, start + STOP_TIME)
-    assert frozen.is_lost(fast, start + STOP_TIME + 0.1)
+    assert not frozen.is_lost(fast, start + STOP_TIME, HOLD)
+    assert frozen.is_lost(fast, start + STOP_TIME + 0.1, HOLD)
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     stamp, now = output.state.stamp_ns, start
     controller.stop()
     while not controller.has_stopped:
-        assert not frozen.is_lost(fast, now)
+        assert not frozen.is_lost(fast, now, HOLD)
         stamp, now = stamp + 2 * MS, now + DT
         controller.update(stamp, output.state.q, still)
-    assert not frozen.is_lost(None, now)
-    assert not frozen.is_lost(0.99 * CALM * limit, now + 100.0)
-    assert not frozen.is_lost(np.where(mask, limit, 0.0), now)
+    assert not frozen.is_lost(None, now, HOLD)
+    assert not frozen.is_lost(0.99 * CALM * limit, now, HOLD)
+    assert not frozen.is_lost(np.where(mask, limit, 0.0), now, HOLD)
     for j in np.flatnonzero(~mask):
-        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now)
+        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now, HOLD)
+    assert not frozen.is_lost(still, now + HOLD - DT, HOLD)
+    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+    frozen.predict(stamp, DT, output.state.q, still, None)
+    observer = frozen._observer
+    assert observer is not None
+    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+    observer._weight = 1.0  # as after FILTER_TIME
+    assert not frozen.is_lost(still, now + HOLD + DT, HOLD)
+    observer.is_valid = False
+    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+    observer.is_held = True
+    assert not frozen.is_lost(still, now + HOLD + DT, HOLD)
+    others = np.where(mask, 0.0, HELD_CALM * limit)
+    assert not frozen.is_lost(0.99 * others, now, HOLD)
+    assert frozen.is_lost(1.01 * others, now, HOLD)

@@ -17,10 +17,14 @@ EFFORT = 0.001
 """[√s] of the noise of the effort of the other joints, as a fraction of their effort limit."""
 NOISE = 0.3
 """[rad/s² √s] of the noise of the measured accelerations."""
-UNKNOWN_EFFORT = 0.025
-"""Fraction of the effort limit by which friction or a load may disturb the other joints."""
+UNKNOWN_EFFORT = 0.01
+"""RMS by which noise, friction or a load may disturb the other joints, by their effort limits."""
 FILTER_TIME = 0.05
-"""[s] of the low-pass filter of this disturbance."""
+"""[s] of the low-pass filters of this disturbance and of its square."""
+LONGEST_PERIOD = 0.0055
+"""[s] between two states up to which one step of integration is exact enough."""
+STEADY = 0.5
+"""Fraction of the square that the square of the mean has, if friction or a load is the cause."""
 _STEP = 1e-5
 
 
@@ -33,8 +37,9 @@ class FrozenJointObserver:
     measurement is r_o = τ_o − h_o − M_oo a_o − M_om q̈_m, which is 0 at the true state. It makes
     the estimate follow a joint that gravity would topple, whose predicted motion alone diverges.
 
-    Friction or a load at the other joints moves the estimate too. `is_valid` becomes false when
-    the filtered r_o exceeds UNKNOWN_EFFORT, and for joints that dry friction holds anyway.
+    Noise, friction or a load at the other joints moves the estimate too. `is_valid` becomes false
+    when the RMS of r_o exceeds UNKNOWN_EFFORT, and is false for joints with known dry friction.
+    `is_held` tells whether friction has been found that probably holds the joints m.
 
     Source: D. Simon, *Optimal State Estimation*, Wiley 2006, section 13.2.
     """
@@ -46,11 +51,23 @@ class FrozenJointObserver:
         self.q, self.v = q, v
         self._m, self._o = np.flatnonzero(marks), np.flatnonzero(~marks)
         arm, k = dynamics.arm, len(self._m)
-        self.is_valid = not arm.friction.at_rest.static[marks].any()
+        self.is_valid, self.is_held = not arm.friction.at_rest.static[marks].any(), False
         limit = arm.limits.effort[self._o]
         self._limit = np.where(np.isfinite(limit), limit, 0.0)
-        self._residual = np.zeros_like(limit)
+        self._mean, self._power = np.zeros((2, len(limit)))
+        self._weight = 0.0
+        """Sum of the weights of both means, 1 after some time."""
         self._P = np.diag(np.repeat(np.square([POSITION, VELOCITY]), k))
+
+    @property
+    def is_used(self) -> bool:
+        """Whether the estimate is valid, and was for FILTER_TIME."""
+        return self.is_valid and self._is_known
+
+    @property
+    def _is_known(self) -> bool:
+        """Whether the states of FILTER_TIME have shown how large the disturbance is."""
+        return self._weight > 1.0 - math.exp(-1.0)
 
     def update(
         self, dynamics: UncheckedArmDynamics, torque: FloatArray, dt: float, q: FloatArray,
@@ -82,10 +99,15 @@ class FrozenJointObserver:
         velocity = self.v[m] + dt * a + correction[k:]
         self.q, self.v = q.copy(), v.copy()
         self.q[m], self.v[m] = position, velocity
-        self._residual += (1.0 - math.exp(-dt / FILTER_TIME)) * (r - self._residual)
-        self.is_valid = self.is_valid and bool(
-            (np.abs(self._residual) <= UNKNOWN_EFFORT * self._limit).all()
-            and np.isfinite(position).all() and np.isfinite(velocity).all())
+        weight = 1.0 - math.exp(-dt / FILTER_TIME)
+        self._mean += weight * (r - self._mean)
+        self._power += weight * (r * r - self._power)
+        self._weight += weight * (1.0 - self._weight)
+        is_disturbed = self._is_known & (self._power > (UNKNOWN_EFFORT * self._limit) ** 2)
+        is_steady = self._mean ** 2 > STEADY * self._weight * self._power
+        self.is_held = bool((is_disturbed & is_steady).any())
+        self.is_valid = dt <= LONGEST_PERIOD and not is_disturbed.any() and bool(
+            np.isfinite(position).all() and np.isfinite(velocity).all())
 
     def _equation(
         self, dynamics: UncheckedArmDynamics, torque: FloatArray, a_o: FloatArray, q: FloatArray,

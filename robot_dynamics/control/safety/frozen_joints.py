@@ -18,8 +18,9 @@ DISTURBANCE_TIME = 0.05
 """[s] of the low-pass filter of the disturbance of the other joints."""
 STOP_TIME = 3.0
 """[s] for the stop of an arm with frozen joints, at most."""
-CALM = 0.3
-"""Fraction of the velocity limit up to which joints count as held next to a frozen joint."""
+CALM, HELD_CALM = 0.1, 0.3
+"""Fractions of the velocity limit up to which joints count as held next to a frozen joint:
+without friction at it, and with."""
 _MOST_STEPS = 100
 
 
@@ -47,7 +48,8 @@ class FrozenJoints:
         `dt` [s] is the period of the states, in which the feedback is constant; `now` [s] is the
         time of the steady clock.
         """
-        self.marks, self._controller, self._since = marks, controller, now
+        self.marks, self._controller = marks, controller
+        self._since = self._moved_until = now
         self._observer: FrozenJointObserver | None = None
         self._robot = NOTHING
         v = v if v is not None else np.zeros_like(q)
@@ -106,7 +108,7 @@ class FrozenJoints:
         drive = self._controller.arm.drive
         effort = self._robot.effort(command if drive is None else drive.torque(command))
         observer.update(self._controller.dynamics, effort, dt, q, v)
-        return observer.is_valid
+        return observer.is_used
 
     def stopping_effort(
         self, output: ControlOutput, dt: float, q: FloatArray, v: FloatArray | None,
@@ -129,17 +131,23 @@ class FrozenJoints:
         coupling[m] = np.linalg.lstsq(M[np.ix_(m, m)], (M @ self._disturbance)[m])[0]
         return np.asarray(command - M @ coupling)
 
-    def is_lost(self, v: FloatArray | None, now: float) -> bool:
+    def is_lost(self, v: FloatArray | None, now: float, hold_time: float) -> bool:
         """
         Return whether the arm is held no longer, at the velocity v (n,) and the time `now` [s].
 
-        Other joints that move after the stop show that a joint without a signal has left its
-        predicted position.
+        The observer, and friction, hold the arm for any time, a prediction for `hold_time` [s].
+        Other joints that move after the stop show that a joint has left its predicted position.
         """
         if not self._controller.has_stopped:
+            self._moved_until = now
             return now - self._since > STOP_TIME
-        limit = CALM * self._controller.arm.limits.velocity
-        return v is not None and bool((np.abs(v) > limit)[~self.marks].any())
+        observer, limit = self._observer, self._controller.arm.limits.velocity
+        has_friction = observer is not None and observer.is_held
+        share = HELD_CALM if has_friction else CALM
+        if v is not None and bool((np.abs(v) > share * limit)[~self.marks].any()):
+            return True
+        is_observed = observer is not None and observer.is_used
+        return not (is_observed or has_friction) and now - self._moved_until > hold_time
 
     def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
         """Filter ë + K_d ė + K_p e of the joints with a signal."""
