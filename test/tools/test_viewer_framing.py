@@ -4,6 +4,7 @@
 """The view of a page: the arm and its labels are between the panels, until a user moves it."""
 
 from contextlib import closing, contextmanager
+from functools import partial
 
 from browser import chromium, Page
 import numpy as np
@@ -149,21 +150,27 @@ def test_the_arm_and_its_labels_are_between_the_panels(browser, server, robot):
         for angles in ((0.0,), (0.7, -0.8, 0.9, -0.4), (-1.5, 1.2, -0.3)):
             move(*angles)
             wait_until(page.has_arm_in_view, 'the arm between the panels')
-            move(*angles)  # the labels are placed for the new view
-            labels = [handle for name, handle in server.scene._handle_from_node_name.items()
-                      if name.startswith('/marks/effort in numbers/')]
-            texts = [label.text for label in labels]
-            points = np.array([label.position for label in labels])
-            anchors = [label.anchor for label in labels]
-            view = view_of(camera)
-            columns, rows, _ = view.project(points)
-            widths = CHARACTER * np.array([len(text) for text in texts])
-            left = columns - widths * np.equal(anchors, 'top-right')
-            assert left.min() >= 0.0
-            assert (left + widths).max() <= view.width
-            assert rows.min() >= 0.0
-            assert rows.max() + LINE <= view.height
-            assert overlaps(view, points, texts, anchors) == []
+            wait_until(partial(labels_fit, server, move, angles, camera), 'labels that fit')
+
+
+def labels_fit(server, move, angles, camera):
+    """
+    Return whether labels that were placed for the last view of the page fit into the present one.
+
+    The page sends its view, which may change afterwards.
+    """
+    move(*angles)
+    labels = [handle for name, handle in server.scene._handle_from_node_name.items()
+              if name.startswith('/marks/effort in numbers/')]
+    texts = [label.text for label in labels]
+    points = np.array([label.position for label in labels])
+    anchors = [label.anchor for label in labels]
+    view = view_of(camera)
+    columns, rows, _ = view.project(points)
+    widths = CHARACTER * np.array([len(text) for text in texts])
+    left = columns - widths * np.equal(anchors, 'top-right')
+    return (left.min() >= 0.0 and (left + widths).max() <= view.width and rows.min() >= 0.0
+            and rows.max() + LINE <= view.height and overlaps(view, points, texts, anchors) == [])
 
 
 def test_a_camera_that_the_user_moves_stays(browser, server):
