@@ -428,7 +428,7 @@ class ControlLoop:
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
                 dt, q, v, self._steady)
             self.controller.stop()
-        self._frozen.marks = consistency.frozen
+        self._frozen.mark(consistency.frozen)
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)
         return (*self._frozen.predict(stamp_ns, dt, q, v, self.supervisor.limiter.last), fault)
 

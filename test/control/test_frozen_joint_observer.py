@@ -110,3 +110,33 @@ def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(
     assert (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
     assert one.loop.supervisor.mode is Mode.FAULT
     assert trace.last(2.0).speed.max() < 0.05
+
+
+@pytest.mark.parametrize('further', [[3], [0, 2, 3, 4, 5, 6]])
+def test_a_further_joint_may_freeze(further: list[int]) -> None:
+    """Its sample is no measurement any more; if none is left, nothing can hold the arm."""
+    arm = smooth_arm('panda')
+    one = LockStep(arm, q=middle(arm, 0.4), rate=500.0)
+    one.run(0.2)
+    one.follow(one.q + 1.2 * directions(7))
+    one.run(0.4)
+    one.sensor = first = frozen(1)
+    one.run(0.15)
+    q, v = one.q.copy(), one.v.copy()
+    is_further = np.isin(np.arange(7), further)
+    one.sensor = lambda q_now, v_now: (
+        np.where(is_further, q, first(q_now, v_now)[0]),
+        np.where(is_further, v, first(q_now, v_now)[1]))
+    trace = one.run(0.6)
+    assert one.loop.supervisor.mode is Mode.FAULT
+    assert one.loop.consistency.frozen.tolist() == (is_further | (np.arange(7) == 1)).tolist()
+    assert len(further) > 1 or (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
+
+
+def test_without_another_joint_or_without_inertia_there_is_no_estimate() -> None:
+    arm = smooth_arm('ur10')
+    dynamics, q, zero = UncheckedArmDynamics(arm), middle(arm, 0.4), np.zeros(6)
+    assert not FrozenJointObserver(np.ones(6, dtype=bool), dynamics, q, zero).is_valid
+    observer = FrozenJointObserver(np.arange(6) == 1, dynamics, q, zero)
+    observer.update(dynamics, np.full(6, np.nan), DT, q, zero)
+    assert not observer.is_valid

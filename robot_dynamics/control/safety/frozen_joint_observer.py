@@ -21,7 +21,7 @@ UNKNOWN_EFFORT = 0.01
 """RMS by which noise, friction or a load may disturb the other joints, by their effort limits."""
 FILTER_TIME = 0.05
 """[s] of the low-pass filters of this disturbance and of its square."""
-LONGEST_PERIOD = 0.0055
+LONGEST_STEP = 0.0055
 """[s] between two states up to which one step of integration is exact enough."""
 STEADY = 0.5
 """Fraction of the square that the square of the mean has, if friction or a load is the cause."""
@@ -32,14 +32,15 @@ class FrozenJointObserver:
     """
     An extended Kalman filter of position and velocity of the joints m without a signal.
 
-    The state is x = (q_m, q̇_m). The accelerations a_o of the other joints are measured, so that
-    friction at them has no influence: q̈_m = M_mm⁻¹ (τ_m − h_m − M_mo a_o), h = C q̇ + g. The
-    measurement is r_o = τ_o − h_o − M_oo a_o − M_om q̈_m, which is 0 at the true state. It makes
-    the estimate follow a joint that gravity would topple, whose predicted motion alone diverges.
+    The state is x = (q_m, q̇_m). Its motion follows from the measured accelerations a_o of the
+    other joints: q̈_m = M_mm⁻¹ (τ_m − h_m − M_mo a_o), h = C q̇ + g. The measurement is
+    r_o = τ_o − h_o − M_oo a_o − M_om q̈_m, which is 0 at the true state. It makes the estimate
+    follow a joint that gravity would topple, whose predicted motion alone diverges.
 
-    Noise, friction or a load at the other joints moves the estimate too. `is_valid` becomes false
-    when the RMS of r_o exceeds UNKNOWN_EFFORT, and is false for joints with known dry friction.
-    `is_held` tells whether friction has been found that probably holds the joints m.
+    Noise, unknown friction or a load at the other joints changes r_o, and so the estimate.
+    `is_valid` becomes false when the RMS of r_o exceeds UNKNOWN_EFFORT. It is false for joints
+    with known dry friction, and if all joints are frozen. `is_held` tells whether a steady r_o
+    has been found: friction, which probably holds the joints m too.
 
     Source: D. Simon, *Optimal State Estimation*, Wiley 2006, section 13.2.
     """
@@ -51,7 +52,8 @@ class FrozenJointObserver:
         self.q, self.v = q, v
         self._m, self._o = np.flatnonzero(marks), np.flatnonzero(~marks)
         arm, k = dynamics.arm, len(self._m)
-        self.is_valid, self.is_held = not arm.friction.at_rest.static[marks].any(), False
+        self.is_valid = len(self._o) > 0 and not arm.friction.at_rest.static[marks].any()
+        self.is_held = False
         limit = arm.limits.effort[self._o]
         self._limit = np.where(np.isfinite(limit), limit, 0.0)
         self._mean, self._power = np.zeros((2, len(limit)))
@@ -78,8 +80,27 @@ class FrozenJointObserver:
 
         v is None if no velocity is measured.
         """
+        try:
+            r = self._correct(dynamics, torque, dt, q, (q - self.q) / dt if v is None else v)
+        except np.linalg.LinAlgError:  # no finite estimate, or no inertia at a joint
+            self.is_valid = False
+            return
+        weight = 1.0 - math.exp(-dt / FILTER_TIME)
+        self._mean += weight * (r - self._mean)
+        self._power += weight * (r * r - self._power)
+        self._weight += weight * (1.0 - self._weight)
+        is_disturbed = self._is_known & (self._power > (UNKNOWN_EFFORT * self._limit) ** 2)
+        is_steady = self._mean ** 2 > STEADY * self._weight * self._power
+        self.is_held = bool((is_disturbed & is_steady).any())
+        self.is_valid = dt <= LONGEST_STEP and not is_disturbed.any() and bool(
+            np.isfinite(self.q).all() and np.isfinite(self.v).all())
+
+    def _correct(
+        self, dynamics: UncheckedArmDynamics, torque: FloatArray, dt: float, q: FloatArray,
+        v: FloatArray,
+    ) -> FloatArray:
+        """Estimate the present state; return r_o since the last one."""
         m, o, k = self._m, self._o, len(self._m)
-        v = (q - self.q) / dt if v is None else v
         a_o = (v - self.v)[o] / dt
         a, r, M = self._equation(dynamics, torque, a_o, self.q, self.v)
         A, H = self._derivatives(dynamics, torque, a_o, a, r)
@@ -99,15 +120,7 @@ class FrozenJointObserver:
         velocity = self.v[m] + dt * a + correction[k:]
         self.q, self.v = q.copy(), v.copy()
         self.q[m], self.v[m] = position, velocity
-        weight = 1.0 - math.exp(-dt / FILTER_TIME)
-        self._mean += weight * (r - self._mean)
-        self._power += weight * (r * r - self._power)
-        self._weight += weight * (1.0 - self._weight)
-        is_disturbed = self._is_known & (self._power > (UNKNOWN_EFFORT * self._limit) ** 2)
-        is_steady = self._mean ** 2 > STEADY * self._weight * self._power
-        self.is_held = bool((is_disturbed & is_steady).any())
-        self.is_valid = dt <= LONGEST_PERIOD and not is_disturbed.any() and bool(
-            np.isfinite(position).all() and np.isfinite(velocity).all())
+        return r
 
     def _equation(
         self, dynamics: UncheckedArmDynamics, torque: FloatArray, a_o: FloatArray, q: FloatArray,

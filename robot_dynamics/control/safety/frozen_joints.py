@@ -73,6 +73,11 @@ class FrozenJoints:
             e = e + 0.5 * h * e_dot
         self._e, self._e_dot = e, e_dot
 
+    def mark(self, marks: BoolArray) -> None:
+        """Change the joints (n,) without a signal; those of a new one begin another estimate."""
+        if (marks != self.marks).any():
+            self.marks, self._observer = marks, None
+
     def predict(
         self, stamp_ns: int, dt: float, q: FloatArray, v: FloatArray | None,
         command: FloatArray | None,
@@ -86,29 +91,29 @@ class FrozenJoints:
         if trajectory is not None:
             dt = min(max(dt, 0.0), LONGEST_PERIOD)
             q_r, v_r, _ = trajectory.sample(stamp_ns)
-            if self._observes(dt, q, v, command) and self._observer is not None:
-                self._q, velocity = self._observer.q, self._observer.v
+            observer = self._observed(dt, q, v, command)
+            if observer is not None:
+                self._q, velocity = observer.q, observer.v
                 self._e, self._e_dot = q_r - self._q, v_r - velocity
             else:
                 self._follow(dt)
                 self._q, velocity = q_r - self._e, v_r - self._e_dot
-        q, v_known = np.where(m, self._q, q), np.zeros_like(q) if v is None else v
-        v_known = np.where(m, velocity, v_known)
+        q, known = np.where(m, self._q, q), np.where(m, velocity, 0.0 if v is None else v)
         if self._observer is None and trajectory is not None:
-            self._observer = FrozenJointObserver(m, self._controller.dynamics, q, v_known)
-        return q, None if v is None else v_known
+            self._observer = FrozenJointObserver(m, self._controller.dynamics, q, known)
+        return q, None if v is None else known
 
-    def _observes(
+    def _observed(
         self, dt: float, q: FloatArray, v: FloatArray | None, command: FloatArray | None,
-    ) -> bool:
-        """Update the observer, and return whether its estimate is valid."""
+    ) -> FrozenJointObserver | None:
+        """Update the observer, and return it if its estimate is used."""
         observer = self._observer
         if observer is None or not observer.is_valid or command is None or dt == 0.0:
-            return False
+            return None
         drive = self._controller.arm.drive
         effort = self._robot.effort(command if drive is None else drive.torque(command))
         observer.update(self._controller.dynamics, effort, dt, q, v)
-        return observer.is_used
+        return observer if observer.is_used else None
 
     def stopping_effort(
         self, output: ControlOutput, dt: float, q: FloatArray, v: FloatArray | None,
@@ -141,13 +146,14 @@ class FrozenJoints:
         if not self._controller.has_stopped:
             self._moved_until = now
             return now - self._since > STOP_TIME
-        observer, limit = self._observer, self._controller.arm.limits.velocity
-        has_friction = observer is not None and observer.is_held
-        share = HELD_CALM if has_friction else CALM
-        if v is not None and bool((np.abs(v) > share * limit)[~self.marks].any()):
+        observer, arm = self._observer, self._controller.arm
+        is_held = observer is not None and observer.is_held
+        has_friction = is_held or arm.friction.at_rest.static[self.marks].any()
+        limit = (HELD_CALM if has_friction else CALM) * arm.limits.velocity
+        if v is not None and bool((np.abs(v) > limit)[~self.marks].any()):
             return True
         is_observed = observer is not None and observer.is_used
-        return not (is_observed or has_friction) and now - self._moved_until > hold_time
+        return not (is_observed or is_held) and now - self._moved_until > hold_time
 
     def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
         """Filter ë + K_d ė + K_p e of the joints with a signal."""
