@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.reporting.figures import BLUE, GREY, legend_below, styled_figure, VERMILION
+from robot_dynamics.reporting.figures import BLUE, GREY, styled_figure, VERMILION
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
@@ -51,12 +51,13 @@ def main(directory: Path) -> Path:
         rows.append((k * STEP, plants.contact_force(simulation), *effort))
     poses.append(links(simulation))
     t, force, *efforts = np.array(rows).T
-    with styled_figure(9.0, 3.8) as figure:
-        scene, forces, torques = figure.subplots(1, 3)
+    with styled_figure(10.0, 3.8) as figure:
+        scene, forces, torques = figure.subplots(1, 3, width_ratios=(1.2, 1.0, 1.0))
         for pose, colour, name in zip(poses, (GREY, BLUE), ('start', 'at the end')):
             scene.plot(*pose.T, '-o', color=colour, linewidth=3.0, markersize=4.0, label=name)
         scene.axhline(table, color=VERMILION, linewidth=2.0, label='table')
-        scene.set(xlabel='x [m]', ylabel='z [m]', title='Joints and tool', aspect='equal')
+        scene.set(xlabel='x [m]', ylabel='z [m]', title='Joints and tool')
+        scene.set_aspect('equal', adjustable='datalim')
         forces.plot(t, force, color=VERMILION)
         forces.set(xlabel='time [s]', ylabel='contact force [N]', title='Force on the table')
         for name, colour in SHOWN.items():
@@ -64,8 +65,8 @@ def main(directory: Path) -> Path:
                 t, efforts[arm.joint_names.index(name)], color=colour,
                 label=name.removeprefix('panda_'))
         torques.set(xlabel='time [s]', ylabel='command [N·m]', title='Commanded effort')
-        for axes in (scene, torques):
-            legend_below(axes, 3)
+        scene.legend(loc='lower center', frameon=False)
+        torques.legend(loc='lower right', frameon=False)
         path = directory / 'mujoco_arm.png'
         figure.savefig(path, dpi=100)
     print(f'{path}: force {force[-1]:.1f} N at the end, largest {force.max():.1f} N')
