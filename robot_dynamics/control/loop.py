@@ -361,7 +361,7 @@ class ControlLoop:
             supervisor.activate()
         braked: Brake = controller.braked
         if self._frozen is not None:
-            if self._frozen.is_lost(used, now, supervisor.options.hold_time):
+            if self._frozen.is_lost(used, verdict.stamp, supervisor.options.hold_time):
                 supervisor.act(now)
             braked = partial(self._frozen.stopping_effort, output, dt or 0.0)
             # The limits are those of the measured joints.
@@ -426,7 +426,7 @@ class ControlLoop:
         if self._frozen is None:
             self._frozen = FrozenJoints(
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
-                dt, q, v, self._steady)
+                dt, q, v)
             self.controller.stop()
         self._frozen.mark(consistency.frozen)
         fault = Fault('frozen_joint', consistency.reason, recovery=FROZEN_RECOVERY)

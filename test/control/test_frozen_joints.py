@@ -3,6 +3,7 @@
 
 """Prediction of joints without a signal, and the effort of their stop, with the real loop."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from lock_step_loop import FIRST_STAMP, LockStep, MS
@@ -20,6 +21,7 @@ from robot_dynamics.control.safety.frozen_joints import (
     STOP_TIME,
 )
 from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robots import robot_urdf
 
@@ -30,11 +32,13 @@ HOLD = 2.5
 
 def in_motion(
     rate: float = 500.0, seconds: float = 0.3, drive: EffortCalibration | None = None,
+    coulomb: Sequence[float] = (),
 ) -> LockStep:
     """Return a UR10 that has moved for this time on its way of 1 rad at all joints."""
     arm = load_arm(robot_urdf('ur10'))
     if drive is not None:
         arm = arm.with_drive(drive)
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=coulomb))
     one = LockStep(arm, q=np.array([0.0, -1.0, 1.0, 0.0, 1.0, 0.0]), rate=rate)
     one.run(0.2)
     one.follow(one.q + np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
@@ -53,14 +57,15 @@ class Case(NamedTuple):
 
 def case_at(
     marks: list[int], e: FloatArray, e_dot: FloatArray, drive: EffortCalibration | None = None,
+    coulomb: Sequence[float] = (),
 ) -> Case:
     """Return a moving arm with these joints frozen, at these errors."""
-    one = in_motion(drive=drive)
+    one = in_motion(drive=drive, coulomb=coulomb)
     controller, n = one.loop.controller, len(one.q)
     mask = np.isin(np.arange(n), marks)
     stamp = FIRST_STAMP + one.k * MS
     frozen = FrozenJoints(
-        mask, np.full(n, stamp - 10 * MS), controller, stamp, DT, one.q, one.v, one.now)
+        mask, np.full(n, stamp - 10 * MS), controller, stamp, DT, one.q, one.v)
     assert controller.trajectory is not None
     reference = controller.trajectory.sample(stamp)
     output = controller.update(stamp, reference.position - e, reference.velocity - e_dot)
@@ -218,39 +223,65 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
     assert moved > 0.01
 
 
+def after(stamp_ns: int, seconds: float) -> int:
+    """Return a later stamp."""
+    return stamp_ns + round(1e9 * seconds)
+
+
 def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
     """An observer, or friction that it found, holds the arm for any time."""
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     limit, still = controller.arm.limits.velocity, np.zeros(6)
-    start = FIRST_STAMP * 1e-9 + 0.5
+    start = output.state.stamp_ns
     assert not controller.has_stopped
     fast = np.where(mask, 0.0, 2.0 * CALM * limit)
-    assert not frozen.is_lost(fast, start + STOP_TIME, HOLD)
-    assert frozen.is_lost(fast, start + STOP_TIME + 0.1, HOLD)
+    assert not frozen.is_lost(fast, after(start, STOP_TIME), HOLD)
+    assert frozen.is_lost(fast, after(start, STOP_TIME + 0.1), HOLD)
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
-    stamp, now = output.state.stamp_ns, start
+    stamp = output.state.stamp_ns
     controller.stop()
     while not controller.has_stopped:
-        assert not frozen.is_lost(fast, now, HOLD)
-        stamp, now = stamp + 2 * MS, now + DT
+        assert not frozen.is_lost(fast, stamp, HOLD)
+        stamp += 2 * MS
         controller.update(stamp, output.state.q, still)
-    assert not frozen.is_lost(None, now, HOLD)
-    assert not frozen.is_lost(0.99 * CALM * limit, now, HOLD)
-    assert not frozen.is_lost(np.where(mask, limit, 0.0), now, HOLD)
+    assert not frozen.is_lost(None, stamp, HOLD)
+    assert not frozen.is_lost(0.99 * CALM * limit, stamp, HOLD)
+    assert not frozen.is_lost(np.where(mask, limit, 0.0), stamp, HOLD)
     for j in np.flatnonzero(~mask):
-        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), now, HOLD)
-    assert not frozen.is_lost(still, now + HOLD - DT, HOLD)
-    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+        assert frozen.is_lost(np.where(np.arange(6) == j, -1.01 * CALM * limit, 0.0), stamp, HOLD)
+    assert not frozen.is_lost(still, after(stamp, HOLD - DT), HOLD)
+    assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     frozen.predict(stamp, DT, output.state.q, still, None)
     observer = frozen._observer
     assert observer is not None
-    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+    assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     observer._weight = 1.0  # as after FILTER_TIME
-    assert not frozen.is_lost(still, now + HOLD + DT, HOLD)
+    assert not frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     observer.is_valid = False
-    assert frozen.is_lost(still, now + HOLD + DT, HOLD)
+    assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     observer.is_held = True
-    assert not frozen.is_lost(still, now + HOLD + DT, HOLD)
+    assert not frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     others = np.where(mask, 0.0, HELD_CALM * limit)
-    assert not frozen.is_lost(0.99 * others, now, HOLD)
-    assert frozen.is_lost(1.01 * others, now, HOLD)
+    assert not frozen.is_lost(0.99 * others, stamp, HOLD)
+    assert frozen.is_lost(1.01 * others, stamp, HOLD)
+
+
+@pytest.mark.parametrize(('coulomb', 'is_held'), [
+    ((0.0, 0.0, 0.0), False), ((1.0, 1.0, 0.0), False), ((0.0, 1.0, 1.0), True)])
+def test_known_friction_at_all_frozen_joints_holds_the_arm(
+    coulomb: tuple[float, ...], is_held: bool,
+) -> None:
+    """Joints 1 and 2 are frozen."""
+    frozen, controller, mask, output = case_at(
+        [1, 2], 0.0 * E, 0.0 * E, coulomb=(*coulomb, 0.0, 0.0, 0.0))
+    stamp, still = output.state.stamp_ns, np.zeros(6)
+    controller.stop()
+    while not controller.has_stopped:
+        assert not frozen.is_lost(still, stamp, HOLD)
+        stamp += 2 * MS
+        controller.update(stamp, output.state.q, still)
+    assert frozen.is_lost(still, after(stamp, 100.0 * HOLD), HOLD) is not is_held
+    limit = controller.arm.limits.velocity
+    others = np.where(mask, 0.0, (HELD_CALM if any(coulomb[1:]) else CALM) * limit)
+    assert not frozen.is_lost(0.99 * others, stamp, HOLD)
+    assert frozen.is_lost(1.01 * others, stamp, HOLD)

@@ -40,16 +40,15 @@ class FrozenJoints:
 
     def __init__(
         self, marks: BoolArray, since_ns: IntArray, controller: Controller, stamp_ns: int,
-        dt: float, q: FloatArray, v: FloatArray | None, now: float,
+        dt: float, q: FloatArray, v: FloatArray | None,
     ) -> None:
         """
         Predict the joints `marks` (n,), whose samples (q, v) repeat since `since_ns` (n,).
 
-        `dt` [s] is the period of the states, in which the feedback is constant; `now` [s] is the
-        time of the steady clock.
+        `dt` [s] is the period of the states, in which the feedback is constant.
         """
         self.marks, self._controller = marks, controller
-        self._since = self._moved_until = now
+        self._since_ns = self._moved_until_ns = stamp_ns
         self._observer: FrozenJointObserver | None = None
         self._robot = NOTHING
         v = v if v is not None else np.zeros_like(q)
@@ -136,24 +135,25 @@ class FrozenJoints:
         coupling[m] = np.linalg.lstsq(M[np.ix_(m, m)], (M @ self._disturbance)[m])[0]
         return np.asarray(command - M @ coupling)
 
-    def is_lost(self, v: FloatArray | None, now: float, hold_time: float) -> bool:
+    def is_lost(self, v: FloatArray | None, stamp_ns: int, hold_time: float) -> bool:
         """
-        Return whether the arm is held no longer, at the velocity v (n,) and the time `now` [s].
+        Return whether the arm is held no longer, at the velocity v (n,) of a state.
 
         The observer, and friction, hold the arm for any time, a prediction for `hold_time` [s].
         Other joints that move after the stop show that a joint has left its predicted position.
         """
         if not self._controller.has_stopped:
-            self._moved_until = now
-            return now - self._since > STOP_TIME
+            self._moved_until_ns = stamp_ns
+            return 1e-9 * (stamp_ns - self._since_ns) > STOP_TIME
         observer, arm = self._observer, self._controller.arm
-        is_held = observer is not None and observer.is_held
-        has_friction = is_held or arm.friction.at_rest.static[self.marks].any()
+        static = arm.friction.at_rest.static[self.marks]
+        has_friction = static.any() or (observer is not None and observer.is_held)
         limit = (HELD_CALM if has_friction else CALM) * arm.limits.velocity
         if v is not None and bool((np.abs(v) > limit)[~self.marks].any()):
             return True
-        is_observed = observer is not None and observer.is_used
-        return not (is_observed or is_held) and now - self._moved_until > hold_time
+        is_held = static.all() or (
+            observer is not None and (observer.is_used or observer.is_held))
+        return not is_held and 1e-9 * (stamp_ns - self._moved_until_ns) > hold_time
 
     def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
         """Filter ë + K_d ė + K_p e of the joints with a signal."""
