@@ -4,6 +4,7 @@
 """Prediction of joints without a signal, and the effort of their stop, with the real loop."""
 
 from collections.abc import Sequence
+from copy import copy
 from typing import NamedTuple
 
 from lock_step_loop import FIRST_STAMP, LockStep, MS
@@ -221,6 +222,25 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
         assert used[2][joint] == pytest.approx(one.v[joint], abs=share * abs(v))
         one.run(0.1)
     assert moved > 0.01
+
+
+def test_an_effort_that_is_limited_accelerates_the_predicted_joints() -> None:
+    """ë changes by −M_mm⁻¹ Δτ_m; a joint with a signal, and its effort, change nothing."""
+    frozen, controller, mask, output = case_at([2, 4], E, E_DOT)
+    asked = frozen.stopping_effort(output, DT, output.state.q, output.state.v, np.zeros(6))
+    M, _ = controller.motion_equation(output, output.state.q, output.state.v)
+    found = []
+    for change in (np.zeros(6), np.array([9.0, -4.0, 20.0, 3.0, -2.0, 1.0])):
+        one = copy(frozen)
+        one._follow(DT, asked + change)
+        found.append(one._e_dot)
+    expected = np.zeros(6)
+    expected[mask] = -DT * np.linalg.solve(M[np.ix_(mask, mask)], [20.0, -2.0])
+    assert found[1] - found[0] == pytest.approx(expected, rel=0.05, abs=1e-12)
+    assert np.abs(expected).max() > 1e-3
+    one = copy(frozen)
+    one._follow(DT, None)
+    assert one._e_dot.tolist() == found[0].tolist()
 
 
 def after(stamp_ns: int, seconds: float) -> int:

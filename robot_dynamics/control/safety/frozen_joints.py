@@ -55,6 +55,8 @@ class FrozenJoints:
         self._q = q
         self._e, self._e_dot, self._disturbance = np.zeros((3, len(q)))
         self._last_e_dot: FloatArray | None = None
+        self._asked: tuple[FloatArray, FloatArray] | None = None
+        """The last effort of the stop, before its rate was limited, and M."""
         trajectory = controller.trajectory
         if trajectory is None:
             return
@@ -95,7 +97,7 @@ class FrozenJoints:
                 self._q, velocity = observer.q, observer.v
                 self._e, self._e_dot = q_r - self._q, v_r - velocity
             else:
-                self._follow(dt)
+                self._follow(dt, command)
                 self._q, velocity = q_r - self._e, v_r - self._e_dot
         q, known = np.where(m, self._q, q), np.where(m, velocity, 0.0 if v is None else v)
         if self._observer is None and trajectory is not None:
@@ -133,7 +135,9 @@ class FrozenJoints:
         self._observe(state.position_error, state.velocity_error, dt)
         coupling = np.zeros_like(command)
         coupling[m] = np.linalg.lstsq(M[np.ix_(m, m)], (M @ self._disturbance)[m])[0]
-        return np.asarray(command - M @ coupling)
+        effort = np.asarray(command - M @ coupling)
+        self._asked = effort, M
+        return effort
 
     def is_lost(self, v: FloatArray | None, stamp_ns: int, hold_time: float) -> bool:
         """
@@ -166,12 +170,20 @@ class FrozenJoints:
         self._disturbance = self._disturbance + weight * (
             np.where(self.marks, 0.0, d) - self._disturbance)
 
-    def _follow(self, dt: float) -> None:
-        """Let the error follow the closed loop, ë = −K_d ė − K_p e, for dt [s]."""
+    def _follow(self, dt: float, command: FloatArray | None) -> None:
+        """
+        Let the error follow the closed loop, ë = −K_d ė − K_p e − a, for dt [s].
+
+        The limited `command` (n,) differs from the asked effort by Δτ: a_m = M_mm⁻¹ Δτ_m.
+        """
         K_p, K_d = self._controller.feedback_gains
+        m, a = self.marks, np.zeros_like(self._e)
+        if self._asked is not None and command is not None:
+            asked, M = self._asked
+            a[m] = np.linalg.lstsq(M[np.ix_(m, m)], (command - asked)[m])[0]
         count = max(1, math.ceil(dt / STEP))
         h = dt / count
         for _ in range(count):
             self._e = self._e + 0.5 * h * self._e_dot
-            self._e_dot = self._e_dot - h * (K_d * self._e_dot + K_p * self._e)
+            self._e_dot = self._e_dot - h * (K_d * self._e_dot + K_p * self._e + a)
             self._e = self._e + 0.5 * h * self._e_dot
