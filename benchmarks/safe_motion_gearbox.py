@@ -12,7 +12,8 @@ stiffness F_c / d per joint with MICRO_DAMPING of its critical damping, which sl
 
 from collections import deque
 
-from benchmarks.safe_motion_scene import Plant, Scene
+from benchmarks.safe_motion_plant import Plant
+from benchmarks.safe_motion_scene import Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.friction import make_friction

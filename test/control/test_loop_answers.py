@@ -6,6 +6,7 @@
 from dataclasses import replace
 
 from lock_step_loop import FIRST_STAMP, LockStep, MS
+from loop_motions import arm_named, in_motion, Q, with_command
 import numpy as np
 from numpy.testing import assert_array_equal
 import pytest
@@ -13,7 +14,6 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from test_loop import arm_named, in_motion, Q, with_command
 
 
 def state(one: LockStep, v: FloatArray | None = None) -> LoopAnswer:

@@ -7,7 +7,7 @@ A motion stays safe when it is disturbed: a real node at default parameters, in 
 The arm is an `ArmSimulation` in the process of the test. A test can therefore withhold joint
 states, change what they measure, and compare the true motion with its limits. Each state waits for
 the effort with its stamp, so that a run does not depend on the load of the machine.
-`test/control/test_loop.py` has more disturbances, without ROS.
+`test/control/test_loop_velocities.py` has more wrong velocities, without ROS.
 `scripts/bench safe_motion` runs thousands of disturbed motions without ROS.
 """
 

@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The control loop at the end of its command: it stops a moving arm, then ramps to zero."""
+
+from collections.abc import Callable
+
+from lock_step_loop import FIRST_STAMP, LockStep, MS
+from loop_motions import arm_named, in_motion, Q, rests, with_command
+import numpy as np
+import pytest
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.supervisor import BRAKING_TIME, Fault, Mode
+from robot_dynamics.exceptions import TrajectoryError
+
+ENDS: dict[str, Callable[[LockStep], None]] = {
+    'deactivate': lambda one: one.loop.deactivate(one.now),
+    'command: none': lambda one: with_command(one, 'none'),
+}
+ends = pytest.mark.parametrize('end', ENDS)
+
+
+@ends
+@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
+@pytest.mark.parametrize('rate', [500.0, 100.0])
+def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(
+    end: str, name: str, rate: float,
+) -> None:
+    one = in_motion(name, rate=rate, delay=4)
+    most = np.abs(one.v).max()
+    ENDS[end](one)
+    assert one.loop.supervisor.mode is Mode.BRAKING
+    trace = one.run(5.0)
+    ramp = trace.mode.index(Mode.STOPPING)
+    assert ramp < 1000 * BRAKING_TIME
+    assert trace.speed[:ramp].max() < 1.1 * most
+    assert trace.speed[ramp] < 0.05
+    assert one.loop.supervisor.mode is Mode.INACTIVE
+    assert np.isnan(trace.effort[-100:]).all()
+    efforts = trace.effort[~np.isnan(trace.effort).any(axis=1)]
+    assert efforts[-1].tolist() == [0.0] * len(one.q)
+    assert one.loop.supervisor.fault is None
+    assert (one.loop.controller.options.command == 'none') == (end == 'command: none')
+
+
+@ends
+def test_an_arm_at_rest_need_not_stop_for_long(end: str) -> None:
+    one = LockStep(arm_named('default'), q=Q)
+    one.run(0.5)
+    ENDS[end](one)
+    assert one.run(3.0).mode.index(Mode.STOPPING) < 250
+
+
+@ends
+def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end: str) -> None:
+    """The environment shakes the arm, which never rests."""
+    one = in_motion()
+    one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
+    ENDS[end](one)
+    trace = one.run(BRAKING_TIME + 1.5)
+    ramp = trace.mode.index(Mode.STOPPING)
+    assert 1e-3 * ramp == pytest.approx(BRAKING_TIME, abs=0.06)
+    assert set(trace.mode[:ramp]) == {Mode.BRAKING}
+    assert one.loop.supervisor.mode is Mode.INACTIVE
+
+
+def test_an_arm_that_swings_is_not_at_rest_when_it_returns() -> None:
+    """It is where it was 100 ms before, at each comparison."""
+    loop, q = ControlLoop.of_arm(arm_named('default')), Q.copy()
+    for k in range(1000):
+        phase = 2.0 * np.pi * k / 50
+        v = 0.01 * 2.0 * np.pi / 0.1 * np.cos(phase) * np.ones(2)
+        loop.answer(FIRST_STAMP + 2 * k * MS, q + 0.01 * np.sin(phase), v)
+        if k == 250:
+            loop.deactivate(1e-9 * (FIRST_STAMP + 2 * k * MS))
+        assert k < 250 or loop.supervisor.mode is Mode.BRAKING
+
+
+def test_an_arm_that_begins_to_move_is_not_at_rest() -> None:
+    """It has moved little in 100 ms, and is as fast as at the end of a fall of 30 ms."""
+    loop, q, v = ControlLoop.of_arm(arm_named('default')), Q.copy(), np.zeros(2)
+    for k in range(100):
+        if k == 5:
+            loop.deactivate(1e-9 * (FIRST_STAMP + 2 * k * MS))
+        if k > 40:
+            v = np.full(2, 2.0 * 0.002 * (k - 40))
+        loop.answer(FIRST_STAMP + 2 * k * MS, q + 0.25 * v**2, v)
+        assert k < 5 or loop.supervisor.mode is Mode.BRAKING
+
+
+@ends
+def test_without_states_the_ramp_begins_at_once(end: str) -> None:
+    one = in_motion()
+    one.sensor = None
+    ENDS[end](one)
+    trace = one.run(2.0)
+    assert trace.mode.index(Mode.STOPPING) < 100
+    assert one.loop.supervisor.mode is Mode.INACTIVE
+
+
+def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops() -> None:
+    one = in_motion()
+    one.loop.deactivate(one.now)
+    one.run(0.1)
+    for command in ('node is not active', 'command ends'):
+        with pytest.raises(TrajectoryError, match=command):
+            one.follow(Q)
+        assert 'nothing to stop' in one.loop.stop()
+        one.loop.is_active = True  # as for `command: none`
+    assert one.loop.supervisor.mode is Mode.BRAKING
+    assert one.loop.interruption == 'the node was deactivated'
+
+
+@pytest.mark.parametrize('after', [0.05, 0.4])
+def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after: float) -> None:
+    one = in_motion()
+    with_command(one, 'none')
+    one.run(after)
+    assert one.loop.supervisor.mode is Mode.BRAKING
+    with_command(one, 'computed_torque')
+    assert one.loop.supervisor.mode is Mode.RUNNING
+    trace = one.run(3.0)
+    assert set(trace.mode) == {Mode.RUNNING}
+    assert rests(trace)
+    assert not np.isnan(trace.effort[::2]).any()
+    one.follow(Q)
+    assert one.run(4.0).q[-1] == pytest.approx(Q, abs=1e-4)
+
+
+def test_after_the_end_the_command_begins_again_with_a_hold() -> None:
+    one = in_motion()
+    with_command(one, 'none')
+    one.run(4.0)
+    one.v = np.zeros(2)  # brakes
+    one.q = Q.copy()
+    one._effort = None
+    with_command(one, 'computed_torque')
+    trace = one.run(1.0)
+    assert one.loop.supervisor.mode is Mode.RUNNING
+    assert np.abs(trace.q - Q).max() < 1e-3
+
+
+@pytest.mark.parametrize('name', ['default', 'ur10'])
+def test_a_fault_during_the_stop_damps_the_arm_until_it_rests(name: str) -> None:
+    one = in_motion(name)
+    one.loop.deactivate(one.now)
+    one.run(0.02)
+    one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
+    trace = one.run(4.5)
+    ramp = trace.mode.index(Mode.STOPPING)
+    assert trace.speed[ramp] < 0.05
+    assert one.loop.supervisor.mode is Mode.INACTIVE
