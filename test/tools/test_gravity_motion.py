@@ -237,9 +237,12 @@ def test_no_motion_without_a_confirmation(
 def test_a_node_that_another_client_uses_is_rejected(
     request_of: Callable[..., MotionRequest], client: RosClient,
 ) -> None:
+    """The goals are where the arm is, because a motion is another reason, which may come first."""
     publisher = client.publisher(JointTrajectory, '/dynamics/joint_trajectory')
-    goal = JointTrajectory(joint_names=['joint1', 'joint2'], points=[
-        JointTrajectoryPoint(positions=[0.1, 0.1])])
+    with client.collect(JointState, '/dynamics/reference') as references:
+        held = references.wait_for(lambda reference: not any(reference.velocity))
+    goal = JointTrajectory(joint_names=held.name, points=[
+        JointTrajectoryPoint(positions=held.position)])
     ends = threading.Event()
 
     def stream() -> None:
