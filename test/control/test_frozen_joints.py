@@ -287,11 +287,12 @@ def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
 
 
 @pytest.mark.parametrize(('coulomb', 'is_held'), [
-    ((0.0, 0.0, 0.0), False), ((1.0, 1.0, 0.0), False), ((0.0, 1.0, 1.0), True)])
+    ((0.0, 0.0, 0.0), False), ((4.0, 4.0, 0.0), False), ((4.0, 4.0, 1.4), False),
+    ((0.0, 3.4, 1.6), True)])
 def test_known_friction_at_all_frozen_joints_holds_the_arm(
     coulomb: tuple[float, ...], is_held: bool,
 ) -> None:
-    """Joints 1 and 2 are frozen."""
+    """Joints 1 and 2 are frozen; 1 % of their limits is 3.3 and 1.5 N·m."""
     frozen, controller, mask, output = case_at(
         [1, 2], 0.0 * E, 0.0 * E, coulomb=(*coulomb, 0.0, 0.0, 0.0))
     stamp, still = output.state.stamp_ns, np.zeros(6)

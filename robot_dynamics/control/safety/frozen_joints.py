@@ -21,6 +21,8 @@ STOP_TIME = 3.0
 CALM, HELD_CALM = 0.1, 0.3
 """Fractions of the velocity limit up to which joints count as held next to a frozen joint:
 without friction at it, and with."""
+LEAST_FRICTION = 0.01
+"""Known dry friction that holds a predicted joint for any time, as a fraction of its limit."""
 _MOST_STEPS = 100
 
 
@@ -150,12 +152,12 @@ class FrozenJoints:
             self._moved_until_ns = stamp_ns
             return 1e-9 * (stamp_ns - self._since_ns) > STOP_TIME
         observer, arm = self._observer, self._controller.arm
-        static = arm.friction.at_rest.static[self.marks]
+        static, most = arm.friction.at_rest.static[self.marks], arm.limits.effort[self.marks]
         has_friction = static.any() or (observer is not None and observer.is_held)
         limit = (HELD_CALM if has_friction else CALM) * arm.limits.velocity
         if v is not None and bool((np.abs(v) > limit)[~self.marks].any()):
             return True
-        is_held = static.all() or (
+        is_held = (static >= LEAST_FRICTION * most).all() or (
             observer is not None and (observer.is_used or observer.is_held))
         return not is_held and 1e-9 * (stamp_ns - self._moved_until_ns) > hold_time
 
