@@ -67,8 +67,8 @@ _SLOW_TIME = 0.05
 """[s] in which a slow joint moves by at most FLOOR."""
 _STEPS = 3.0
 """Displacement of a lively joint that its encoder shows, in smallest steps of its positions."""
-DECAYED = 1e-6
-"""[rad/s] up to which a repeated velocity is the end of a decay rather than a lost signal."""
+STANDING = 1e-6
+"""[rad/s] up to which a joint whose sample repeats stood still."""
 _REST = 0.0002
 """[rad] that a joint moves at most between two checks at rest."""
 _FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
@@ -402,12 +402,12 @@ class MotionConsistency:
         self.repeats_since_ns = np.where(same, start, _NEVER)
         self._is_repeating = bool(same.any())
         excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
-        is_left = same & (moved > np.where(self._v != 0.0, FLOOR, REFERENCE) * self._unit)
+        was_moving = np.abs(self._v) > STANDING * self._unit
+        is_left = same & (moved > np.where(was_moving, FLOOR, REFERENCE) * self._unit)
         if self._is_held is not None and desired is not None and is_left.any():
-            is_left &= (self._v != 0.0) | ~self._is_held(self._q, desired - self._q)
+            is_left &= was_moving | ~self._is_held(self._q, desired - self._q)
         self._left = np.where(is_left, self._left + 1, 0)
-        is_lively = (self._lively >= LIVELY) & (duration > LONGEST_REPEATS) & (
-            np.abs(self._v) > DECAYED * self._unit)
+        is_lively = was_moving & (self._lively >= LIVELY) & (duration > LONGEST_REPEATS)
         if is_lively.any():
             is_lively &= np.abs(self._v) * duration > _STEPS * self._smallest_step()
         frozen = same & (self.frozen | (excess > 0.0) & (

@@ -466,11 +466,12 @@ def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
     no_alarm(States(SECOND + np.round(1e9 * t).astype(np.int64), q, v), np.zeros_like(q))
 
 
-def test_a_joint_that_sticks_is_not_frozen() -> None:
-    one = consistency()
+@pytest.mark.parametrize('rounding', [0.0, 1e-16])
+def test_a_joint_that_stands_is_not_frozen(rounding: float) -> None:
+    one, v = consistency(), np.full(N, rounding)
     reference = np.linspace(0.0, 0.9 * REFERENCE, 1000)[:, None] * np.array([1.0, -1.0, 0.0])
     for k in range(1000):
-        assert one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), row_of(reference, k))
+        assert one.update(k * SECOND // 500, np.zeros(N), v, row_of(reference, k))
 
 
 def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:

@@ -209,7 +209,6 @@ def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
 ) -> None:
     parameters = {'rate': 200.0, 'initial_position': START}
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 3.0)
-    back = quintic_point_to_point(NAMES, START, START, 1.0)
     topic = '/killed/dynamics/joint_trajectory'
     with client.collect(JointState, '/killed/joint_states') as states, \
             NodeProcess(SIMULATED_ARM, parameters, namespace='/killed') as node:
@@ -225,8 +224,9 @@ def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
         node.wait_for_log(TIMED_OUT)
         assert np.abs(np.array(standing.position) - START).max() > 1e-3
 
+        back = quintic_point_to_point(NAMES, standing.position, START, 1.0)
         states.clear()
-        with NodeProcess(DYNAMICS, namespace='/killed'):
+        with NodeProcess(DYNAMICS, {'condition_references': True}, namespace='/killed'):
             states.wait_for(lambda m: any(m.effort), LONG)
             held = states.wait_count(len(states.messages) + 200, LONG)
             assert np.abs([m.position for m in held] - np.array(standing.position)).max() < 1e-3
