@@ -11,9 +11,11 @@ from robot_dynamics.control.gains.friction_share import (
     FrictionShare,
     PAUSE,
     RATE,
+    REACTION_TIME,
     SHARE,
     SLOW,
     SPEED_FRACTION,
+    SURPLUS,
 )
 from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
 from robot_dynamics.model.arm import load_arm
@@ -79,6 +81,24 @@ def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() ->
     share = FrictionShare(LIMIT)
     assert not take(share, 1.0, 10.0 * FAST, arm=HEAVY)
     assert share.share.tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize('j', [0, 1])
+@pytest.mark.parametrize('factor', [0.99, 1.01])
+def test_a_light_joint_is_one_that_the_surplus_accelerates_past_the_bound(
+    j: int, factor: float,
+) -> None:
+    """With the mass that remains when the other joint is free, 1 / (M⁻¹)_jj."""
+    m = 1.0 / np.diagonal(np.linalg.inv(LIGHT.rigid_body.mass_matrix(Q)))
+    bound = FAST * m / (SURPLUS * REACTION_TIME)
+    share, ahead = FrictionShare(LIMIT), np.zeros(2)
+    ahead[j] = 1.01 * FAST[j]
+    arm = UncheckedArmDynamics(ARM.with_friction(make_friction(
+        ARM.joint_names, coulomb=[factor * float(bound[j])] * 2)))
+    assert take(share, 1.0, ahead, arm=arm) == (factor > 1.0)
+    expected = np.ones(2)
+    expected[j] = SHARE if factor > 1.0 else 1.0
+    assert share.share == pytest.approx(expected)
 
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])

@@ -3,6 +3,9 @@
 
 """Oscillations of the velocity error: which lower the gains, and which do not."""
 
+from collections.abc import Sequence
+import math
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -13,10 +16,17 @@ from robot_dynamics.control.gains.oscillation_guard import (
     HARMLESS,
     HIGHER,
     LEAST,
+    LONGEST,
+    LOUD,
+    NOISE_FACTOR,
     OscillationGuard,
+    REGULAR,
     RIPPLE,
     SHARE,
     STEP,
+    SUSTAINED,
+    WINDOW,
+    _Noise,
 )
 
 RATES = st.sampled_from([100, 125, 250, 500, 1000])
@@ -137,3 +147,92 @@ def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(
             changes.append(before)
     assert min(changes) >= LEAST
     assert (changes[-1] == 1.0) == restores  # it does not depend on the gains
+
+
+# --- exact bounds, by half-waves of one sample per millisecond ------------------------------------
+
+def half_waves(peaks: Sequence[float], duration: int | Sequence[int] = 25) -> FloatArray:
+    """Return half-waves with alternating signs, each of `duration` samples."""
+    durations = np.broadcast_to(duration, len(peaks)).tolist()
+    return np.concatenate([
+        (-1)**k * peak * np.sin(np.pi * (np.arange(n) + 0.5) / n)
+        for k, (peak, n) in enumerate(zip(peaks, durations))])
+
+
+def lowered_at(signal: FloatArray) -> list[int]:
+    """Return the samples after which the factor changed."""
+    found = scales(signal, 1000)
+    return np.flatnonzero(np.diff(found, prepend=1.0)).tolist()
+
+
+def test_an_event_ends_with_the_first_sample_after_its_half_waves() -> None:
+    """The half-wave that begins with the signal counts, although its duration is not known."""
+    assert lowered_at(half_waves(np.ones(HALF_WAVES))) == []
+    assert lowered_at(half_waves(np.ones(HALF_WAVES + 1))) == [25 * HALF_WAVES]
+
+
+@pytest.mark.parametrize(('peaks', 'lowers'), [
+    ([1.0] * 4 + [1.02 * SUSTAINED] * 4, True),
+    ([1.0] * 4 + [0.98 * SUSTAINED] * 4, False),
+    ([0.5, 1.0, 0.5, 0.5, 0.5, 0.5, 1.02 * SUSTAINED, 0.5], True),
+    ([0.5, 1.0, 0.5, 0.5, 0.5, 0.5, 0.98 * SUSTAINED, 0.5], False),
+    ([0.1] * 4 + [1.0, 1.02 * REGULAR, 1.0, 1.0], True),
+    ([0.1] * 4 + [1.0, 0.98 * REGULAR, 1.0, 1.0], False),
+])
+def test_an_event_is_sustained_and_regular(peaks: list[float], lowers: bool) -> None:
+    assert bool(lowered_at(half_waves([*peaks, 0.5]))) == lowers
+
+
+@pytest.mark.parametrize(('factor', 'lowers'), [(0.98, True), (1.03, False)])
+def test_half_waves_of_an_event_are_short(factor: float, lowers: bool) -> None:
+    """A long one begins the count again."""
+    durations = [25] * 12
+    durations[5] = round(1000 * factor * LONGEST)
+    found = lowered_at(half_waves(np.ones(12), durations))
+    assert found[:1] == ([sum(durations[:HALF_WAVES])] if lowers else [])
+
+
+def test_the_frequency_is_that_of_the_last_half_waves() -> None:
+    guard = OscillationGuard(1)
+    for k, x in enumerate(half_waves(np.ones(9), [50] * 4 + [20] * 5).tolist()):
+        guard.take(100.0 + 0.001 * k, np.array([x]))
+    assert guard.frequency == pytest.approx([25.0])
+
+
+@pytest.mark.parametrize(('factor', 'lowers'), [(0.95, False), (1.05, True)])
+def test_irregular_half_waves_count_if_they_are_loud(factor: float, lowers: bool) -> None:
+    """The quietest window is that before; the peaks differ too much for a regular event."""
+    quiet, loud = [1.0, 0.3] * 8, [1.0, 0.3] * 9
+    signal = np.concatenate((
+        half_waves(quiet, 26), factor * LOUD * half_waves(loud, 26)))
+    assert bool(lowered_at(signal)) == lowers
+
+
+@pytest.mark.parametrize(('last', 'lowers'), [(1.05 * SUSTAINED, True), (0.95 * SUSTAINED, False)])
+def test_irregular_half_waves_count_if_they_are_sustained(last: float, lowers: bool) -> None:
+    """After rest every window is loud; the second one ends with the sample that follows it."""
+    count = math.ceil(1000 * WINDOW / 26)
+    peaks = np.array([1.0, 0.3] * (count + 1))[:2 * count + 1]
+    peaks[count:] *= last
+    signal = np.concatenate((np.zeros(100), half_waves(peaks, 26)))
+    assert lowered_at(signal) == ([100 + 52 * count] if lowers else [])
+
+
+def test_a_signal_that_never_was_quieter_is_no_oscillation() -> None:
+    assert lowered_at(half_waves([1.0, 0.3] * 40)) == []
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(-2.0, 2.0), st.integers(3, 40))
+def test_the_noise_is_the_residual_of_a_recursion(seed: int, a: float, count: int) -> None:
+    """The variance of the least-squares residual of x[k+1] + x[k-1] = a x[k] is (2 + a²) σ²."""
+    rng, noise = np.random.default_rng(seed), _Noise()
+    x = rng.standard_normal(count)
+    y = a * x + rng.standard_normal(count)
+    for k in range(count):
+        noise.take(1.0 / (k + 1), 0.3 * y[k], x[k], 0.7 * y[k])
+    slope = np.dot(x, y) / np.dot(x, x)
+    sigma = np.sqrt(np.mean((y - slope * x)**2) / (2.0 + slope**2))
+    assert noise.explains(0.99 * NOISE_FACTOR * sigma)
+    assert noise.explains(-0.99 * NOISE_FACTOR * sigma)
+    assert not noise.explains(1.01 * NOISE_FACTOR * sigma)
