@@ -70,6 +70,11 @@ class FilteredMotion:
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
 
     @property
+    def bandwidth(self) -> float:
+        """[Hz], of the white noise that the filter passes."""
+        return noise_bandwidth(self.cutoff_hz, self.sample_rate_hz)
+
+    @property
     def measured_effort(self) -> FloatArray:
         """The effort (m, n); raises RecordingError if none was recorded."""
         if self.effort is None:
@@ -278,3 +283,8 @@ def samples_per_independent_sample(cutoff_hz: float, rate_hz: float) -> float:
     """
     ratio = np.linspace(0.0, 0.5 * rate_hz, 4096) / cutoff_hz
     return float(1.0 / np.mean(1.0 / (1.0 + ratio**(2 * FILTER_ORDER))**2))
+
+
+def noise_bandwidth(cutoff_hz: float, rate_hz: float) -> float:
+    """Return the bandwidth [Hz] of the white noise that the filter passes."""
+    return 0.5 * rate_hz / samples_per_independent_sample(cutoff_hz, rate_hz)

@@ -29,6 +29,7 @@ from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import model_effort, reduce_motion, train_count
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.uncertainty import speed_from_rest
 
 SPEEDS = np.array([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])
 """Bounds [rad/s] or [m/s] of the classes of speed in which residuals are summed."""
@@ -79,13 +80,15 @@ def evaluate_motion(
         tests[name] = ModelTest(
             _squares(along[:count]), _squares(along[count:]), _squares(single[count:]),
             _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count),
-            _by_speed(motion.velocity[count:], single[count:]))
+            _by_speed(speed_from_rest(
+                motion.velocity[count:], motion.acceleration[count:], motion.bandwidth),
+                single[count:]))
     return tests
 
 
-def _by_speed(v: FloatArray, residual: FloatArray) -> FloatArray:
+def _by_speed(speed: FloatArray, residual: FloatArray) -> FloatArray:
     """Return sums of squares and counts in the classes of SPEEDS, (2, n, classes)."""
-    which = np.digitize(np.abs(v), SPEEDS)
+    which = np.digitize(speed, SPEEDS)
     return np.array([
         [np.bincount(own, weight, len(SPEEDS) + 1) for own, weight in zip(which.T, weights.T)]
         for weights in (residual**2, np.ones_like(residual))])

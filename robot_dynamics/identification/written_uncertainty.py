@@ -17,10 +17,11 @@ that the covariance is also valid for an arm with another mounting.
 from typing import Any
 
 import numpy as np
-from robot_dynamics.analysis.motion_filter import samples_per_independent_sample
+from robot_dynamics.analysis.motion_filter import noise_bandwidth
 from robot_dynamics.arrays import column_scale, FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS
+from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
@@ -35,6 +36,8 @@ LARGEST_REGULARIZATION = 1.0
 POSES = 200
 LEAST_NOISE = 0.5
 """Least noise away from rest, by the RMS of all residuals: other motions have other errors."""
+LEAST_FRICTION = 0.4
+"""Least deviation at rest, by the dry friction: other motions may reverse faster."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
 """The efforts are affine in gravity: these vectors have the parameters of any direction."""
 
@@ -43,15 +46,16 @@ def uncertainty_values(identification: Identification) -> dict[str, Any]:
     """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
     names, covariance = parameter_covariance(identification)
     noise, friction, velocity = deviations_by_speed(identification.tests['consistent'])
+    dry = fitted_friction(identification.arm, identification.models.consistent).at_rest.static
     return {
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
         'uncertainty.noise_deviation': noise.tolist(),
-        'uncertainty.friction_deviation': friction.tolist(),
+        'uncertainty.friction_deviation': np.maximum(friction, LEAST_FRICTION * dry).tolist(),
         'uncertainty.friction_velocity': velocity.tolist(),
         'uncertainty.noise_bandwidth': min(
-            0.5 * facts.rate_hz / samples_per_independent_sample(facts.cutoff_hz, facts.rate_hz)
-            for facts in (recording.facts for recording in identification.recordings)),
+            noise_bandwidth(recording.facts.cutoff_hz, recording.facts.rate_hz)
+            for recording in identification.recordings),
     }
 
 
@@ -80,7 +84,7 @@ def deviations_by_speed(test: ModelTest) -> tuple[FloatArray, FloatArray, FloatA
     """
     n = len(test.test)
     noise, friction = test.rms('test_by_sample'), np.zeros(n)
-    velocity = np.full(n, float(SPEEDS[-1]))
+    velocity = np.full(n, float(SPEEDS[1]))
     speed = np.append(SPEEDS * np.append(0.5, np.sqrt(SPEEDS[:-1] / SPEEDS[1:])), 2.0 * SPEEDS[-1])
     for j, (squares, counts) in enumerate(zip(*test.by_speed)):
         used = counts > 0.0

@@ -12,6 +12,7 @@ Parameters that are not named in the uncertainty count as exact, and so do paylo
 """
 
 from collections.abc import Sequence
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -70,7 +71,7 @@ def make_uncertainty(
     return ModelUncertainty(
         _columns(arm, parameters),
         covariance_root(f'{_FIELD}.covariance', covariance, parameters), noise,
-        noise_bandwidth or 1.0, friction, velocity)
+        noise_bandwidth or math.inf, friction, velocity)
 
 
 def _deviations(
@@ -118,7 +119,7 @@ class EffortDeviation:
         load = None if load is None else load[None]
         X = self.derivatives(q[None], v[None], a[None], load, smooth)[0]
         return np.asarray(np.hypot(
-            np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v)))
+            np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v, a)))
 
     def prediction(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

@@ -9,6 +9,9 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 
+REVERSAL = 0.25
+"""Half of the time that a zero-phase filter needs for a step, by the period of its bandwidth."""
+
 
 @dataclass(frozen=True, eq=False)
 class ModelUncertainty:
@@ -19,7 +22,7 @@ class ModelUncertainty:
     B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
     the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
     [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at rest, which decreases
-    around `friction_velocity` (n,) [rad/s] or [m/s].
+    around `friction_velocity` (n,) [rad/s] or [m/s]; see `speed_from_rest`.
     """
 
     columns: IntArray
@@ -34,9 +37,10 @@ class ModelUncertainty:
         """Whether any parameter has a covariance."""
         return len(self.columns) > 0
 
-    def friction(self, v: FloatArray) -> FloatArray:
-        """Return the standard deviation (n,) of friction at a velocity (n,)."""
-        return np.asarray(self.friction_deviation * friction_share(v / self.friction_velocity))
+    def friction(self, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the standard deviation (n,) of friction at a velocity and acceleration (n,)."""
+        speed = speed_from_rest(v, a, self.noise_bandwidth)
+        return np.asarray(self.friction_deviation * friction_share(speed / self.friction_velocity))
 
     def noise(self, bandwidth: float, dt: float) -> FloatArray:
         """
@@ -48,6 +52,16 @@ class ModelUncertainty:
         """
         band = min(bandwidth, 0.5 / dt)
         return np.asarray(self.noise_deviation * math.sqrt(max(1.0, band / self.noise_bandwidth)))
+
+
+def speed_from_rest(v: FloatArray, a: FloatArray, bandwidth: float) -> FloatArray:
+    """
+    Return the speed |v| beyond that which a joint gains while a filter passes a reversal.
+
+    A filter of this `bandwidth` [Hz] smooths the step of dry friction where v changes its sign:
+    within REVERSAL / bandwidth seconds of it, at the acceleration a, a joint counts as at rest.
+    """
+    return np.maximum(np.abs(v) - REVERSAL / bandwidth * np.abs(a), 0.0)
 
 
 def friction_share(ratio: FloatArray) -> FloatArray:

@@ -88,6 +88,22 @@ def test_a_covariance_of_a_few_parameters():
     assert deviation.derivatives(q[None], slow[None], a[None])[0, 1, 2] == 1.0
 
 
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+def test_the_deviation_of_friction_is_that_of_rest_soon_after_a_reversal(sign):
+    """A filter of the bandwidth B smooths the step of dry friction within 1 / (4 B)."""
+    B, v_f = 5.0, np.array([0.1, 0.2])
+    a = sign * np.array([2.0, -1.0])
+    behind, steady = (EffortDeviation(ArmDynamics(ARM), make_uncertainty(
+        ARM, noise_bandwidth=bandwidth, friction_deviation=[3.0, 1.0],
+        friction_velocity=v_f)) for bandwidth in (B, 0.0))
+    gained = np.abs(a) / (4.0 * B)
+    for speed, share in ((0.0, 1.0), (0.99, 1.0), (gained + v_f, 0.5), (gained + 3.0 * v_f, 0.1)):
+        v = speed * gained if np.ndim(speed) == 0 else speed
+        assert behind(np.zeros(2), v, a) == pytest.approx(share * np.array([3.0, 1.0]))
+        assert behind(np.zeros(2), -v, a) == pytest.approx(share * np.array([3.0, 1.0]))
+    assert steady(np.zeros(2), v_f, a) == pytest.approx([1.5, 0.5])
+
+
 def test_without_parameters_an_arm_has_no_uncertainty():
     urdf = default_arm_urdf()
     assert arm_from_parameters(urdf, {}).uncertainty is None
