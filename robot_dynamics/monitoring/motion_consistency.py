@@ -19,21 +19,25 @@ The tolerance of a window of length W is the sum of
   a velocity with the wrong sign does not increase it, nor does one that has become exactly zero;
 - the error of the trapezoidal rule after an impact: the change of the velocity in one period.
 
-A joint whose position and velocity are equal bit by bit in successive states is not updated by its
-driver, or stands still. Drivers that send each sample several times are known by the duration of
-the earlier repetitions. While a sample repeats, the velocity of the joint is not judged.
+While the sample of a joint repeats (`repeated_samples`), its velocity is not judged.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import math
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
+from robot_dynamics.monitoring.repeated_samples import (
+    FLOOR,
+    IsHeld,
+    NEVER,
+    Reference,
+    RepeatedSamples,
+    REST,
+    SLOW,
+)
+from robot_dynamics.monitoring.velocity_contradiction import describe, reversal_ratio
 
-FLOOR = 0.003
-"""[rad] of difference that encoder resolution and backlash may cause; see PRISMATIC."""
-SLOW = 0.02
-"""[rad/s] of velocity offset that is tolerated."""
 PRISMATIC = 1.0 / 3.0
 """[m] of a prismatic joint that correspond to 1 rad."""
 RATIO = 0.3
@@ -47,39 +51,19 @@ DELAYS = np.array([0.01, 0.02, 0.04])
 """[s] by which a velocity may be late; 40 ms contain 93 % of a first-order filter of 15 ms."""
 STEP, CHECK, PAUSE = 0.005, 0.025, 0.1
 """[s] between stored states, between checks, and after which a gap restarts the integral."""
-SHORT = 0.02
-"""[s] of a window that may begin before the velocities were wrong."""
 AGREEMENT = 1.0
 """[s] in motion without a contradiction after which a velocity is trusted again."""
-REPEATS = 0.01
-"""[s] that a sample may repeat, at least."""
-LONGEST_REPEATS = 0.06
-"""[s] that a driver may usually repeat its samples; longer repetitions are not learnt."""
-CONFIRMATIONS = 3
-"""Checks in a row in which the reference has left a joint without a new sample."""
-REFERENCE = 0.03
-"""[rad] that the reference of a joint that stands still may move while its sample repeats."""
 UNKNOWN_NOISE, LARGEST_NOISE = 0.2, 0.5
 """[rad/s] of the velocity: assumed until it is known, and tolerated."""
-LIVELY = 8
-"""Stored states of a slow joint without a repetition: its noise or motion changes every sample."""
 _SLOW_TIME = 0.05
 """[s] in which a slow joint moves by at most FLOOR."""
-_STEPS = 3.0
-"""Displacement of a lively joint that its encoder shows, in smallest steps of its positions."""
-STANDING = 1e-6
-"""[rad/s] up to which a joint whose sample repeats stood still."""
-_REST = 0.0002
-"""[rad] that a joint moves at most between two checks at rest."""
 _FEW, _KNOWN, _LEARNT, _FORGETTING = 8, 32, 128, 1.0 / 32.0
 """Samples of the noise: until then its assumed value applies, each state is checked, and the
 estimate is increased; weight of a sample."""
-_HOLD_FORGETTING = 0.98
 _FULL_TURN = 2.0 * math.pi
 _ROWS = 256
 _NS = 1e-9
 _STEP_NS, _CHECK_NS, _PAUSE_NS = (round(1e9 * each) for each in (STEP, CHECK, PAUSE))
-_NEVER = -1 << 62
 _LARGEST_ALERT = 0.5
 _ZERO = 1e-9
 """[rad] or [m] of an integral of zeros, with rounding."""
@@ -90,20 +74,18 @@ class MotionConsistency:
     Judges the velocities of n joints state by state; for one thread.
 
     `doubtful` (n,) marks the joints whose velocity contradicts their position, until it has agreed
-    in motion for AGREEMENT seconds. `frozen` (n,) marks those whose sample repeats although they
-    move. `is_consistent` is true if no joint is marked. `reason` describes the last change of a
-    mark to true.
+    in motion for AGREEMENT seconds. `is_consistent` is true if no joint is doubtful or frozen.
+    `reason` describes the last change of a mark to true.
     """
 
     def __init__(
         self, joint_names: Sequence[str], joint_kinds: Sequence[str],
-        is_held: Callable[[FloatArray, FloatArray], BoolArray] | None = None,
+        is_held: IsHeld | None = None,
     ) -> None:
         """
         Take the joints and their kinds, as `ArmModel` has them.
 
-        `is_held` returns at which joints (n,) dry friction can hold an arm at q, given the errors
-        reference minus q, (n,) each [rad] or [m]; None if the joints have no friction.
+        `is_held` is None if the joints have no friction.
         """
         n = len(joint_names)
         self._names = tuple(joint_names)
@@ -111,18 +93,16 @@ class MotionConsistency:
         self._any_wraps = bool(self._wraps.any())
         self._unit = np.array([PRISMATIC if kind == 'prismatic' else 1.0 for kind in joint_kinds])
         self.doubtful: BoolArray = np.zeros(n, dtype=bool)
-        self.frozen: BoolArray = np.zeros(n, dtype=bool)
         self.is_consistent = True
         self.reason = ''
         self._zero = np.zeros(n)
-        self._is_held = is_held
         self._times, self._squared = np.zeros((2, _ROWS))
         self._positions, self._differences = np.zeros((2, _ROWS, n))
         """Stored states: time [s] since `_base_ns`, sum of the squared periods [s²], q and e."""
         self._squares = 0.0
         self._row = 0
         """Number of stored states."""
-        self._base_ns, self._stamp_ns = 0, _NEVER
+        self._base_ns, self._stamp_ns = 0, NEVER
         self._q = self._v = self._v_before = self._integral = self._zero
         self._bits, self._is_measured = b'', False
         self._mark, self._alert = [0.0] * n, 0.0
@@ -134,17 +114,19 @@ class MotionConsistency:
         self._count, self._consecutive = 0, 0
         self._rest: tuple[float, FloatArray, FloatArray] | None = None
         self._agreed = np.zeros(n)
-        self._hold = np.zeros(n)
-        """[s] that the driver usually repeats a sample."""
-        self.repeats_since_ns: IntArray = np.full(n, _NEVER)
-        """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
-        self._is_repeating = self._all_repeat = False
-        self._lively = np.zeros(n)
-        """Stored states (n,) since the last repetition in which the joint was slow."""
-        self._left: IntArray = np.zeros(n, dtype=np.int64)
-        """Checks in a row in which the reference has left a joint without a new sample, (n,)."""
+        self._repeats = RepeatedSamples(self._names, self._unit, is_held)
+        self._all_repeat = False
         self._store_v = self._zero
-        self._reference: FloatArray | None = None
+
+    @property
+    def frozen(self) -> BoolArray:
+        """Whether the sample of each joint repeats although the joint moves, (n,)."""
+        return self._repeats.frozen
+
+    @property
+    def repeats_since_ns(self) -> IntArray:
+        """Stamp (n,) [ns] since which the sample of a joint repeats; negative if it does not."""
+        return self._repeats.since_ns
 
     def restart(self) -> None:
         """
@@ -152,13 +134,12 @@ class MotionConsistency:
 
         Doubts about velocities remain, and a joint remains frozen until its sample changes.
         """
-        self._stamp_ns, self._row, self._bits = _NEVER, 0, b''
-        self._reference = None
-        self.repeats_since_ns.fill(_NEVER)
+        self._stamp_ns, self._row, self._bits = NEVER, 0, b''
+        self._repeats.restart()
 
     def update(
         self, stamp_ns: int, q: FloatArray, v: FloatArray | None,
-        reference: Callable[[], FloatArray | None] = lambda: None,
+        reference: Reference = lambda: None,
     ) -> bool:
         """
         Take a state and return `is_consistent`; `v` is None if no velocity is measured.
@@ -172,16 +153,17 @@ class MotionConsistency:
             if stamp_ns >= self._store_ns and stamp_ns > self._stamp_ns:
                 self._store_ns, self._all_repeat = stamp_ns + _STEP_NS, True
                 self._follow_repeats(
-                    stamp_ns, np.ones_like(self.frozen), reference,
+                    stamp_ns, np.ones_like(self.doubtful), reference,
                     np.full(len(q), self._stamp_ns))
             return self.is_consistent
         dt_ns = stamp_ns - self._stamp_ns
         if dt_ns == 0:
             return self.is_consistent
         if not 0 < dt_ns <= _PAUSE_NS or (v is None) is self._is_measured:
-            remains = self.frozen & (q == self._q) if dt_ns > 0 else np.zeros_like(self.frozen)
+            remains = self.frozen & (q == self._q) & (dt_ns > 0)
             self._begin(stamp_ns, q, v)
-            self._set_frozen(remains)
+            self._repeats.frozen = remains
+            self._set_doubtful(self.doubtful)
             self._bits = bits
             return self.is_consistent
         if v is None:
@@ -216,20 +198,20 @@ class MotionConsistency:
 
     def _store(
         self, stamp_ns: int, q: FloatArray, v: FloatArray, e: FloatArray,
-        reference: Callable[[], FloatArray | None],
+        reference: Reference,
     ) -> None:
         """Store a state, and look for repetitions since the one stored before."""
         row = self._row
         if row > 0:
             same = (q == self._positions[row - 1]) & (v == self._store_v)
-            if (self._is_repeating or True in same.tolist()) and (
+            if (self._repeats.is_active or True in same.tolist()) and (
                     self._follow_repeats(stamp_ns, same, reference, self._repeat_start(q, v))):
                 row = 0
             else:
                 dt = _NS * (stamp_ns - self._base_ns) - float(self._times[row - 1])
                 rows = max(1, round(_SLOW_TIME / dt))
                 moved = np.abs(q - self._positions[max(row - rows, 0)])
-                self._lively += (moved <= FLOOR * self._unit) & ~same
+                self._repeats.lively += (moved <= FLOOR * self._unit) & ~same
         if row == _ROWS - 1:
             row = _ROWS // 2
             for values in (self._times, self._squared, self._positions, self._differences):
@@ -317,14 +299,14 @@ class MotionConsistency:
             self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
         if self._rest is not None:
             t_rest, q_rest, e_rest = self._rest
-            rests = np.abs(q - q_rest) <= _REST * self._unit
+            rests = np.abs(q - q_rest) <= REST * self._unit
             self._rests = self._rests + rests
             weights = np.where(
                 rests, np.maximum(_FORGETTING, 1.0 / np.maximum(self._rests, 1.0)), 0.0)
             self._density = self._density + weights * (
                 (e - e_rest)**2 / (t - t_rest) - self._density)
         self._rest = t, q, e
-        self._hold = _HOLD_FORGETTING * self._hold
+        self._repeats.forget()
 
     def _sampling_error(self, first: IntArray, dt: float, v: FloatArray) -> FloatArray:
         """Return the error of integral and displacement due to the sampling, (windows, n)."""
@@ -339,7 +321,7 @@ class MotionConsistency:
         change = np.maximum.accumulate(change[::-1])[::-1]
         at = first - start
         step = np.minimum(np.abs(v - self._v), 2.0 * speed[at] + LARGEST_NOISE * self._unit)
-        return np.asarray(change[at] + self._hold * speed[at] + 0.5 * dt * step)
+        return np.asarray(change[at] + self._repeats.duration * speed[at] + 0.5 * dt * step)
 
     def _excess(self, first: IntArray, integral: FloatArray, moved: FloatArray) -> FloatArray:
         """Return the distance of the integral from all delayed displacements, (windows, n)."""
@@ -366,61 +348,21 @@ class MotionConsistency:
             row = int(np.argmax(np.where(
                 contradicts[:, j], np.abs(difference[:, j]) / tolerance[:, j], -1.0)))
             positions = self._positions[first[row]:self._row + 1, j]
-            self.reason = _text(
+            self.reason = describe(
                 self._names[j], float(length[row, 0]), float(integral[row, j]),
-                float(moved[row, j]), float(v[j]), _reversal_ratio(
+                float(moved[row, j]), float(v[j]), reversal_ratio(
                     positions, self._differences[first[row]:self._row + 1, j]))
         self._set_doubtful(self.doubtful | found & ~self.frozen)
 
     def _follow_repeats(
-        self, stamp_ns: int, same: BoolArray, reference: Callable[[], FloatArray | None],
-        start_ns: IntArray,
+        self, stamp_ns: int, same: BoolArray, reference: Reference, start_ns: IntArray,
     ) -> bool:
-        """
-        Follow repeated samples; `same` (n,) marks the joints whose sample repeats now.
-
-        `start_ns` (n,) is the beginning of a new repetition. Returns whether a frozen joint is
-        updated again, after a displacement that is not known.
-        """
-        desired = reference()
-        if self._reference is None or desired is None:
-            moved = self._zero
-            self._reference = desired
-        else:
-            self._reference = np.where(
-                same & (self.repeats_since_ns != _NEVER), self._reference, desired)
-            moved = np.abs(desired - self._reference)
-        start = np.where(self.repeats_since_ns == _NEVER, start_ns, self.repeats_since_ns)
-        duration = _NS * (stamp_ns - start)
-        speed = np.abs(self._v) - SLOW * self._unit
-        ends = ~same & (self.repeats_since_ns != _NEVER) & (  # at rest samples repeat anyway
-            np.abs(self._v) * duration > _REST * self._unit)
-        self._lively = np.where(
-            same | (self.repeats_since_ns == _NEVER), self._lively, 0.0)
-        self._hold = np.where(ends & (duration <= LONGEST_REPEATS), np.maximum(
-            self._hold, duration), self._hold)
-        self.repeats_since_ns = np.where(same, start, _NEVER)
-        self._is_repeating = bool(same.any())
-        excess = duration - np.maximum(REPEATS, 2.0 * self._hold)
-        was_moving = np.abs(self._v) > STANDING * self._unit
-        is_left = same & (moved > np.where(was_moving, FLOOR, REFERENCE) * self._unit)
-        if self._is_held is not None and desired is not None and is_left.any():
-            is_left &= was_moving | ~self._is_held(self._q, desired - self._q)
-        self._left = np.where(is_left, self._left + 1, 0)
-        is_lively = was_moving & (self._lively >= LIVELY) & (duration > LONGEST_REPEATS)
-        if is_lively.any():
-            is_lively &= np.abs(self._v) * duration > _STEPS * self._smallest_step()
-        frozen = same & (self.frozen | (excess > 0.0) & (
-            (speed * excess > FLOOR * self._unit) | (self._left >= CONFIRMATIONS) | is_lively))
-        for j in np.flatnonzero(frozen & ~self.frozen):
-            self.reason = (
-                f'position and velocity of {self._names[j]!r} have not changed for '
-                f'{1e3 * duration[j]:.0f} ms: velocity {self._v[j]:.2g}, reference moved by '
-                f'{moved[j]:.2g}')
-        self._left = np.where(frozen, 0, self._left)
-        has_ended = bool((self.frozen & ~frozen).any())
-        self._set_frozen(frozen)
-        return has_ended
+        """Follow repeated samples; return whether a frozen joint is updated again."""
+        reason = self._repeats.follow(
+            stamp_ns, same, start_ns, self._q, self._v, reference, self._smallest_step)
+        self.reason = reason or self.reason
+        self._set_doubtful(self.doubtful)
+        return self._repeats.has_ended
 
     def _smallest_step(self) -> FloatArray:
         """Return the smallest displacement (n,) other than 0 between two stored states."""
@@ -442,47 +384,3 @@ class MotionConsistency:
         self._agreed = np.where(doubtful, self._agreed, 0.0)
         self.doubtful = doubtful
         self.is_consistent = not (doubtful.any() or self.frozen.any())
-
-    def _set_frozen(self, frozen: BoolArray) -> None:
-        self.frozen = frozen
-        self.is_consistent = not (frozen.any() or self.doubtful.any())
-
-
-def _reversal_ratio(positions: FloatArray, differences: FloatArray) -> float | None:
-    """
-    Return the ratio of the path by velocities to that by positions if the joint reversed, or None.
-
-    `differences` are those of the integral and the position, both (m,). After a reversal the
-    displacement of the window states neither scale nor sign; equal paths leave the sign.
-    """
-    steps = np.diff(positions)
-    path = float(np.abs(steps).sum())
-    if not abs(float(steps.sum())) < 0.9 * path:
-        return None
-    ratio = float(np.abs(steps + np.diff(differences)).sum()) / path
-    return -1.0 if 0.7 < ratio < 1.3 else ratio
-
-
-def _text(
-    name: str, length: float, integral: float, moved: float, v: float, reversal: float | None,
-) -> str:
-    """Return what contradicts what, and the probable cause; v is the last velocity."""
-    ratio = integral / moved if moved else math.inf
-    if moved and v == 0.0:
-        ratio = 0.0
-    elif reversal is not None:
-        ratio = reversal
-    elif moved and length <= SHORT and v * moved < 0.0:
-        ratio = v * length / moved  # the integral contains true velocities
-    if abs(ratio) < 0.1:
-        cause = 'velocity is zero or missing'
-    elif -4.0 < ratio < 0.0:
-        cause = 'wrong sign'
-    elif 20.0 < abs(ratio) < 75.0:
-        cause = f'about {ratio:.0f} times the displacement: degrees instead of radians?'
-    elif abs(ratio) < 1e3:
-        cause = f'{ratio:.2g} times the displacement'
-    else:
-        cause = 'the position does not move'
-    return (f'velocity of {name!r} is {integral / length:.2g}, but its position moved by '
-            f'{moved:.2g} in {1e3 * length:.0f} ms: {cause}')

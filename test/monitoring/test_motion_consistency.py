@@ -1,84 +1,47 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measured velocities against measured positions: no false alarms, detection, frozen samples."""
+"""Measured velocities against measured positions: no false alarms, and detection."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import itertools
 import math
-from typing import NamedTuple
 
+from consistency_signals import (
+    alarms,
+    at_rest,
+    consistency,
+    FINE,
+    KINDS,
+    N,
+    no_alarm,
+    RATES,
+    regular,
+    sampled,
+    SECOND,
+    smooth_motion,
+    States,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from recordings import NO_ROSBAG2, ROSBAG2
-from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.monitoring.motion_consistency import (
     AGREEMENT,
-    FLOOR,
     MotionConsistency,
     PAUSE,
     PRISMATIC,
-    REFERENCE,
 )
+from robot_dynamics.monitoring.repeated_samples import FLOOR
 from robot_dynamics.recordings.joint_series import JointSeries
 from robot_dynamics.recordings.reader import Recording
 
-N = 3
-NAMES, KINDS = ('a', 'b', 'c'), ('revolute', 'continuous', 'revolute')
-SECOND = 1_000_000_000
-FINE = 1e-3
-"""[s] between the samples of a true motion."""
-RATES = (30, 100, 125, 250, 500, 1000)
 UR10 = ROSBAG2.parent / 'ur10'
 RECORDINGS = [UR10, ROSBAG2 / 'mcap', ROSBAG2 / 'sqlite3_lock_step']
 
 laws = settings(max_examples=60)
-
-
-class States(NamedTuple):
-    """Stamps [ns] (m,), positions and velocities (m, n)."""
-
-    stamps: IntArray
-    q: FloatArray
-    v: FloatArray
-
-
-def consistency(kinds: tuple[str, ...] = KINDS) -> MotionConsistency:
-    return MotionConsistency([f'joint{i + 1}' for i in range(len(kinds))], kinds)
-
-
-def alarms(one: MotionConsistency, states: States, reference: FloatArray | None = None) -> (
-        Iterator[tuple[int, str]]):
-    """Yield the row of each state at which a joint is in doubt or frozen, with the reason."""
-    for k, (stamp, q, v) in enumerate(zip(states.stamps.tolist(), states.q, states.v)):
-        if not one.update(stamp, q, v, row_of(reference, k)):
-            yield k, one.reason
-
-
-def row_of(reference: FloatArray | None, k: int) -> Callable[[], FloatArray | None]:
-    return lambda: None if reference is None else reference[k]
-
-
-def no_alarm(states: States, reference: FloatArray | None = None, n: int = N) -> None:
-    found = list(itertools.islice(alarms(consistency(KINDS[:1] * n if n != N else KINDS), states,
-                                         reference), 1))
-    assert not found
-
-
-def smooth_motion(rng: np.random.Generator, seconds: float, speed: float) -> (
-        tuple[FloatArray, FloatArray, FloatArray]):
-    """Return times [s], positions and velocities of a rest followed by random sines."""
-    t = np.arange(0.0, seconds, FINE)
-    w = 2.0 * np.pi * rng.uniform(0.1, 1.5, (4, N))
-    share = rng.dirichlet(np.ones(4), N).T * speed * rng.choice([-1.0, 1.0], (4, N))
-    begin = 0.5
-    x = np.maximum(t - begin, 0.0)[:, None, None]
-    v = np.sum((1.0 - np.exp(-x / 0.2)) * share * np.sin(w * x), axis=1)
-    q = rng.uniform(-3.0, 3.0, N) + np.concatenate((
-        np.zeros((1, N)), np.cumsum(0.5 * FINE * (v[1:] + v[:-1]), axis=0)))
-    return t, q, v
 
 
 def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
@@ -94,20 +57,6 @@ def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
             result[k] = state
         v = result
     return v
-
-
-def sampled(
-    t: FloatArray, q: FloatArray, v: FloatArray, times: FloatArray,
-) -> States:
-    """Return the states at these times [s]."""
-    return States(
-        SECOND + np.round(1e9 * times).astype(np.int64),
-        *(np.stack([np.interp(times, t, x[:, j]) for j in range(x.shape[1])], axis=1)
-          for x in (q, v)))
-
-
-def regular(t: FloatArray, rate: int) -> FloatArray:
-    return np.arange(0.0, t[-1], 1.0 / rate)
 
 
 # --- no false alarms -----------------------------------------------------------------------------
@@ -325,88 +274,6 @@ def test_velocities_beyond_all_numbers_are_in_doubt(value: float) -> None:
     assert one.doubtful.tolist() == [True, False, False]
 
 
-# --- frozen samples ------------------------------------------------------------------------------
-
-def freeze(
-    joints: list[int], speed: float, rate: int, begin: float = 1.5, end: float = 9.0,
-    with_velocity: bool = True, with_reference: bool = True, continues: bool = True,
-) -> tuple[float | None, MotionConsistency]:
-    """
-    Return the time [s] from the beginning of the repetition until a joint is frozen.
-
-    `continues` is false to end there.
-    """
-    t = np.arange(0.0, 4.0, FINE)
-    v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.8, 0.6])
-    q = np.cumsum(FINE * v, axis=0)
-    states = sampled(t, q, v, regular(t, rate))
-    rows = np.flatnonzero((states.stamps >= (1.0 + begin) * SECOND) & (
-        states.stamps < (1.0 + end) * SECOND))
-    reference = states.q.copy()
-    for x in (states.q, states.v):
-        x[np.ix_(rows, joints)] = x[rows[0], joints]
-    one, found = consistency(), None
-    for k, stamp in enumerate(states.stamps.tolist()):
-        is_good = one.update(
-            stamp, states.q[k], states.v[k] if with_velocity else None,
-            row_of(reference if with_reference else None, k))
-        if not is_good and found is None:
-            found = 1e-9 * (stamp - float(states.stamps[rows[0]]))
-            assert one.frozen.any()
-        assert not one.doubtful.any()
-        if found is not None and not continues:
-            break
-    return found, one
-
-
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-@pytest.mark.parametrize('joints', [[0], [1, 2], [0, 1, 2]])
-def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -> None:
-    found, one = freeze(joints, 1.0, rate)
-    assert found < 0.03
-    assert np.flatnonzero(one.frozen).tolist() == joints
-    assert 'have not changed for ' in one.reason
-    since = 1e-9 * one.repeats_since_ns[joints]
-    assert since == pytest.approx(np.full(len(joints), 2.5), abs=max(0.003, 1.01 / rate))
-    assert (np.delete(one.repeats_since_ns, joints) < 0).all()
-
-
-@pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
-@pytest.mark.parametrize('with_velocity', [True, False])
-def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
-    joints: list[int], with_velocity: bool,
-) -> None:
-    found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity, continues=False)
-    assert found is not None
-    assert np.flatnonzero(one.frozen).tolist() == [0]  # its reference is the fastest
-    assert f'reference moved by {REFERENCE:.2g}'[:22] in one.reason
-    found, _ = freeze(joints, 1.0, 500, begin=0.5, end=1.0, with_velocity=with_velocity)
-    assert found is None
-    if joints == [0, 1, 2]:
-        found, _ = freeze(joints, 1.0, 500, 0.5, 9.0, with_velocity, with_reference=False)
-        assert found is None
-
-
-@pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
-def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> None:
-    found, one = freeze(joints, 1.0, 500, end=1.8)
-    assert found is not None
-    assert one.is_consistent
-
-
-def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes() -> None:
-    """Also when its reference stops, or has ended."""
-    one, q = consistency(), np.zeros(N)
-    reference = 0.2 * np.clip(np.arange(1500) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, 0, 0])
-    good = [one.update(k * SECOND // 500, q, q, row_of(
-        reference if k < 1000 else None, k)) for k in range(1500)]
-    assert not any(good[good.index(False):])
-    one.restart()
-    assert not one.update(3 * SECOND - 1, q, q, row_of(None, 0))
-    assert one.update(3 * SECOND, q + 1e-9, q, row_of(None, 0))
-    assert not one.frozen.any()
-
-
 def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong() -> None:
     states = at_rest(np.random.default_rng(0), 500)
     states.q[:] = 0.2
@@ -415,86 +282,6 @@ def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong() -> None:
     _, reason = next(alarms(one, states, np.zeros_like(states.q)))
     assert one.doubtful.tolist() == [True] + [False] * (N - 1)
     assert 'the position does not move' in reason
-
-
-def at_rest(rng: np.random.Generator, rate: int, seconds: float = 3.0) -> States:
-    """Return states at rest whose last digits change with every sample."""
-    m = int(seconds * rate)
-    return States(
-        SECOND + np.round(1e9 * np.arange(m) / rate).astype(np.int64),
-        0.2 + rng.normal(0.0, 1e-5, (m, N)), rng.normal(0.0, 0.01, (m, N)))
-
-
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
-    """Nothing holds a joint without friction if its signal is lost at rest."""
-    states = at_rest(np.random.default_rng(0), rate)
-    k = 2 * rate
-    states.q[k:, 0], states.v[k:, 0] = states.q[k, 0], states.v[k, 0]
-    one = consistency()
-    row, reason = next(alarms(one, states, np.zeros_like(states.q)))
-    assert one.frozen.tolist() == [True] + [False] * (N - 1)
-    assert 0.04 < (row - k) / rate < 0.1
-    assert "'joint1' have not changed for" in reason
-
-
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-@pytest.mark.parametrize('speed', [0.003, 0.01])
-def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed: float, rate: int) -> None:
-    """It has hardly moved: only the smallest steps of its encoder show that it is alive."""
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    v = speed * np.clip((t - 1.0) / 0.02, 0.0, 1.0)[:, None] * np.ones(N)
-    q = np.cumsum(v / rate, axis=0)
-    k = int(1.12 * rate)
-    q[k:, 1], v[k:, 1] = q[k, 1], v[k, 1]
-    one = consistency()
-    row, _ = next(alarms(one, States(SECOND + np.round(1e9 * t).astype(np.int64), q, v)))
-    assert one.frozen.tolist() == [False, True, False]
-    assert 0.06 <= (row - k) / rate <= 0.08
-    assert np.abs(v * (row - k) / rate).max() < 1e-3
-
-
-@pytest.mark.parametrize('rate', [100, 500, 1000])
-@pytest.mark.parametrize('dtype', [np.float32, np.float64])
-def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
-    """An encoder with steps and its filtered difference: after slow motion they are constant."""
-    t = np.arange(0.0, 12.0, 1.0 / rate)
-    q = 1e-4 * np.round(1e4 * 0.03 * np.minimum(t, 4.0))[:, None] * np.ones(N)
-    v, share = np.zeros_like(q), 1.0 - np.exp(-100.0 / rate)
-    for k in range(1, len(t)):
-        v[k] = dtype(v[k - 1] + share * (rate * (q[k] - q[k - 1]) - v[k - 1]))
-    no_alarm(States(SECOND + np.round(1e9 * t).astype(np.int64), q, v), np.zeros_like(q))
-
-
-@pytest.mark.parametrize('rounding', [0.0, 1e-16])
-def test_a_joint_that_stands_is_not_frozen(rounding: float) -> None:
-    one, v = consistency(), np.full(N, rounding)
-    reference = np.linspace(0.0, 0.9 * REFERENCE, 1000)[:, None] * np.array([1.0, -1.0, 0.0])
-    for k in range(1000):
-        assert one.update(k * SECOND // 500, np.zeros(N), v, row_of(reference, k))
-
-
-def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
-    held = np.array([0.15, 0.0, 0.0])
-    one = MotionConsistency(NAMES, KINDS, lambda q, error: np.abs(error) <= held)
-    reference = np.linspace(0.0, 0.2, 1000)[:, None] * np.array([1.0, 0.1, 0.0])
-    is_good = [one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), row_of(reference, k))
-               for k in range(1000)]
-    assert reference[is_good.index(False), 0] == pytest.approx(0.15, abs=5e-3)
-
-
-@pytest.mark.parametrize('speed', [0.01, 0.05, 0.3])
-@pytest.mark.parametrize('rate', RATES)
-def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed: float, rate: int) -> None:
-    """The reference is ahead by 20 ms; positions by 1 mrad and velocities by 0.01 rad/s."""
-    t = np.arange(0.0, 6.0, FINE)
-    v = speed * np.sin(np.pi * np.maximum(t - 1.0, 0.0))[:, None] * np.ones(N)
-    q = np.cumsum(FINE * v, axis=0)
-    times = regular(t, rate)[:-1]
-    ahead = sampled(t, q, v, np.minimum(times + 0.02, t[-1])).q
-    states = sampled(t, q, v, times)
-    no_alarm(States(
-        states.stamps, 1e-3 * np.round(1e3 * states.q), 0.01 * np.round(1e2 * states.v)), ahead)
 
 
 # --- marks ------------------------------------------------------------------------------------
