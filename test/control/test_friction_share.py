@@ -65,9 +65,10 @@ def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign: float, j:
     assert share.share[j] == pytest.approx(SHARE**2)
 
 
-def test_a_joint_that_moves_against_its_compensation_keeps_all_of_it() -> None:
+@pytest.mark.parametrize('friction', [-1.0, 0.0])
+def test_a_joint_that_its_compensation_does_not_drive_keeps_all_of_it(friction: float) -> None:
     share = FrictionShare(LIMIT)
-    assert not take(share, 1.0, -3.0 * FAST)
+    assert not take(share, 1.0, 3.0 * FAST, friction=friction)
     assert share.share.tolist() == [1.0, 1.0]
 
 
