@@ -36,7 +36,7 @@ LARGEST_REGULARIZATION = 1.0
 POSES = 200
 LEAST_NOISE = 0.5
 """Least noise away from rest, by the RMS of all residuals: other motions have other errors."""
-LEAST_FRICTION = 0.4
+LEAST_FRICTION = 0.3
 """Least deviation at rest, by the dry friction: other motions may reverse faster."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
 """The efforts are affine in gravity: these vectors have the parameters of any direction."""
