@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.oscillation_guard import (
+    _Noise,
     HALF_WAVES,
     HARMLESS,
     HIGHER,
@@ -26,7 +27,6 @@ from robot_dynamics.control.gains.oscillation_guard import (
     STEP,
     SUSTAINED,
     WINDOW,
-    _Noise,
 )
 
 RATES = st.sampled_from([100, 125, 250, 500, 1000])
@@ -149,7 +149,7 @@ def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(
     assert (changes[-1] == 1.0) == restores  # it does not depend on the gains
 
 
-# --- exact bounds, by half-waves of one sample per millisecond ------------------------------------
+# --- exact bounds, by half-waves of one sample per millisecond -----------------------------------
 
 def half_waves(peaks: Sequence[float], duration: int | Sequence[int] = 25) -> FloatArray:
     """Return half-waves with alternating signs, each of `duration` samples."""
