@@ -185,6 +185,14 @@ def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are(
     assert gains.mean_period == pytest.approx(0.002, rel=0.05)  # over 0.2 s
 
 
+def test_the_mean_period_follows_states_that_are_slower_than_its_time_at_once() -> None:
+    gains = StableGains(ARM.joint_kinds)
+    gains.set_loop_gains(DEFAULT, RATE)
+    for dt in (0.0, 0.1, 0.3, 0.45):
+        take(gains, dt, Q, V)
+    assert gains.mean_period == pytest.approx(0.45)
+
+
 def test_the_slowest_rate_is_where_the_gains_begin_to_be_lowered() -> None:
     limit = slowest_rate(DEFAULT)
     assert observe(1.02 * limit)[1] == 1.0

@@ -270,11 +270,10 @@ class StableGains:
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
-        was_known, before = self.is_known, (self.least, self.reference_scale)
-        gains = self._gains
+        was_known, gains = self.is_known, self._gains
         if gains is None:
             self.scale, self.least, self.reference_scale = np.ones_like(self.scale), 1.0, 1.0
-            return before != (1.0, 1.0)
+            return False
         of_noise = self._scale_of_noise(gains)
         full = self._scaled(gains, self.period, of_noise)
         scale = full if self.is_known else UNKNOWN * full
