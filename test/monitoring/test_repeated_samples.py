@@ -21,7 +21,7 @@ from consistency_signals import (
 )
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.motion_consistency import MotionConsistency
+from robot_dynamics.monitoring.motion_consistency import MotionConsistency, PRISMATIC
 from robot_dynamics.monitoring.repeated_samples import REFERENCE
 
 
@@ -147,20 +147,26 @@ def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
 
 
 @pytest.mark.parametrize('rounding', [0.0, 1e-16])
-def test_a_joint_that_stands_is_not_frozen(rounding: float) -> None:
-    one, v = consistency(), np.full(N, rounding)
-    reference = np.linspace(0.0, 0.9 * REFERENCE, 1000)[:, None] * np.array([1.0, -1.0, 0.0])
-    for k in range(1000):
-        assert one.update(k * SECOND // 500, np.zeros(N), v, row_of(reference, k))
+@pytest.mark.parametrize(('kind', 'share', 'stands'), [
+    ('revolute', 0.9, True), ('revolute', 1.1, False),
+    ('prismatic', 0.9 * PRISMATIC, True), ('prismatic', 1.1 * PRISMATIC, False)])
+def test_a_joint_stands_while_its_reference_is_near(
+    rounding: float, kind: str, share: float, stands: bool,
+) -> None:
+    one, q, v = consistency((kind,) * N), np.full(N, 0.7), np.full(N, rounding)
+    reference = q + share * REFERENCE * np.clip(
+        np.arange(1000) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, -1.0, 0.0])
+    is_good = [one.update(k * SECOND // 500, q, v, row_of(reference, k)) for k in range(1000)]
+    assert all(is_good) == stands
 
 
 def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
-    held = np.array([0.15, 0.0, 0.0])
+    held, q = np.array([0.15, 0.0, 0.0]), np.full(N, 0.7)
     one = MotionConsistency(NAMES, KINDS, lambda q, error: np.abs(error) <= held)
-    reference = np.linspace(0.0, 0.2, 1000)[:, None] * np.array([1.0, 0.1, 0.0])
-    is_good = [one.update(k * SECOND // 500, np.zeros(N), np.zeros(N), row_of(reference, k))
+    reference = q + np.linspace(0.0, 0.2, 1000)[:, None] * np.array([1.0, 0.1, 0.0])
+    is_good = [one.update(k * SECOND // 500, q, np.zeros(N), row_of(reference, k))
                for k in range(1000)]
-    assert reference[is_good.index(False), 0] == pytest.approx(0.15, abs=5e-3)
+    assert reference[is_good.index(False), 0] - q[0] == pytest.approx(0.15, abs=5e-3)
 
 
 @pytest.mark.parametrize('speed', [0.01, 0.05, 0.3])

@@ -111,8 +111,9 @@ UNCERTAINTY_SPECS = (
         'joints or one per joint. If empty, 0.'), read_only=True),
     numbers('uncertainty.friction_velocity', 0.0, 1e6, (
         'Velocity v_f [rad/s] or [m/s] around which this deviation decreases: it is '
-        'uncertainty.friction_deviation / (1 + u²/v_f²) with u = |v| − |a| / (4 B), at least 0, '
-        'where B is uncertainty.noise_bandwidth: soon after a reversal a joint counts as at rest. '
+        'uncertainty.friction_deviation / (1 + u²/v_f²), where u is the speed less the amount of '
+        'the acceleration / (4 uncertainty.noise_bandwidth), at least 0: soon after a reversal a '
+        'joint counts as at rest. '
         'It must be above 0 if uncertainty.friction_deviation is set.'), read_only=True),
 )
 
