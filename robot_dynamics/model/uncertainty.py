@@ -61,7 +61,7 @@ def speed_from_rest(v: FloatArray, a: FloatArray, bandwidth: float) -> FloatArra
     A filter of this `bandwidth` [Hz] smooths the step of dry friction where v changes its sign:
     within REVERSAL / bandwidth seconds of it, at the acceleration a, a joint counts as at rest.
     """
-    return np.maximum(np.abs(v) - REVERSAL / bandwidth * np.abs(a), 0.0)
+    return np.maximum(np.abs(v) - REVERSAL * np.abs(a) / bandwidth, 0.0)
 
 
 def friction_share(ratio: FloatArray) -> FloatArray:
