@@ -10,6 +10,7 @@ Run the controller, the simulated arm and a node of your own in one executor.
 from argparse import ArgumentParser
 import signal
 import sys
+import threading
 
 import rclpy
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -42,8 +43,9 @@ def main() -> None:
     parser = ArgumentParser(description=__doc__)
     parser.add_argument('--threads', type=int, default=1, help='Number of threads of the executor')
     threads = parser.parse_args(remove_ros_args(sys.argv)[1:]).threads
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # raises KeyboardInterrupt
+    end = threading.Event()
+    for end_signal in (signal.SIGINT, signal.SIGTERM):  # no exception, which rclpy could convert
+        signal.signal(end_signal, lambda *_: end.set())
     sys.setswitchinterval(0.0001)
     # The handlers of rclpy would shut the context down before the effort is ramped to zero.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -52,9 +54,8 @@ def main() -> None:
     for node in nodes:
         executor.add_node(node)
     try:
-        executor.spin()
-    except KeyboardInterrupt:
-        pass
+        while not end.is_set():
+            executor.spin_once(timeout_sec=0.1)
     finally:
         executor.shutdown()
         for node in nodes:  # the controller before the arm
