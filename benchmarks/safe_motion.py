@@ -36,6 +36,7 @@ from benchmarks.safe_motion_cases import (
 )
 from benchmarks.safe_motion_disturbances import DISTURBANCES
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
+from robot_dynamics.control.controller import LAWS
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import (
     BLACK,
@@ -78,7 +79,8 @@ def main(argv: Sequence[str] = ()) -> None:
         cases += all_cases(arms)[::arguments.quick]
     if not arguments.clean:
         cases += all_cases(arms, arguments.kinds)[::arguments.quick]
-    cases = [case._replace(has_velocity=not arguments.positions_only) for case in cases]
+    cases = [case._replace(
+        has_velocity=not arguments.positions_only, command=arguments.command) for case in cases]
     start = time.perf_counter()
     runs = run_all(cases, arguments.jobs)
     _print_report(runs, time.perf_counter() - start, arguments.jobs)
@@ -111,6 +113,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--positions-only', action='store_true',
         help='joint states without velocities; with noise, that of the positions')
+    parser.add_argument(
+        '--command', choices=LAWS, default='computed_torque', metavar='LAW',
+        help=f'control law, by default computed_torque; expected one of {", ".join(LAWS)}')
     parser.add_argument(
         '--figure', type=Path, metavar='FILE', help='plot of the largest velocities (PNG)')
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of all runs')

@@ -87,6 +87,8 @@ class Case(NamedTuple):
     has_velocity: bool = True
     disturbance: str = ''
     """A key of `safe_motion_disturbances.DISTURBANCES`, empty for none."""
+    command: str = 'computed_torque'
+    """The law of the loop."""
 
     @property
     def seed(self) -> int:

@@ -141,7 +141,7 @@ class Scene:
     ) -> None:
         """Call `disturb` once, at a random time of the motion, or before the first state."""
         self.case, self.arm, self.motion = case, arm, motion
-        self.loop = ControlLoop.of_arm(arm)
+        self.loop = ControlLoop.of_arm(arm, command=case.command)
         self.plant = Plant(arm, motion.start)
         self.rng = np.random.default_rng((case.seed, 1))
         """For the disturbance."""

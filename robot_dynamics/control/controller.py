@@ -30,6 +30,7 @@ from robot_dynamics.control.laws.control_law import (
     load_law,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.joint_impedance import JointImpedance
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, robot_effort
@@ -47,6 +48,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 LAWS: dict[str, LawFactory] = {
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,
+    'joint_impedance': JointImpedance,
 }
 """The control laws of this package, by the values of the parameter `command`."""
 NO_COMMAND = 'none'
@@ -520,6 +522,12 @@ class Controller:
         holding = np.maximum(friction.static + friction.offset, usual) + HELD_ERROR * (
             np.diagonal(M) * K_p)
         return np.asarray(np.abs(M @ (K_p * error)) <= holding)
+
+    def stiffness(self, q: FloatArray) -> FloatArray | None:
+        """Return the scaled stiffness (n,) [N·m/rad] or [N/m] at q (n,), None without one."""
+        if not self._follows or self._options.command == NO_COMMAND:
+            return None
+        return self._law_with_reference.stiffness(self._load.dynamics.rigid_body.mass_matrix(q))
 
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:

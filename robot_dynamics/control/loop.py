@@ -27,6 +27,7 @@ from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffort
 from robot_dynamics.control.controller import Controller, NO_COMMAND
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -140,7 +141,8 @@ class ControlLoop:
         """
         rates = default_effort_rates(arm)
         defaults: dict[str, Any] = {
-            'gains': make_gains(arm.joint_names), 'effort_rate': (
+            'gains': make_gains(arm.joint_names),
+            'impedance': make_impedance(arm.joint_names, arm.limits.effort), 'effort_rate': (
                 rates if arm.drive is None else arm.drive.scale * rates),
             'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
             'estimates_velocity': True, 'checks_goals': True}

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.error_feedback import Gains
+from robot_dynamics.control.laws.impedance import Impedance
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 
@@ -60,6 +61,8 @@ class ControllerOptions:
     """Reject points beyond the position and velocity limits of the arm; see `goal_limits`."""
     clips_positions: bool = False
     """Clip positions beyond the limits instead of rejecting them."""
+    impedance: Impedance | None = None
+    """Stiffness and damping ratio of the law `joint_impedance`, which requires them."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for no limit."""

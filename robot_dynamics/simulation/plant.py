@@ -13,6 +13,7 @@ from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
+from robot_dynamics.simulation.drive_loop import DRIVE_PERIOD, DriveLoop
 from robot_dynamics.simulation.mujoco_simulation import DirectDrives, MujocoSimulation
 
 
@@ -107,6 +108,8 @@ class SimulatedRobot:
         self.velocity_noise = 0.0
         self.effort_noise = 0.0
         self.encoders_at_motor = False
+        self.drive_loop: DriveLoop | None = None
+        """The position loops of the drives, which take a DriveCommand (3, n), not an effort."""
         self.has_brakes = brakes
         self.effort_limit: FloatArray | None = None
         """Limits (n,) to which the drives clip efforts, may be infinite; None: no clipping."""
@@ -136,9 +139,10 @@ class SimulatedRobot:
         """
         Apply this effort (n,), clipped to `effort_limit`, and release the brakes.
 
-        Return the joint that exceeds its limit most, None if no joint exceeds it.
+        Return the joint that exceeds its limit most, None if no joint exceeds it. With a
+        `drive_loop`, take its command (3, n): position, velocity and effort.
         """
-        joint, self.effort = self._clip(effort)
+        joint, self.effort = self._clip(effort) if self.drive_loop is None else (None, effort)
         self.commands.receive()
         self.timed_out = False
         self.simulation.release()
@@ -176,8 +180,14 @@ class SimulatedRobot:
         if self.simulation.braked:
             self.simulation.wait(period, wrenches)
             return
-        effort = self._robot.with_own_compensation(self.effort, *self.simulation.state)
-        self.simulation.step(effort, period, wrenches)
+        drives, steps = self.drive_loop if self.effort.ndim == 2 else None, 1
+        if drives is not None:
+            steps = max(1, round(period / DRIVE_PERIOD))
+        for _ in range(steps):
+            q, v = self.simulation.state
+            effort = self.effort if drives is None else drives.effort(self.effort, q, v)
+            self.simulation.step(
+                self._robot.with_own_compensation(effort, q, v), period / steps, wrenches)
 
     def measure(self) -> Measured:
         """Return the present values of the sensors."""

@@ -12,13 +12,10 @@ import pytest
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.laws.computed_torque import (
-    CHANGE_FRACTION,
-    ComputedTorque,
-    REVERSAL_TIME,
-)
+from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, REVERSAL_TIME
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
 from robot_dynamics.joints.effort_convention import EffortConvention

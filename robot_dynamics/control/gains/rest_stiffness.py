@@ -12,13 +12,13 @@ from robot_dynamics.control.controller import Controller
 
 class RestStiffness(NamedTuple):
     """
-    The closed loop of computed torque at rest, each (n,).
+    The closed loop of a law that follows references, at rest, each (n,).
 
-    `stiffness` M_jj K_p [N·m/rad] or [N/m] is the effort of the feedback per position error of the
-    joint, with rotors as far as they are known and with scaled gains. `friction_error` [rad] or
+    `stiffness` K_j [N·m/rad] or [N/m] is the effort of the feedback per position error of the
+    joint, with scaled gains: of computed torque M_jj K_p, with rotors as far as they are known. `friction_error` [rad] or
     [m] is the position error up to which the known dry friction F_s can hold the joint against
     the feedback and against the compensation of F_s over the width w (`tracking_effort`), if it
-    acts at rest: F_s / (M_jj K_p + F_s / w). It is NaN if no dry friction is known.
+    acts at rest: F_s / (K_j + F_s / w). It is NaN if no dry friction is known.
     """
 
     stiffness: FloatArray
@@ -26,13 +26,12 @@ class RestStiffness(NamedTuple):
 
 
 def rest_stiffness(controller: Controller) -> RestStiffness | None:
-    """Return the stiffness at the last state, None without a state or computed torque."""
+    """Return the stiffness at the last state, None without a state or a law that follows."""
     with controller.lock:
         state = controller.state
-        if state is None or controller.options.command != 'computed_torque':
-            return None
-        K_p = controller.feedback_gains[0]
-        K = np.diagonal(controller.dynamics.rigid_body.mass_matrix(state[1])) * K_p
+        K = None if state is None else controller.stiffness(state[1])
+    if K is None:
+        return None
     friction = controller.loaded_arm.friction
     F_s = friction.at_rest.static
     spring = F_s / friction.tracking_width if controller.compensates_friction_at_rest else 0.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Control laws: computed torque, gravity compensation, and those of users."""
+"""Control laws: computed torque, joint impedance, gravity compensation, and those of users."""
 
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
@@ -11,6 +11,8 @@ from robot_dynamics.control.laws.control_law import (
     LawOutput,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.impedance import Impedance, make_impedance
+from robot_dynamics.control.laws.joint_impedance import JointImpedance
 
 __all__ = [
     'ComputedTorque',
@@ -18,7 +20,10 @@ __all__ = [
     'ErrorFeedback',
     'Gains',
     'GravityCompensation',
+    'Impedance',
+    'JointImpedance',
     'LawInput',
     'LawOutput',
     'make_gains',
+    'make_impedance',
 ]

@@ -121,6 +121,10 @@ class ControlLaw:
         """
         return np.zeros_like(M), np.zeros_like(M)
 
+    def stiffness(self, M: FloatArray) -> FloatArray:
+        """Return the scaled efforts per position error of their joint, (n,) [N·m/rad] or [N/m]."""
+        return np.asarray(self.scale**2 * np.diagonal(M @ self.closed_loop(M)[0]))
+
     def scale_gains(self, scale: FloatArray) -> None:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale

@@ -20,6 +20,7 @@ from robot_dynamics.control.safety.supervisor import Fault, Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.dynamics.command_output import CommandOutput
+from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
 from robot_dynamics.ros.dynamics.markers import LiveMarkers
@@ -97,8 +98,9 @@ class ControlPath:
         self._reference = publisher(JointState, '~/reference')
         self._send_gravity = raw_publish(gravity)
         self._send_computed_torque = raw_publish(computed_torque)
-        self._counts = [subscription_count(one) for one in (
-            gravity, computed_torque, self._terms, self._reference)]
+        self._drives = DriveCommands(node, NEWEST_ONLY)
+        self._counts = [*(subscription_count(one) for one in (
+            gravity, computed_torque, self._terms, self._reference)), *self._drives.counts]
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
         self.payload_samples = PayloadSamples()
@@ -116,12 +118,12 @@ class ControlPath:
 
     def set_loop(
         self, loop: ControlLoop, check: EffortCheck, estimates: Estimates,
-        is_embedded: bool = False,
+        is_embedded: bool = False, drive_stiffness: FloatArray | None = None,
     ) -> None:
         """
         Serve this arm from the next joint state on, and run `check` until it is done.
 
-        With `is_embedded` nothing is published once the joint states contain other joints.
+        `drive_stiffness` is that of `DriveCommands`. With `is_embedded` nothing is published once the joint states contain other joints.
         """
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
@@ -134,6 +136,7 @@ class ControlPath:
             self._used_at = time.monotonic()
             self.counters.velocities = 'measured'
             self.estimates.set_estimates(estimates)
+            self._drives.set_loop(loop, drive_stiffness)
             self.command.set_loop(loop)
 
     def forget(self) -> None:
@@ -328,7 +331,7 @@ class ControlPath:
     def _publish(self, state: SensedState, served: _Served, answer: LoopAnswer) -> None:
         template, output = served.template, answer.output
         gravity, computed_torque, terms_count, reference_count = (
-            count() for count in self._counts)
+            count() for count in self._counts[:4])
         if gravity:
             self._send_gravity(template.filled(state.stamp, output.gravity_compensation))
         if computed_torque and output.computed_torque is not None:
@@ -342,3 +345,4 @@ class ControlPath:
         if reference is not None:
             self._reference.publish(served.reference_template.filled(
                 state.stamp, reference.position, reference.velocity))
+        self._drives.publish(state.stamp, answer)

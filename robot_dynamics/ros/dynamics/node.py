@@ -245,7 +245,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             controller, effort_limits(values, arm), safety_options(values), monitor,
             self._path.loop)
         estimates = Estimates(controller, options.effort_convention, values)
-        self._path.set_loop(loop, check, estimates, is_embedded)
+        self._path.set_loop(
+            loop, check, estimates, is_embedded, optional_limits('drive.stiffness', values, arm))
         self._limit_path(values, arm)
         self._path.markers.set_controller(controller, parse_urdf(xml).root_link)
         self._dynamics_services.set_controller(controller)

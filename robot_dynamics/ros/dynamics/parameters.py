@@ -8,13 +8,14 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import command_modes
-from robot_dynamics.control.laws.computed_torque import FRICTION_MODES
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
     make_gains,
     per_joint,
 )
+from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
+from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -42,6 +43,7 @@ from robot_dynamics.ros.parameters.robot_description import (
     ACTUATOR_SPECS,
     DESCRIPTION_SPECS,
     DRIVE_SPECS,
+    DRIVE_STIFFNESS_SPEC,
     FRICTION_SPECS,
     ROBOT_GRAVITY_SPEC,
     UNCERTAINTY_SPECS,
@@ -104,6 +106,7 @@ SPECS = (
     *FRICTION_SPECS,
     *ACTUATOR_SPECS,
     *DRIVE_SPECS,
+    DRIVE_STIFFNESS_SPEC,
     *UNCERTAINTY_SPECS,
     texts('ignore_checks', (
         'Names of model checks whose errors are logged as warnings instead of rejecting the '
@@ -111,7 +114,7 @@ SPECS = (
     *PAYLOAD_SPECS,
     text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
-        'computed_torque stops the arm from the first joint state and holds it; '
+        'computed_torque and joint_impedance stop the arm from the first joint state and hold it; '
         'gravity_compensation does not hold it. Other packages may add laws.'),
         choices=command_modes()),
     numbers('gains.natural_frequency', 0.0, 1e4, (
@@ -126,6 +129,14 @@ SPECS = (
     numbers('gains.kd', 0.0, 1e8, (
         'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all joints '
         'or one per joint.')),
+    numbers('impedance.stiffness', 0.0, 1e8, (
+        'Stiffness [N·m/rad] or [N/m] of joint_impedance; one value for all joints or one per '
+        'joint. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an '
+        'effort limit.')),
+    numbers('impedance.damping_ratio', 0.0, 1e4, (
+        'Damping ratio of joint_impedance, with the inertia of the joint in the present '
+        'configuration; one value for all joints or one per joint.'),
+        default=[DEFAULT_DAMPING_RATIO]),
     flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
         'false, the arm can oscillate.')),
@@ -165,11 +176,12 @@ SPECS = (
         'executor.'), read_only=True),
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
+IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio')
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
-    for name in (*GAINS, 'following_error_limit', 'external_effort_limit'):
+    for name in (*GAINS, *IMPEDANCE, 'following_error_limit', 'external_effort_limit'):
         check_order_is_given(values, name, arm)
     optional_limits('external_effort_limit', values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
@@ -179,7 +191,9 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
         optional_limits('following_error_limit', values, arm), values['reference_timeout'],
         not values['require_measured_velocities'], checks_goals=True,
-        clips_positions=values['infeasible_trajectory'] == 'clip')
+        clips_positions=values['infeasible_trajectory'] == 'clip',
+        impedance=make_impedance(
+            arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)))
 
 
 def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:

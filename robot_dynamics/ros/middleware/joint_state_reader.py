@@ -69,6 +69,19 @@ class JointStateReader:
         """
         return self._values(message, 'effort', LARGEST_VALUE)
 
+    def drive_command(self, message: JointState | SensedState) -> FloatArray:
+        """
+        Return position, velocity and effort of a command to drives, (3, n).
+
+        An effort that is missing is 0. Raises InvalidInputError as `finite_effort` does, also if
+        there are no velocities: a drive that takes them for 0 brakes the motion.
+        """
+        if not len(message.velocity):
+            raise InvalidInputError('velocity is empty, expected that of the reference')
+        q, v = (self._values(message, field, LARGEST_VALUE) for field in ('position', 'velocity'))
+        effort = self.finite_effort(message) if len(message.effort) else np.zeros_like(q)
+        return np.array([q, v, effort])
+
     def _learn(self, names: list[str]) -> None:
         """Find the joints; publishers keep their order, so this is done once per publisher."""
         self._known_names = None

@@ -47,6 +47,12 @@ ROBOT_GRAVITY_SPEC = numbers('robot_gravity', -1000.0, 1000.0, (
     'robot_compensates contains gravity. If empty, that of the parameter gravity.'),
     read_only=True)
 
+DRIVE_STIFFNESS_SPEC = numbers('drive.stiffness', 0.0, 1e8, (
+    'Stiffness k_p [N·m/rad] or [N/m] of the position loops of the drives; one value for all '
+    'joints or one per joint. dynamics computes with it the positions of ~/position_offset. With '
+    'it simulated_arm takes the commands of dynamics/feed_forward instead of effort_command, and '
+    'its drives close their loops at 1 kHz.'), read_only=True)
+
 FRICTION_SPECS = tuple(
     numbers(f'friction.{field.name}', field.minimum, field.maximum, field.description,
             read_only=True)

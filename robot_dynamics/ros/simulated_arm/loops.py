@@ -37,6 +37,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 NEWEST_ONLY = QoSProfile(depth=1)
+DRIVE_TOPIC = 'dynamics/feed_forward'
+"""Commands to drives with their own position loop, from the node `dynamics`."""
 MAX_LAG = 0.1
 """Lateness [s] above which the simulation discards its backlog and logs a warning."""
 LONGEST_GAP = 0.02
@@ -54,7 +56,9 @@ class ArmTopics:
 
     def __init__(
         self, node: Node, joint_names: tuple[str, ...], with_clock: bool, is_lock_step: bool,
+        has_drive_loop: bool = False,
     ) -> None:
+        """With `has_drive_loop`, take position, velocity and effort from ~/feed_forward."""
         self._node = node
         self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
         mark = LOCK_STEP if is_lock_step else ''
@@ -63,8 +67,10 @@ class ArmTopics:
         self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None
+        self._read = self._reader.drive_command if has_drive_loop else self._reader.finite_effort
         self.inbox = message_inbox(
-            node, JointState, 'effort_command', NEWEST_ONLY, can_wake=True)
+            node, JointState, DRIVE_TOPIC if has_drive_loop else 'effort_command', NEWEST_ONLY,
+            can_wake=True)
         self.efforts = self.inbox.subscription
 
     @property
@@ -77,13 +83,13 @@ class ArmTopics:
         return self._clock is not None
 
     def take_effort(self) -> tuple[FloatArray, int] | None:
-        """Return the newest effort that has arrived and its stamp, or None."""
+        """Return the newest effort or drive command that has arrived and its stamp, or None."""
         try:
             taken = self.inbox.take()
             if taken is None:
                 return None
             state = self._decoder.decode(taken[0])
-            effort = self._reader.finite_effort(state)
+            effort = self._read(state)
         except Exception as error:  # no message may end the simulation
             self._node.get_logger().warning(
                 f'Rejected an effort: {describe_error(error)}', throttle_duration_sec=LOG_PERIOD)

@@ -41,8 +41,23 @@ from robot_dynamics.ros.simulated_arm.plant_node import (
     PlantNode,
 )
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
+from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from robot_dynamics_interfaces.srv import SetPayload
+
+DRIVE_LOOP_SPECS = (
+    robot_description.DRIVE_STIFFNESS_SPEC,
+    numbers('drive.damping', 0.0, 1e8, (
+        'Damping k_d [N·m·s/rad] or [N·s/m] of the position loops of the drives; one value for '
+        'all joints or one per joint. Expected with drive.stiffness.'), read_only=True),
+    number('drive.stiffness_limit', 0.0, 0.0, 1e8, (
+        'Largest drive.stiffness that the drives take; 0 for no limit.'), read_only=True),
+    number('drive.damping_limit', 0.0, 0.0, 1e8, (
+        'Largest drive.damping that the drives take; 0 for no limit.'), read_only=True),
+    number('drive.effort_limit', 0.0, 0.0, 1e8, (
+        'Largest effort [N·m] or [N] of a drive with a position loop; 0 for the effort limits of '
+        'the URDF.'), read_only=True),
+)
 
 SPECS = (
     *robot_description.DESCRIPTION_SPECS,
@@ -70,6 +85,7 @@ SPECS = (
     text('encoders', 'joint', (
         'Side of the gear on which joint_states measures position and velocity if there is '
         'backlash: joint or motor.'), choices=('joint', 'motor'), read_only=True),
+    *DRIVE_LOOP_SPECS,
     *NOISE_SPECS,
     number('max_step', DEFAULT_MAX_STEP, 1e-6, 0.1, (
         'Longest integration step [s].'), read_only=True),
@@ -89,6 +105,8 @@ USAGE = NodeUsage(
      'command_timeout', 'measured_effort', 'robot_compensates', 'position_noise'),
     (('effort_command', 'Subscribed, sensor_msgs/msg/JointState: the effort [N·m] or [N] at each '
       'joint, by joint name.'),
+     ('dynamics/feed_forward', 'Subscribed instead of effort_command with drive.stiffness, '
+      'sensor_msgs/msg/JointState: position, velocity and effort of each drive.'),
      ('~/external_wrench', 'Subscribed, geometry_msgs/msg/WrenchStamped: a wrench on the link '
       'frame_id, until the next message.'),
      ('joint_states', 'Published, sensor_msgs/msg/JointState: position, velocity and effort.'),
@@ -135,6 +153,7 @@ class SimulatedArmNode(PlantNode):
             self._simulation, InnerController(self._arm, convention_from_parameters(values)),
             values['brakes'], np.random.default_rng(values['seed']))
         plant.encoders_at_motor = values['encoders'] == 'motor'
+        plant.drive_loop = drive_loop_from(self._arm, values)
         self.create_service(SetPayload, '~/set_payload', self._set_payload)
         self._begin(plant, self._arm.given_drive.limit, values)
 

@@ -77,7 +77,8 @@ class PlantNode(GuardedCallbacks):
         self._lock, self._plant, self._effort_limit = threading.Lock(), plant, effort_limit
         arm = plant.simulation.arm
         topics = ArmTopics(
-            self, arm.joint_names, _has_own_time(values), values['lock_step'])
+            self, arm.joint_names, _has_own_time(values), values['lock_step'],
+            plant.drive_loop is not None)
         loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
         self._loop = loop_type(self, plant, topics, self._lock, 1.0 / values['rate'])
         if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:
@@ -91,8 +92,8 @@ class PlantNode(GuardedCallbacks):
         self.create_service(Trigger, '~/reset', self._reset)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         self.get_logger().info(
-            f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first effort '
-            f'arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
+            f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first '
+            f'{"effort" if plant.drive_loop is None else "drive command"} arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
         self.call_when_spun(self._loop.start)
 
     def request_shutdown(self) -> None:

@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The effort against friction that the laws with references add to the motion equation."""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+
+FRICTION_MODES = ('reference', 'measured', 'none')
+"""The velocity at which friction is compensated; see `error_feedback`."""
+
+
+class FrictionCompensation:
+    """The compensation of n joints in one of FRICTION_MODES."""
+
+    def __init__(self, mode: str, n: int) -> None:
+        self._mode = mode
+        self.none = np.zeros(n)
+        self.none.setflags(write=False)
+        self._stiffness: FloatArray | float = 1.0
+        self._share: FloatArray | float = 1.0
+
+    def scale(self, stiffness: FloatArray, share: FloatArray) -> None:
+        """Scale the compensation of dry friction; see `JointFriction.tracking_effort`."""
+        self._stiffness, self._share = stiffness, share
+
+    def effort(
+        self, dynamics: UncheckedArmDynamics, v_ref: FloatArray, e: FloatArray, v: FloatArray,
+        rate: FloatArray, load: FloatArray,
+    ) -> FloatArray:
+        """
+        Return the effort (n,) [N·m] or [N] at a velocity v and a reference with the velocity v_ref.
+
+        `e` is the position error, `rate` K_p/K_d [1/s], and `load` the effort without friction.
+        """
+        if self._mode == 'reference':
+            return dynamics.friction.tracking_effort(
+                v_ref, e, rate, load, self._stiffness, self._share)
+        return dynamics.friction_effort(v, load) if self._mode == 'measured' else self.none

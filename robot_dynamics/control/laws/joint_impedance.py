@@ -1,0 +1,110 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Joint impedance: a spring and a damper between each joint and its reference.
+
+τ = M(q) q̈_ref + C(q, q̇) q̇ + g(q) + friction + K e + D ė. Without the first term the arm would
+leave a moving reference and pass its end (B. Paden, R. Panja, Int. J. Control 47(6), 1988). With the given stiffness K_0, diagonal, the double
+diagonalisation M(q) = Q Qᵀ, K_0 = Q Ω² Qᵀ yields the natural frequencies Ω of the present
+configuration (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, *Cartesian impedance control of
+redundant robots*, ICRA 2003). Sampled feedback cannot control the fast ones, of light joints and
+of joints that turn against each other: with Ω_c, at most LARGEST_FREQUENCY times the scale of the
+gains, K = Q min(Ω, Ω_c)² Qᵀ, and D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0.
+"""
+
+from functools import partial
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
+from robot_dynamics.control.laws.rate_limited_feedback import feedback_shares
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm_dynamics import EffortTerms
+
+LARGEST_FREQUENCY = 30.0
+"""[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
+LEAST_INERTIA = 1e-9
+"""Share of M_jj, and [kg·m²] or [kg], added to M_jj, which can be 0 without rotors."""
+
+
+class JointImpedance(ControlLaw):
+    """The law τ = M q̈_ref + C q̇ + g + friction + K e + D ė."""
+
+    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
+        """Raise InvalidInputError if the options contain no impedance."""
+        if options.impedance is None:
+            raise InvalidInputError(
+                'impedance is not given, expected that of make_impedance for joint_impedance')
+        self._stiffness, self._damping_ratio = options.impedance
+        n = len(self._stiffness)
+        self._friction = FrictionCompensation(options.friction_compensation, n)
+        self._effort_rate = np.full(n, np.inf)
+
+    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
+        """Limit the change of the feedback to a fraction of the rate limit of the effort."""
+        self._effort_rate = effort_rate
+
+    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
+        """Scale the compensation of dry friction."""
+        self._friction.scale(stiffness, share)
+
+    def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the closed loop at the largest frequency, which no mode exceeds in any pose."""
+        c = LARGEST_FREQUENCY
+        return c * c * np.eye(len(M)), np.diag(2.0 * c * self._damping_ratio)
+
+    def stiffness(self, M: FloatArray) -> FloatArray:
+        """Return the diagonal of K."""
+        return np.diagonal(self._gains(M)[0])
+
+    def _gains(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return K and D (n, n) at M(q)."""
+        L = np.linalg.cholesky(M + np.diag(LEAST_INERTIA * np.diagonal(M) + LEAST_INERTIA))
+        to_modes = np.linalg.inv(L)
+        squares, V = np.linalg.eigh((to_modes * self._stiffness) @ to_modes.T)
+        omega = np.sqrt(np.maximum(squares, 0.0))
+        largest = LARGEST_FREQUENCY * float(np.min(self.scale, initial=1.0))
+        if omega[-1] <= largest:
+            K = np.diag(self._stiffness)
+        else:
+            omega = np.minimum(omega, largest)
+            K = (L @ V * omega**2) @ (L @ V).T
+        zeta = np.sqrt(self._damping_ratio)
+        return K, 2.0 * zeta[:, np.newaxis] * ((L @ V * omega) @ (L @ V).T) * zeta
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        """Return the effort of spring and damper, and that of the arm along the reference."""
+        dynamics, q, v, reference = state.dynamics, state.q_ahead, state.v, state.reference
+        if v is None:
+            raise ValueError('joint impedance needs a velocity')
+        e = state.feedback.position_error(reference.position, state.q)
+        e_dot = reference.velocity - v
+        M = dynamics.rigid_body.mass_matrix(q)
+        K, D = self._gains(M)
+        spring, damper = K @ e, D @ e_dot
+        change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
+        share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
+        driving = M @ reference.acceleration + share * spring + s * damper
+        effort = dynamics.rigid_body.nonlinear(q, v) + driving
+        friction = self._friction.none
+        if not dynamics.is_frictionless:
+            damping = np.diagonal(D)
+            rate = np.divide(
+                np.diagonal(K), damping, out=np.zeros_like(e), where=damping > 0.0)
+            friction = self._friction.effort(dynamics, reference.velocity, e, v, rate, effort)
+            effort = effort + friction
+        return LawOutput(
+            effort, partial(self._terms, state, driving, friction), friction,
+            bool((np.abs(e) > state.feedback.largest_error).any()), scale=s)
+
+    def _terms(
+        self, state: LawInput, driving: FloatArray, friction: FloatArray,
+    ) -> EffortTerms:
+        q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
+        assert v is not None
+        a = np.linalg.solve(body.mass_matrix(q), driving)
+        return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
