@@ -44,6 +44,8 @@ PROXIMAL, DISTAL = 240.0, (31.0, 16.0)
 """k_p [N·m/rad] of the first four joints, and of the next ones."""
 DAMPING_RATIO, LARGEST_DAMPING = 0.7, 5.0
 """Of k_d, with the inertia at the start; k_d [N·m·s/rad] of a DM4310 at most."""
+FASTEST, ROTOR = 500.0, 0.01
+"""[rad/s²]: effort limit / inertia of a rotor; inertia [kg·m²] without an effort limit."""
 DELAY = 2
 """[ms] until a command acts."""
 HOLD, MOVE, REST = 2.0, 2.0, 1.0
@@ -74,12 +76,21 @@ class Result(NamedTuple):
         return float(np.sqrt((moving**2).mean()))
 
 
-def drives_of(arm: ArmModel, q: FloatArray) -> DriveLoop:
-    """Return drives with the gains of small arms."""
+def with_rotors(arm: ArmModel) -> ArmModel:
+    """Return the arm with the rotors of its drives, which most descriptions lack."""
+    limit = arm.limits.effort
+    return arm.with_reflected_inertia(np.where(
+        np.isfinite(limit), limit / FASTEST, ROTOR) + arm.reflected_inertia)
+
+
+def drives_of(
+    arm: ArmModel, q: FloatArray, largest_damping: float = LARGEST_DAMPING,
+) -> DriveLoop:
+    """Return drives with the stiffness of small arms, and a damping for the inertia at q (n,)."""
     n = arm.joint_count
     stiffness = np.array([PROXIMAL] * 4 + [DISTAL[0]] + [DISTAL[1]] * n)[:n]
     M = np.diagonal(ArmDynamics(arm).rigid_body.mass_matrix(q))
-    damping = np.minimum(2.0 * DAMPING_RATIO * np.sqrt(stiffness * M), LARGEST_DAMPING)
+    damping = np.minimum(2.0 * DAMPING_RATIO * np.sqrt(stiffness * M), largest_damping)
     return DriveLoop(stiffness, damping, arm.limits.effort)
 
 
@@ -143,7 +154,7 @@ def main(argv: Sequence[str] = ()) -> None:
     print('| --- |' + ' ---: |' * len(MODES))
     for name in arguments.arms:
         for rate in RATES:
-            found = {mode: run(arm_named(name), mode, rate) for mode in MODES}
+            found = {mode: run(with_rotors(arm_named(name)), mode, rate) for mode in MODES}
             print(f'| {name}, {rate} Hz | ' + ' | '.join(
                 f'{1e3 * one.sag:.2f}, {1e3 * one.rms:.2f}' for one in found.values()) + ' |')
             if arguments.figure is not None and (name, rate) == (arguments.arms[0], RATES[0]):
@@ -159,7 +170,8 @@ def draw(name: str, found: dict[str, Result], path: Path) -> None:
         for mode, result in found.items():
             largest = 1e3 * np.abs(result.errors).max(axis=1)
             t = 1e-3 * np.arange(1, len(largest) + 1)
-            axes.semilogy(t, np.maximum(largest, 1e-3), color=COLOURS[mode], label=mode)
+            axes.semilogy(t, np.maximum(largest, 1e-3), color=COLOURS[mode], label=mode,
+                          linestyle='--' if mode == 'position offset' else '-')
         axes.set(xlabel='time [s]', ylabel='largest error of a joint [mrad]')
         axes.set_title(f'{name}, joint states at {RATES[0]} Hz')
         figure.legend(loc='outside lower center', ncols=len(MODES), frameon=False)

@@ -26,6 +26,7 @@ from benchmarks.safe_motion_cases import (
     Case,
     DEFAULT_ARMS,
     DELAYS,
+    FEED_FORWARD,
     MOTIONS,
     PERIODS,
     PUSH,
@@ -36,7 +37,6 @@ from benchmarks.safe_motion_cases import (
 )
 from benchmarks.safe_motion_disturbances import DISTURBANCES
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
-from robot_dynamics.control.controller import LAWS
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import (
     BLACK,
@@ -55,6 +55,7 @@ from robot_dynamics.reporting.figures import (
 QUICK = 20
 """`--quick` without a number runs one case of this many."""
 NONE = 'none'
+COMMANDS = ('computed_torque', 'joint_impedance', FEED_FORWARD)
 SHOWN = 10
 """Bad runs that are listed."""
 STYLES = dict(zip(ARMS, (
@@ -114,8 +115,9 @@ def _parser() -> argparse.ArgumentParser:
         '--positions-only', action='store_true',
         help='joint states without velocities; with noise, that of the positions')
     parser.add_argument(
-        '--command', choices=LAWS, default='computed_torque', metavar='LAW',
-        help=f'control law, by default computed_torque; expected one of {", ".join(LAWS)}')
+        '--command', choices=COMMANDS, default='computed_torque', metavar='LAW',
+        help='control law, by default computed_torque, or feed_forward for drives with their own '
+        f'position loop; expected one of {", ".join(COMMANDS)}')
     parser.add_argument(
         '--figure', type=Path, metavar='FILE', help='plot of the largest velocities (PNG)')
     parser.add_argument('--csv', type=Path, metavar='FILE', help='table of all runs')

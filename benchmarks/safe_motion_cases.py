@@ -50,6 +50,9 @@ POSITION_NOISE = 1e-4
 GOAL_MARGIN = 0.1
 """[rad]"""
 
+FEED_FORWARD = 'feed_forward'
+"""The arm is moved by drives with their own position loop, with the feed-forward of the loop."""
+
 BEGIN = 0.1
 """When the reference is sent [s]."""
 LONGEST = 60.0
@@ -88,7 +91,7 @@ class Case(NamedTuple):
     disturbance: str = ''
     """A key of `safe_motion_disturbances.DISTURBANCES`, empty for none."""
     command: str = 'computed_torque'
-    """The law of the loop."""
+    """The law of the loop, or FEED_FORWARD."""
 
     @property
     def seed(self) -> int:

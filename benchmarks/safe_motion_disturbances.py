@@ -14,10 +14,12 @@ from dataclasses import replace
 from functools import partial
 import math
 
+from benchmarks.feed_forward import with_rotors
 from benchmarks.safe_motion_cases import (
     arm_named,
     Case,
     duration_of,
+    FEED_FORWARD,
     GOAL_MARGIN,
     LONGEST,
     Message,
@@ -270,15 +272,21 @@ def static_sag(scene: Scene) -> FloatArray:
     """
     Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
 
-    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e.
+    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e, or that of
+    drives with the stiffness k_p.
     """
     e = np.zeros(scene.arm.joint_count)
     if not scene.has_unknown_load or scene.goal is None:
         return e
     controller = scene.loop.controller
     kp = controller.bandwidth_scale**2 * controller.options.gains.kp
+    drives = scene.drives
     for _ in range(TRIES):
-        e = _acceleration(scene.arm, scene.arm, scene.plant.arm, scene.goal - e) / kp
+        q = scene.goal - e
+        e = _acceleration(scene.arm, scene.arm, scene.plant.arm, q) / kp
+        if drives is not None:
+            g = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
+            e = np.subtract(*g) / drives.stiffness
     return SAG_TOLERANCE * np.abs(e)
 
 
@@ -336,6 +344,8 @@ DISTURBANCES: dict[str, Callable[[Scene], None]] = {
 def scene_of(case: Case) -> Scene:
     """Return the scene of a case with its disturbance."""
     arm, motion = arm_named(case.arm), motion_of(case)
+    if case.command == FEED_FORWARD:
+        arm = with_rotors(arm)
     if case.disturbance == STREAM_END:  # limits that a stream can reach soon
         motion = motion._replace(push=None)
         rng, q = np.random.default_rng((case.seed, 2)), (motion.start, motion.goal)

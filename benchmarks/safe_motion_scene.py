@@ -11,9 +11,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from benchmarks.feed_forward import drives_of
 from benchmarks.safe_motion_cases import (
     BEGIN,
     Case,
+    FEED_FORWARD,
     LONGEST,
     Motion,
     NOISE,
@@ -25,6 +27,7 @@ from benchmarks.safe_motion_cases import (
 from benchmarks.safe_motion_plant import Plant
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
@@ -141,7 +144,11 @@ class Scene:
     ) -> None:
         """Call `disturb` once, at a random time of the motion, or before the first state."""
         self.case, self.arm, self.motion = case, arm, motion
-        self.loop = ControlLoop.of_arm(arm, command=case.command)
+        has_drives = case.command == FEED_FORWARD
+        self.loop = ControlLoop.of_arm(
+            arm, command='computed_torque' if has_drives else case.command)
+        self.drives = drives_of(arm, motion.start, np.inf) if has_drives else None
+        self._feed_forward = FeedForward(self.loop)
         self.plant = Plant(arm, motion.start)
         self.rng = np.random.default_rng((case.seed, 1))
         """For the disturbance."""
@@ -263,10 +270,13 @@ class Scene:
             elif self.time >= self._tick_due:
                 effort = self._tick()
             if effort is not None:
-                pending.append((k + delay, np.minimum(np.maximum(effort, -limit), limit)))
+                if self.drives is None:
+                    effort = np.minimum(np.maximum(effort, -limit), limit)
+                pending.append((k + delay, effort))
             while pending and pending[0][0] <= k:
                 self.effort = pending.popleft()[1]
-            if self._has_released() and not pending and self.effort is not None:
+            if self._has_released() and not pending and self.effort is not None and (
+                    self.drives is None):  # drives hold the last command
                 self.effort, plant.v = None, np.zeros_like(plant.v)
                 if self._mode is Mode.FAULT:  # the arm has fallen during the ramp
                     ramp = self.loop.supervisor.options.ramp_time + RAMP_SLACK
@@ -275,7 +285,9 @@ class Scene:
             push = self.push if self.push is not None and (
                 self.push.begin <= self.time < self.push.end) else None
             if self.effort is not None:
-                plant.step(self.effort + (0.0 if push is None else push.effort), STEP)
+                effort = self.effort if self.effort.ndim == 1 or self.drives is None else (
+                    self.drives.effort(self.effort, plant.q, plant.v))
+                plant.step(effort + (0.0 if push is None else push.effort), STEP)
             states.append((plant.q, plant.v))
             self._is_pushed = push is not None
             judged.append(push is None and not self._has_released() and (
@@ -347,7 +359,10 @@ class Scene:
             settling = FROZEN_SETTLING if consistency.frozen.any() else SETTLING
             self._doubt, self.quiet_after = consistency.reason, max(
                 self.quiet_after, self.time + settling)
-        return answer.effort
+        if self.drives is None:
+            return answer.effort
+        command = self._feed_forward.command(answer)
+        return None if command is None else np.array(command)
 
     def _tick(self) -> FloatArray | None:
         """Do what the watchdog does; return the effort that is due."""
@@ -358,7 +373,7 @@ class Scene:
             ACTION_PERIOD if supervisor.acts_alone else supervisor.options.state_timeout)
         if supervisor.mode in (Mode.RUNNING, Mode.BRAKING):
             self._tick_due = max(supervisor.deadline - FIRST_STAMP * 1e-9, self.time) + SLACK
-        return effort
+        return effort if self.drives is None else None
 
     def _follow_loop(self) -> None:
         """Note faults and changes of the mode."""
