@@ -37,8 +37,9 @@ class DriveCommand(NamedTuple):
         `stiffness` k_p (n,) is in N·m/rad or N/m; 0 for a joint without an offset. The result is
         within the position limits `lower` and `upper` (n,), as far as the reference is.
         """
-        offset = np.divide(
-            self.effort, stiffness, out=np.zeros_like(self.effort), where=stiffness > 0.0)
+        with np.errstate(over='ignore'):
+            offset = np.divide(
+                self.effort, stiffness, out=np.zeros_like(self.effort), where=stiffness > 0.0)
         return np.clip(
             self.position + offset, np.minimum(lower, self.position),
             np.maximum(upper, self.position))

@@ -21,6 +21,7 @@ from robot_dynamics.control.laws.control_law import (
     LawOutput,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
+from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
@@ -57,8 +58,9 @@ def arm(request: pytest.FixtureRequest) -> ArmModel:
 
 def make(arm: ArmModel, name: str, **options: object) -> Controller:
     gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
+    impedance = make_impedance(arm.joint_names, arm.limits.effort)
     return Controller(arm, ControllerOptions(
-        gains, command=name, **options))  # type: ignore[arg-type]
+        gains, command=name, impedance=impedance, **options))  # type: ignore[arg-type]
 
 
 def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
@@ -205,7 +207,7 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
     (information / 'METADATA').write_text('Name: user_package\nVersion: 1.0\n')
     (information / 'entry_points.txt').write_text(
         '[robot_dynamics.control_laws]\n'
-        'joint_impedance = user_package.impedance:impedance\n'
+        'own_impedance = user_package.impedance:impedance\n'
         'broken = user_package.broken:law\nabsent = user_package.absent:law\n'
         'computed_torque = user_package.impedance:impedance\n')
     monkeypatch.syspath_prepend(tmp_path)
@@ -216,9 +218,9 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
 
 @pytest.mark.usefixtures('_user_package')
 def test_a_law_of_another_package_is_a_command() -> None:
-    assert command_modes()[-4:] == ('absent', 'broken', 'joint_impedance', 'none')
+    assert command_modes()[-4:] == ('absent', 'broken', 'own_impedance', 'none')
     arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, 'joint_impedance'), np.full(arm.joint_count, 0.4)
+    one, q = make(arm, 'own_impedance'), np.full(arm.joint_count, 0.4)
     assert one.follows
     one.update(START, q, 0.0 * q)
     one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)

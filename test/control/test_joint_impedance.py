@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The joint impedance: its closed loop in any pose, its stiffness, and motions without error."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.impedance import make_impedance
+from robot_dynamics.control.laws.joint_impedance import JointImpedance, LARGEST_FREQUENCY
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+SLOW_ROTORS = 5.0
+"""[kg·m²]: no mode of 400 N·m/rad exceeds 9 rad/s."""
+SMALL = 1e-4
+"""[rad] and [rad/s] of the errors with which the gains are measured."""
+
+
+def loop_of(arm: ArmModel, stiffness: float, zeta: float, **options: object) -> ControlLoop:
+    impedance = make_impedance(arm.joint_names, arm.limits.effort, stiffness, zeta)
+    return ControlLoop.of_arm(
+        arm, command='joint_impedance', impedance=impedance, **options)
+
+
+def measured_gains(loop: ControlLoop, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return K and D (n, n) of the law at rest at q, from its efforts for small errors."""
+    n, controller = len(q), loop.controller
+    loop.answer(FIRST_STAMP, q, np.zeros(n))
+    loop.answer(FIRST_STAMP + 2 * MS, q, np.zeros(n))
+    stamp = FIRST_STAMP + 2 * MS
+
+    def effort(shift: np.ndarray, v: np.ndarray) -> np.ndarray:
+        effort = controller.answer(stamp, q + shift, v).law.effort
+        return effort - ArmDynamics(loop.controller.arm).rigid_body.nonlinear(q + shift, v)
+
+    K, D = np.zeros((n, n)), np.zeros((n, n))
+    for j, one in enumerate(SMALL * np.eye(n)):
+        K[:, j] = (effort(-one, 0.0 * q) - effort(one, 0.0 * q)) / (2.0 * SMALL)
+        D[:, j] = (effort(0.0 * q, -one) - effort(0.0 * q, one)) / (2.0 * SMALL)
+    return K, D
+
+
+@pytest.mark.parametrize('name', ['ur5', 'panda'])
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), stiffness=st.floats(1.0, 2000.0), zeta=st.floats(0.2, 1.5))
+def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
+    name: str, seed: int, stiffness: float, zeta: float,
+) -> None:
+    """The law is a spring and a damper whose modes are those of the closed loop with M(q)."""
+    arm = smooth_arm(name)
+    q = middle(arm) + np.random.default_rng(seed).uniform(-1.0, 1.0, arm.joint_count)
+    loop = loop_of(arm, stiffness, zeta, scales_gains=False)
+    K, D = measured_gains(loop, q)
+    M = ArmDynamics(arm).rigid_body.mass_matrix(q)
+    wanted = np.linalg.eigvals(np.linalg.solve(M, stiffness * np.eye(len(q)))).real
+    squares, modes = np.linalg.eig(np.linalg.solve(M, K))
+    omega = np.sqrt(squares.real)
+    assert np.sort(omega) == pytest.approx(
+        np.sort(np.minimum(np.sqrt(wanted), LARGEST_FREQUENCY)), rel=1e-3)
+    assert (np.linalg.eigvalsh(K) <= stiffness * (1.0 + 1e-4)).all()
+    assert K == pytest.approx(K.T, abs=1e-4 * stiffness)
+    assert np.linalg.solve(M, D) @ modes == pytest.approx(
+        modes * (2.0 * zeta * omega), abs=1e-3 * omega.max())
+
+
+def test_a_slow_arm_keeps_the_stiffness_exactly() -> None:
+    arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
+    K, _ = measured_gains(loop_of(arm, 400.0, 1.0), np.array([0.8, 0.5]))
+    assert K == pytest.approx(400.0 * np.eye(2), abs=1e-3)
+
+
+def test_an_unknown_load_sags_by_its_weight_over_the_stiffness() -> None:
+    arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
+    loaded = arm.with_payloads([make_payload('tool0', 1.0)])
+    one = LockStep(arm, true_arm=loaded, q=np.array([0.8, 0.5]), command='joint_impedance',
+                   impedance=make_impedance(arm.joint_names, arm.limits.effort, 400.0))
+    one.run(4.0)
+    g = [ArmDynamics(each).rigid_body.gravity(one.q) for each in (loaded, arm)]
+    assert one.loop.reference is not None
+    assert one.loop.reference.position - one.q == pytest.approx((g[0] - g[1]) / 400.0, rel=1e-3)
+
+
+@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
+def test_a_motion_has_no_error(name: str) -> None:
+    """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
+    one = LockStep(smooth_arm(name), rate=1000.0, command='joint_impedance')
+    one.run(0.5)
+    goal = one.q + 0.3
+    one.loop.follow(make_trajectory(
+        one.arm.joint_names, [2.0], [goal], [0.0 * goal], [0.0 * goal]))
+    for _ in range(4):
+        one.run(0.25)
+        assert one.loop.reference is not None
+        assert one.q == pytest.approx(one.loop.reference.position, abs=3e-3)
+    one.run(3.0)
+    assert one.q == pytest.approx(goal, abs=1e-4)
+
+
+def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter() -> None:
+    arm = load_arm(
+        '<robot name="r"><link name="a"/>' + ''.join(
+            f'<link name="{child}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+            f'ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="{child}" type="continuous">'
+            f'<parent link="{parent}"/><child link="{child}"/>{limit}</joint>'
+            for parent, child, limit in (
+                ('a', 'b', '<limit effort="50" velocity="1"/>'), ('b', 'c', ''))) + '</robot>')
+    impedance = make_impedance(arm.joint_names, arm.limits.effort)
+    assert impedance.stiffness == pytest.approx([200.0, 100.0])
+    assert impedance.damping_ratio == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize('field, value', [
+    ('stiffness', [1.0, 2.0, 3.0]), ('stiffness', -1.0), ('damping_ratio', [float('nan')]),
+    ('damping_ratio', [1.0, -2.0])])
+def test_a_wrong_impedance_is_named(field: str, value: object) -> None:
+    with pytest.raises(InvalidInputError, match=f'impedance.{field}'):
+        make_impedance(('joint1', 'joint2'), np.full(2, 10.0), **{field: value})
+
+
+def test_the_law_requires_an_impedance() -> None:
+    arm = smooth_arm('default')
+    options = ControlLoop.of_arm(arm).controller.options
+    with pytest.raises(InvalidInputError, match='impedance is not given'):
+        Controller(arm, ControllerOptions(options.gains, command='joint_impedance'))
+
+
+def test_a_joint_without_inertia_gets_no_stiffness() -> None:
+    """Its M_jj is 0, so that no gain is stable; the effort remains finite."""
+    arm = smooth_arm('default')
+    loop = loop_of(arm, 100.0, 1.0)
+    law = JointImpedance(loop.controller._feedback, loop.controller.options)
+    M = np.diag([2.0, 0.0])
+    assert law.stiffness(M) == pytest.approx([100.0, 0.0], abs=1e-3)

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`~/feed_forward` and `~/position_offset` of real nodes, with the drives of `simulated_arm`."""
+
+from typing import Any
+
+from closed_loop import closed_loop, NAMES, send, START
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
+
+STIFFNESS, DAMPING = [240.0, 31.0], [20.0, 3.0]
+DRIVES = {'drive.stiffness': STIFFNESS, 'drive.damping': DAMPING}
+BODY = ArmDynamics(load_arm(default_arm_urdf())).rigid_body
+
+
+def stamp_of(message: JointState) -> int:
+    return stamp_from_ros(message.header.stamp)
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+def test_the_drives_hold_and_move_the_arm_without_sag(client: RosClient, rate: float) -> None:
+    """Gravity alone would be an error of 140 and 370 mrad; the feed-forward leaves 2 mrad."""
+    namespace = f'/drives{rate:.0f}'
+    with client.collect(JointState, f'{namespace}/joint_states') as states, \
+            client.collect(JointState, f'{namespace}/dynamics/feed_forward') as commands, \
+            closed_loop(namespace, {'condition_references': True}, rate=rate, **DRIVES):
+        states.wait_count(200)
+        assert states.messages[-1].position == pytest.approx(START, abs=1e-6)
+        held = commands.wait_for(lambda m: stamp_of(m) >= 100_000_000)
+        assert list(held.name) == NAMES
+        assert held.effort == pytest.approx(BODY.gravity(np.array(START)), rel=1e-6)
+        goal = [START[0] - 0.4, START[1] + 0.4]
+        send(client, namespace, (2.0, goal))
+        states.wait_for(lambda m: np.abs(np.array(m.position) - goal).max() < 2e-3 and (
+            np.abs(m.velocity).max() < 1e-3), LONG)
+        reference = {stamp_of(m): m for m in commands.messages}
+        errors = [np.subtract(reference[stamp_of(m)].position, m.position)
+                  for m in states.messages if stamp_of(m) in reference]
+    assert np.abs(errors).max() < 2e-3
+    moving = [m for m in commands.messages if np.abs(np.subtract(m.position, goal)).min() > 0.1
+              and np.abs(np.subtract(m.position, START)).min() > 0.1]
+    assert len(moving) > 20
+    assert all(all(m.velocity) for m in moving)  # 0 would let the drives brake the arm
+
+
+def test_drives_without_a_torque_input_take_the_offset(client: RosClient) -> None:
+    """A message without efforts: the position error of the drive is the effort over k_p."""
+    arm = NodeProcess(
+        SIMULATED_ARM, {'rate': 250.0, 'lock_step': True, 'initial_position': START, **DRIVES},
+        namespace='/offset', remaps={'dynamics/feed_forward': 'dynamics/position_offset'})
+    node = NodeProcess(DYNAMICS, {'drive.stiffness': STIFFNESS}, namespace='/offset', patient=True)
+    with client.collect(JointState, '/offset/joint_states') as states, \
+            client.collect(JointState, '/offset/dynamics/position_offset') as commands, \
+            running(node, arm):
+        states.wait_count(500)
+        found = commands.wait_for()
+        assert states.messages[-1].position == pytest.approx(START, abs=1e-6)
+    offset = np.subtract(found.position, START)
+    assert offset == pytest.approx(BODY.gravity(np.array(START)) / STIFFNESS, rel=1e-6)
+    assert not len(found.effort)
+
+
+def test_without_a_stiffness_the_offset_is_refused_by_name(client: RosClient) -> None:
+    with client.collect(JointState, '/soft/dynamics/position_offset') as commands, \
+            closed_loop('/soft') as node:
+        node.wait_for_log('position_offset: drive.stiffness is empty')
+        assert not commands.messages
+
+
+def test_no_command_follows_an_invalid_state(client: RosClient) -> None:
+    """Only fresh and valid states are answered."""
+    with NodeProcess(DYNAMICS, {'state_timeout': 60.0}, namespace='/fresh') as node, \
+            client.collect(JointState, '/fresh/dynamics/feed_forward') as commands:
+        commands.wait_matched()
+        states = client.publisher(JointState, '/fresh/joint_states', 1)
+        good = JointState(name=NAMES, position=START, velocity=[0.0, 0.0])
+        good.header.stamp = client.node.get_clock().now().to_msg()
+        client.answer_to(states, good, commands)
+        count = len(commands.messages)
+        for fields in ({'position': [0.1, float('nan')]}, {'position': [0.1]}):
+            bad = JointState(**{'name': NAMES, 'velocity': [0.0, 0.0], **fields})
+            bad.header.stamp = client.node.get_clock().now().to_msg()
+            states.publish(bad)
+            node.wait_for_log('Dropped a joint state: position')
+        assert len(commands.messages) == count
+
+
+@pytest.mark.parametrize('message, words', [
+    ({'velocity': []}, 'velocity is empty'),
+    ({'effort': [float('nan'), 0.0]}, "effort of 'joint1' is nan"),
+    ({'position': [1.0]}, 'position has 1 values')])
+def test_the_drives_refuse_a_wrong_command(
+    client: RosClient, message: dict[str, Any], words: str,
+) -> None:
+    with NodeProcess(SIMULATED_ARM, DRIVES, namespace='/refusing') as arm:
+        commands = client.publisher(JointState, '/refusing/dynamics/feed_forward')
+        commands.publish(JointState(**{
+            'name': NAMES, 'position': START, 'velocity': [0.0, 0.0], **message}))
+        arm.wait_for_log(f'Rejected an effort: {words}')
+
+
+def test_gains_beyond_those_of_the_drives_end_the_start() -> None:
+    arm = NodeProcess(
+        SIMULATED_ARM, {**DRIVES, 'drive.stiffness': [600.0], 'drive.stiffness_limit': 500.0},
+        namespace='/stiff')
+    arm.launch()
+    assert arm.wait() == 1
+    assert "drive.stiffness of 'joint1' is 600, expected at most 500" in arm.log
