@@ -123,7 +123,8 @@ def run(arm: ArmModel, mode: str, rate: int) -> Result:
             q, v = plant.simulation.state
             answer = loop.answer(stamp, q, v)
             command = feed_forward.command(answer)
-            assert command is not None and answer.effort is not None
+            assert command is not None
+            assert answer.effort is not None
             position, velocity, effort = command
             if mode == 'drives alone':
                 effort = np.zeros_like(effort)
@@ -138,7 +139,7 @@ def run(arm: ArmModel, mode: str, rate: int) -> Result:
         plant.step(1e-3)
         active = loop.controller.trajectory
         assert active is not None, loop.supervisor.fault
-        errors.append(active.sample(stamp + MS).position - plant.simulation.q)
+        errors.append(active.sample(stamp + MS).position - plant.simulation.state.position)
     return Result(np.array(errors))
 
 

@@ -4,9 +4,9 @@
 """
 Feed-forward for drives that close the loop themselves: τ = k_p e + k_d ė + τ_ff.
 
-τ_ff = M(q_r) q̈_r + C(q_r, q̇_r) q̇_r + g(q_r) + τ_f(q̇_r) depends on the reference only. It adds no
-feedback, so that its delay cannot make the loop of the drive unstable. The reference is that of the
-control loop: within the limits of the arm, with its stops and holds. During a fault without a
+τ_ff = M(q_r) q̈_r + C(q_r, q̇_r) q̇_r + g(q_r) + τ_f(q̇_r) depends on the reference only. It adds
+no feedback, so that its delay cannot make the loop of the drive unstable. The reference is that of
+the control loop: within the limits of the arm, with its stops and holds. During a fault without a
 reference it is the position at which the fault began, at rest.
 """
 

@@ -52,7 +52,7 @@ class UncheckedRigidBody:
         self._weightless = self._model.copy()
         self._weightless.gravity.linear = np.zeros(3)
         # Pinocchio's kinetic energy lacks rotors, and its potential energy lacks mass that is
-        # fixed to the base (docs/pinocchio_notes.md).
+        # fixed to the base (docs/evidence/pinocchio_notes.md).
         base = self._model.inertias[0]
         self._base_energy = float(-base.mass * self._model.gravity.linear @ base.lever)
         self._pool: Any = None

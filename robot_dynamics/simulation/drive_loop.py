@@ -33,9 +33,8 @@ class DriveLoop(NamedTuple):
     def effort(self, command: FloatArray, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the effort (n,) for a command (3, n): position, velocity and effort."""
         position, velocity, effort = command
-        return np.clip(
-            self.stiffness * (position - q) + self.damping * (velocity - v) + effort,
-            -self.limit, self.limit)
+        wanted = self.stiffness * (position - q) + self.damping * (velocity - v) + effort
+        return np.asarray(np.clip(wanted, -self.limit, self.limit))
 
 
 def drive_loop_from(arm: ArmModel, values: Mapping[str, Any]) -> DriveLoop | None:
@@ -53,8 +52,9 @@ def drive_loop_from(arm: ArmModel, values: Mapping[str, Any]) -> DriveLoop | Non
                 f'{name} is empty, expected one value for all joints or one per joint, because '
                 f'{next(other for other in GAINS if other != name)} is given')
     names = arm.joint_names
-    found = [check_per_joint(name, value, names, LARGEST_VALUE) for name, value in given.items()]
-    for (name, limit_name), gains in zip(GAINS.items(), found):
+    stiffness, damping = (
+        check_per_joint(name, value, names, LARGEST_VALUE) for name, value in given.items())
+    for (name, limit_name), gains in zip(GAINS.items(), (stiffness, damping)):
         limit = values[limit_name]
         j = int(np.argmax(gains))
         if 0.0 < limit < gains[j]:
@@ -63,4 +63,5 @@ def drive_loop_from(arm: ArmModel, values: Mapping[str, Any]) -> DriveLoop | Non
                 f'({limit_name})')
     effort = arm.given_drive.limit
     largest = values['drive.effort_limit']
-    return DriveLoop(*found, np.minimum(effort, largest) if largest > 0.0 else effort)
+    return DriveLoop(
+        stiffness, damping, np.minimum(effort, largest) if largest > 0.0 else effort)

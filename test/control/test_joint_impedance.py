@@ -67,7 +67,7 @@ def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
     assert np.sort(omega) == pytest.approx(
         np.sort(np.minimum(np.sqrt(wanted), LARGEST_FREQUENCY)), rel=1e-3)
     assert (np.linalg.eigvalsh(K) <= stiffness * (1.0 + 1e-4)).all()
-    assert K == pytest.approx(K.T, abs=1e-4 * stiffness)
+    assert pytest.approx(K.T, abs=1e-4 * stiffness) == K
     assert np.linalg.solve(M, D) @ modes == pytest.approx(
         modes * (2.0 * zeta * omega), abs=1e-3 * omega.max())
 
@@ -75,7 +75,7 @@ def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
 def test_a_slow_arm_keeps_the_stiffness_exactly() -> None:
     arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
     K, _ = measured_gains(loop_of(arm, 400.0, 1.0), np.array([0.8, 0.5]))
-    assert K == pytest.approx(400.0 * np.eye(2), abs=1e-3)
+    assert pytest.approx(400.0 * np.eye(2), abs=1e-3) == K
 
 
 def test_an_unknown_load_sags_by_its_weight_over_the_stiffness() -> None:
@@ -118,7 +118,7 @@ def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter()
     assert impedance.damping_ratio == pytest.approx([1.0, 1.0])
 
 
-@pytest.mark.parametrize('field, value', [
+@pytest.mark.parametrize(('field', 'value'), [
     ('stiffness', [1.0, 2.0, 3.0]), ('stiffness', -1.0), ('damping_ratio', [float('nan')]),
     ('damping_ratio', [1.0, -2.0])])
 def test_a_wrong_impedance_is_named(field: str, value: object) -> None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/pinocchio_notes.md: its code runs, and confirms the statements of the page."""
+"""docs/evidence/pinocchio_notes.md: its code runs, and confirms the statements of the page."""
 
 from pathlib import Path
 import re
@@ -15,7 +15,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.planar.urdf import planar_arm_urdf
 
-PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'pinocchio_notes.md'
+PAGE = Path(__file__).resolve().parents[2] / 'docs' / 'evidence' / 'pinocchio_notes.md'
 
 
 def reproduction() -> dict[str, Any]:

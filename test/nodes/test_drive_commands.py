@@ -3,6 +3,7 @@
 
 """`~/feed_forward` and `~/position_offset` of real nodes, with the drives of `simulated_arm`."""
 
+from pathlib import Path
 from typing import Any
 
 from closed_loop import closed_loop, NAMES, send, START
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
@@ -92,7 +93,7 @@ def test_no_command_follows_an_invalid_state(client: RosClient) -> None:
         assert len(commands.messages) == count
 
 
-@pytest.mark.parametrize('message, words', [
+@pytest.mark.parametrize(('message', 'words'), [
     ({'velocity': []}, 'velocity is empty'),
     ({'effort': [float('nan'), 0.0]}, "effort of 'joint1' is nan"),
     ({'position': [1.0]}, 'position has 1 values')])
@@ -106,10 +107,21 @@ def test_the_drives_refuse_a_wrong_command(
         arm.wait_for_log(f'Rejected an effort: {words}')
 
 
-def test_gains_beyond_those_of_the_drives_end_the_start() -> None:
+DM4310 = Path(__file__).resolve().parents[2] / 'config' / 'robots' / 'dm4310.yaml'
+
+
+@pytest.mark.parametrize('gain', [240.0, 600.0])
+def test_gains_beyond_those_of_a_dm4310_end_the_start(gain: float) -> None:
+    ones = [1.0] * 6
     arm = NodeProcess(
-        SIMULATED_ARM, {**DRIVES, 'drive.stiffness': [600.0], 'drive.stiffness_limit': 500.0},
-        namespace='/stiff')
+        SIMULATED_ARM, {'robot_description': planar_arm_urdf(
+            ones, ones, ones, ones, joint_names=[f'joint{j}' for j in range(1, 7)]),
+            'drive.stiffness': [gain]},
+        namespace='/stiff', arguments=('--ros-args', '--params-file', str(DM4310)))
     arm.launch()
+    if gain <= 500.0:
+        arm.wait_for_log('Until the first drive command arrives on /stiff/dynamics/feed_forward')
+        arm.stop()
+        return
     assert arm.wait() == 1
     assert "drive.stiffness of 'joint1' is 600, expected at most 500" in arm.log

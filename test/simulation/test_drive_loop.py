@@ -74,7 +74,7 @@ def test_without_gains_there_is_no_position_loop() -> None:
     assert drive_loop_from(ARM, {**GIVEN, 'drive.stiffness': [], 'drive.damping': []}) is None
 
 
-@pytest.mark.parametrize('values, words', [
+@pytest.mark.parametrize(('values', 'words'), [
     ({'drive.damping': []}, 'drive.damping is empty'),
     ({'drive.stiffness': []}, 'drive.stiffness is empty'),
     ({'drive.stiffness': [1.0, 2.0, 3.0]}, 'drive.stiffness has 3'),

@@ -15,10 +15,11 @@ class RestStiffness(NamedTuple):
     The closed loop of a law that follows references, at rest, each (n,).
 
     `stiffness` K_j [N·m/rad] or [N/m] is the effort of the feedback per position error of the
-    joint, with scaled gains: of computed torque M_jj K_p, with rotors as far as they are known. `friction_error` [rad] or
-    [m] is the position error up to which the known dry friction F_s can hold the joint against
-    the feedback and against the compensation of F_s over the width w (`tracking_effort`), if it
-    acts at rest: F_s / (K_j + F_s / w). It is NaN if no dry friction is known.
+    joint, with scaled gains: of computed torque M_jj K_p, with rotors as far as they are known.
+    `friction_error` [rad] or [m] is the position error up to which the known dry friction F_s can
+    hold the joint against the feedback and against the compensation of F_s over the width w
+    (`tracking_effort`), if it acts at rest: F_s / (K_j + F_s / w). It is NaN if no dry friction
+    is known.
     """
 
     stiffness: FloatArray

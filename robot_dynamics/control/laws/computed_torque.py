@@ -81,7 +81,8 @@ class ComputedTorque(ControlLaw):
         M, rate = state.dynamics.rigid_body.mass_matrix(state.q), self._effort_rate
         proportional, damping = gains.kp * state.position_error, gains.kd * e_dot
         share, s = feedback_shares(
-            M @ proportional, M @ damping, M @ (gains.change * e_dot), rate, proportional * damping)
+            M @ proportional, M @ damping, M @ (gains.change * e_dot), rate,
+            proportional * damping)
         return state.reference.acceleration + share * proportional + s * damping, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:

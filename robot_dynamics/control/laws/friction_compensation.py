@@ -30,7 +30,7 @@ class FrictionCompensation:
         rate: FloatArray, load: FloatArray,
     ) -> FloatArray:
         """
-        Return the effort (n,) [N·m] or [N] at a velocity v and a reference with the velocity v_ref.
+        Return the effort (n,) [N·m] or [N] at a velocity v, along a reference with v_ref.
 
         `e` is the position error, `rate` K_p/K_d [1/s], and `load` the effort without friction.
         """

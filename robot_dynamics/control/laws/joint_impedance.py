@@ -5,12 +5,13 @@
 Joint impedance: a spring and a damper between each joint and its reference.
 
 τ = M(q) q̈_ref + C(q, q̇) q̇ + g(q) + friction + K e + D ė. Without the first term the arm would
-leave a moving reference and pass its end (B. Paden, R. Panja, Int. J. Control 47(6), 1988). With the given stiffness K_0, diagonal, the double
-diagonalisation M(q) = Q Qᵀ, K_0 = Q Ω² Qᵀ yields the natural frequencies Ω of the present
-configuration (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, *Cartesian impedance control of
-redundant robots*, ICRA 2003). Sampled feedback cannot control the fast ones, of light joints and
-of joints that turn against each other: with Ω_c, at most LARGEST_FREQUENCY times the scale of the
-gains, K = Q min(Ω, Ω_c)² Qᵀ, and D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0.
+leave a moving reference and pass its end (B. Paden, R. Panja, Int. J. Control 47(6), 1988). With
+the given stiffness K_0, diagonal, the double diagonalisation M(q) = Q Qᵀ, K_0 = Q Ω² Qᵀ yields the
+natural frequencies Ω of the present configuration (A. Albu-Schäffer, C. Ott, U. Frese,
+G. Hirzinger, *Cartesian impedance control of redundant robots*, ICRA 2003). Sampled feedback
+cannot control the fast ones, of light joints and of joints that turn against each other: with Ω_c,
+at most LARGEST_FREQUENCY times the scale of the gains, K = Q min(Ω, Ω_c)² Qᵀ, and
+D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0.
 """
 
 from functools import partial
@@ -106,5 +107,5 @@ class JointImpedance(ControlLaw):
     ) -> EffortTerms:
         q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
         assert v is not None
-        a = np.linalg.solve(body.mass_matrix(q), driving)
+        a = np.asarray(np.linalg.solve(body.mass_matrix(q), driving), dtype=np.float64)
         return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))

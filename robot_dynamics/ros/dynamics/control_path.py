@@ -98,9 +98,9 @@ class ControlPath:
         self._reference = publisher(JointState, '~/reference')
         self._send_gravity = raw_publish(gravity)
         self._send_computed_torque = raw_publish(computed_torque)
-        self._drives = DriveCommands(node, NEWEST_ONLY)
+        self.drives = DriveCommands(node, NEWEST_ONLY)
         self._counts = [*(subscription_count(one) for one in (
-            gravity, computed_torque, self._terms, self._reference)), *self._drives.counts]
+            gravity, computed_torque, self._terms, self._reference)), *self.drives.counts]
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
         self.payload_samples = PayloadSamples()
@@ -123,7 +123,8 @@ class ControlPath:
         """
         Serve this arm from the next joint state on, and run `check` until it is done.
 
-        `drive_stiffness` is that of `DriveCommands`. With `is_embedded` nothing is published once the joint states contain other joints.
+        `drive_stiffness` is that of `DriveCommands`. With `is_embedded` nothing is published once
+        the joint states contain other joints.
         """
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
@@ -136,7 +137,7 @@ class ControlPath:
             self._used_at = time.monotonic()
             self.counters.velocities = 'measured'
             self.estimates.set_estimates(estimates)
-            self._drives.set_loop(loop, drive_stiffness)
+            self.drives.set_loop(loop, drive_stiffness)
             self.command.set_loop(loop)
 
     def forget(self) -> None:
@@ -345,4 +346,4 @@ class ControlPath:
         if reference is not None:
             self._reference.publish(served.reference_template.filled(
                 state.stamp, reference.position, reference.velocity))
-        self._drives.publish(state.stamp, answer)
+        self.drives.publish(state.stamp, answer)

@@ -19,6 +19,8 @@ class DriveCommands:
 
     def __init__(self, node: Node, qos: QoSProfile) -> None:
         self._node = node
+        self.stiffness: FloatArray | None = None
+        """The assumed stiffness (n,) of the drives [N·m/rad] or [N/m], None if it is empty."""
         publishers = [
             node.create_publisher(JointState, topic, qos)
             for topic in ('~/feed_forward', '~/position_offset')]
@@ -34,7 +36,7 @@ class DriveCommands:
         it is not known.
         """
         names = loop.controller.arm.joint_names
-        self._loop, self._stiffness, self._feed_forward = loop, stiffness, FeedForward(loop)
+        self._loop, self.stiffness, self._feed_forward = loop, stiffness, FeedForward(loop)
         self._template = state_template(names)
         self._offset_template = state_template(names, has_effort=False)
 
@@ -48,11 +50,11 @@ class DriveCommands:
             return
         if has_feed_forward:
             self._send(self._template.filled(stamp, *command))
-        if has_offset and self._stiffness is None:
+        if has_offset and self.stiffness is None:
             self._node.get_logger().warning(
                 'Nothing is published on ~/position_offset: drive.stiffness is empty, expected '
                 'the stiffness k_p of the drives.', throttle_duration_sec=LOG_PERIOD)
-        elif has_offset and self._stiffness is not None:
+        elif has_offset and self.stiffness is not None:
             limits = self._loop.controller.arm.limits
-            position = command.position_offset(self._stiffness, limits.lower, limits.upper)
+            position = command.position_offset(self.stiffness, limits.lower, limits.upper)
             self._send_offset(self._offset_template.filled(stamp, position, command.velocity))

@@ -6,6 +6,7 @@
 import math
 import re
 
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.shortfall import shortfall
@@ -14,6 +15,7 @@ from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
 from robot_dynamics.ros.middleware.diagnostics import (
+    DRIVE_STIFFNESS,
     FRICTION_ERROR,
     joint_key,
     OK,
@@ -85,17 +87,24 @@ class TrajectoryInput:
             'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
             'share of the gains that the state rate allows':
                 1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
-            **({} if loop is None else _stiffness_values(loop.controller))}, self._reported)
+            **({} if loop is None else _stiffness_values(
+                loop.controller, self._path.drives.stiffness))}, self._reported)
 
 
-def _stiffness_values(controller: Controller) -> dict[str, str]:
-    """Return stiffness and error at rest of each joint for the diagnostics."""
-    found, arm = rest_stiffness(controller), controller.arm
-    if found is None:
-        return {}
-    units = [(f'{unit.effort}/{unit.position}', unit.position)
-             for unit in map(units_of, arm.joint_kinds)]
-    return {
-        joint_key(beginning, name, unit[i]): f'{value:.4g}'
-        for i, (beginning, values) in enumerate(zip((STIFFNESS, FRICTION_ERROR), found))
-        for name, unit, value in zip(arm.joint_names, units, values) if math.isfinite(value)}
+def _stiffness_values(
+    controller: Controller, drive_stiffness: FloatArray | None,
+) -> dict[str, str]:
+    """Return stiffness and error at rest of each joint, and its drive, for the diagnostics."""
+    found, names = rest_stiffness(controller), controller.arm.joint_names
+    columns = [] if found is None else list(zip((STIFFNESS, FRICTION_ERROR), found))
+    if drive_stiffness is not None:
+        columns.append((DRIVE_STIFFNESS, drive_stiffness))
+    values = {}
+    for beginning, column in columns:
+        for name, kind, value in zip(names, controller.arm.joint_kinds, column):
+            unit = units_of(kind)
+            if math.isfinite(value):
+                values[joint_key(beginning, name, unit.position if (
+                    beginning == FRICTION_ERROR) else f'{unit.effort}/{unit.position}')] = (
+                    f'{value:.4g}')
+    return values

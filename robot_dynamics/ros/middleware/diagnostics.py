@@ -18,6 +18,7 @@ LOOK_PERIOD = 0.1
 
 
 STIFFNESS, FRICTION_ERROR = 'stiffness of', 'error that known dry friction can hold at'
+DRIVE_STIFFNESS = 'assumed stiffness of the drive of'
 """Beginnings of the keys of values per joint; name and unit of the joint follow."""
 
 

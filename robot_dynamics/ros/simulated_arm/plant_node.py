@@ -93,7 +93,8 @@ class PlantNode(GuardedCallbacks):
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         self.get_logger().info(
             f'Simulating at {values["rate"]:g} Hz on {topics.topic}. Until the first '
-            f'{"effort" if plant.drive_loop is None else "drive command"} arrives on {topics.efforts.topic_name}, {_before_efforts(values)}.')
+            f'{"effort" if plant.drive_loop is None else "drive command"} arrives on '
+            f'{topics.efforts.topic_name}, {_before_efforts(values)}.')
         self.call_when_spun(self._loop.start)
 
     def request_shutdown(self) -> None:
