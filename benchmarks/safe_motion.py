@@ -55,6 +55,8 @@ from robot_dynamics.reporting.figures import (
 QUICK = 20
 """`--quick` without a number runs one case of this many."""
 NONE = 'none'
+SLOWEST_OF_DRIVES = 100
+"""[Hz] of joint states: the steps of slower commands are ripples of the velocity of a drive."""
 COMMANDS = ('computed_torque', 'joint_impedance', FEED_FORWARD)
 SHOWN = 10
 """Bad runs that are listed."""
@@ -82,6 +84,8 @@ def main(argv: Sequence[str] = ()) -> None:
         cases += all_cases(arms, arguments.kinds)[::arguments.quick]
     cases = [case._replace(
         has_velocity=not arguments.positions_only, command=arguments.command) for case in cases]
+    if arguments.command == FEED_FORWARD:
+        cases = [case for case in cases if case.rate >= SLOWEST_OF_DRIVES]
     start = time.perf_counter()
     runs = run_all(cases, arguments.jobs)
     _print_report(runs, time.perf_counter() - start, arguments.jobs)

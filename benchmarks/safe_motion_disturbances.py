@@ -272,22 +272,22 @@ def static_sag(scene: Scene) -> FloatArray:
     """
     Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
 
-    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e, or that of
-    drives with the stiffness k_p.
+    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e; or that of
+    drives with the stiffness k_p, at which known dry friction can hold the arm besides.
     """
-    e = np.zeros(scene.arm.joint_count)
+    e, drives = np.zeros(scene.arm.joint_count), scene.drives
+    held = e if drives is None else scene.arm.friction.at_rest.static / drives.stiffness
     if not scene.has_unknown_load or scene.goal is None:
-        return e
+        return held
     controller = scene.loop.controller
     kp = controller.bandwidth_scale**2 * controller.options.gains.kp
-    drives = scene.drives
     for _ in range(TRIES):
         q = scene.goal - e
         e = _acceleration(scene.arm, scene.arm, scene.plant.arm, q) / kp
         if drives is not None:
             g = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
             e = np.subtract(*g) / drives.stiffness
-    return SAG_TOLERANCE * np.abs(e)
+    return SAG_TOLERANCE * np.abs(e) + held
 
 
 def stream_end(scene: Scene) -> None:

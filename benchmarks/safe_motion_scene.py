@@ -145,9 +145,10 @@ class Scene:
         """Call `disturb` once, at a random time of the motion, or before the first state."""
         self.case, self.arm, self.motion = case, arm, motion
         has_drives = case.command == FEED_FORWARD
-        self.loop = ControlLoop.of_arm(
-            arm, command='computed_torque' if has_drives else case.command)
         self.drives = drives_of(arm, motion.start, np.inf) if has_drives else None
+        self.loop = ControlLoop.of_arm(
+            arm, command='computed_torque' if has_drives else case.command,
+            drive_stiffness=None if self.drives is None else self.drives.stiffness)
         self._feed_forward = FeedForward(self.loop)
         self.plant = Plant(arm, motion.start)
         self.rng = np.random.default_rng((case.seed, 1))

@@ -519,9 +519,12 @@ class Controller:
         usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
         with self.lock:
             M, K_p = self._load.dynamics.rigid_body.mass_matrix(q), self.feedback_gains[0]
+        K, drives = M * K_p, self._options.drive_stiffness
+        if drives is not None:
+            K = np.diag(drives)
         holding = np.maximum(friction.static + friction.offset, usual) + HELD_ERROR * (
-            np.diagonal(M) * K_p)
-        return np.asarray(np.abs(M @ (K_p * error)) <= holding)
+            np.diagonal(K))
+        return np.asarray(np.abs(K @ error) <= holding)
 
     def stiffness(self, q: FloatArray) -> FloatArray | None:
         """Return the scaled stiffness (n,) [N·m/rad] or [N/m] at q (n,), None without one."""

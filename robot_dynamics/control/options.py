@@ -63,6 +63,8 @@ class ControllerOptions:
     """Clip positions beyond the limits instead of rejecting them."""
     impedance: Impedance | None = None
     """Stiffness and damping ratio of the law `joint_impedance`, which requires them."""
+    drive_stiffness: FloatArray | None = None
+    """k_p (n,) [N·m/rad] or [N/m] of drives that move the arm with `FeedForward`."""
 
     def largest_error(self, velocity_limit: FloatArray) -> FloatArray:
         """Return the limit of the following error (n,) [rad] or [m], ∞ for no limit."""

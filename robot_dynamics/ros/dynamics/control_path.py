@@ -98,9 +98,9 @@ class ControlPath:
         self._reference = publisher(JointState, '~/reference')
         self._send_gravity = raw_publish(gravity)
         self._send_computed_torque = raw_publish(computed_torque)
-        self.drives = DriveCommands(node, NEWEST_ONLY)
+        self._drives = DriveCommands(node, NEWEST_ONLY)
         self._counts = [*(subscription_count(one) for one in (
-            gravity, computed_torque, self._terms, self._reference)), *self.drives.counts]
+            gravity, computed_torque, self._terms, self._reference)), *self._drives.counts]
         self.markers = LiveMarkers(node)
         self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
         self.payload_samples = PayloadSamples()
@@ -118,13 +118,12 @@ class ControlPath:
 
     def set_loop(
         self, loop: ControlLoop, check: EffortCheck, estimates: Estimates,
-        is_embedded: bool = False, drive_stiffness: FloatArray | None = None,
+        is_embedded: bool = False,
     ) -> None:
         """
         Serve this arm from the next joint state on, and run `check` until it is done.
 
-        `drive_stiffness` is that of `DriveCommands`. With `is_embedded` nothing is published once
-        the joint states contain other joints.
+        With `is_embedded` nothing is published once the joint states contain other joints.
         """
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
@@ -137,7 +136,7 @@ class ControlPath:
             self._used_at = time.monotonic()
             self.counters.velocities = 'measured'
             self.estimates.set_estimates(estimates)
-            self.drives.set_loop(loop, drive_stiffness)
+            self._drives.set_loop(loop)
             self.command.set_loop(loop)
 
     def forget(self) -> None:
@@ -346,4 +345,4 @@ class ControlPath:
         if reference is not None:
             self._reference.publish(served.reference_template.filled(
                 state.stamp, reference.position, reference.velocity))
-        self.drives.publish(state.stamp, answer)
+        self._drives.publish(state.stamp, answer)

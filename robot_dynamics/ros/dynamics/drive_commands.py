@@ -5,7 +5,6 @@
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.feed_forward import FeedForward
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.ros.middleware.cdr_templates import state_template
@@ -19,8 +18,6 @@ class DriveCommands:
 
     def __init__(self, node: Node, qos: QoSProfile) -> None:
         self._node = node
-        self.stiffness: FloatArray | None = None
-        """The assumed stiffness (n,) of the drives [N·m/rad] or [N/m], None if it is empty."""
         publishers = [
             node.create_publisher(JointState, topic, qos)
             for topic in ('~/feed_forward', '~/position_offset')]
@@ -28,15 +25,10 @@ class DriveCommands:
         self.counts = [subscription_count(one) for one in publishers]
         """Functions that return the number of subscribers of each topic."""
 
-    def set_loop(self, loop: ControlLoop, stiffness: FloatArray | None) -> None:
-        """
-        Publish the commands of this loop.
-
-        `stiffness` (n,) [N·m/rad] or [N/m] is that of the drives without a torque input, None if
-        it is not known.
-        """
+    def set_loop(self, loop: ControlLoop) -> None:
+        """Publish the commands of this loop."""
         names = loop.controller.arm.joint_names
-        self._loop, self.stiffness, self._feed_forward = loop, stiffness, FeedForward(loop)
+        self._loop, self._feed_forward = loop, FeedForward(loop)
         self._template = state_template(names)
         self._offset_template = state_template(names, has_effort=False)
 
@@ -50,11 +42,12 @@ class DriveCommands:
             return
         if has_feed_forward:
             self._send(self._template.filled(stamp, *command))
-        if has_offset and self.stiffness is None:
+        stiffness = self._loop.controller.options.drive_stiffness
+        if has_offset and stiffness is None:
             self._node.get_logger().warning(
                 'Nothing is published on ~/position_offset: drive.stiffness is empty, expected '
                 'the stiffness k_p of the drives.', throttle_duration_sec=LOG_PERIOD)
-        elif has_offset and self.stiffness is not None:
+        elif has_offset and stiffness is not None:
             limits = self._loop.controller.arm.limits
-            position = command.position_offset(self.stiffness, limits.lower, limits.upper)
+            position = command.position_offset(stiffness, limits.lower, limits.upper)
             self._send_offset(self._offset_template.filled(stamp, position, command.velocity))

@@ -23,7 +23,7 @@ from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
     effort_limits,
     GAINS,
-    optional_limits,
+    optional_values,
     options_from,
     safety_options,
     SPECS,
@@ -245,8 +245,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             controller, effort_limits(values, arm), safety_options(values), monitor,
             self._path.loop)
         estimates = Estimates(controller, options.effort_convention, values)
-        self._path.set_loop(
-            loop, check, estimates, is_embedded, optional_limits('drive.stiffness', values, arm))
+        self._path.set_loop(loop, check, estimates, is_embedded)
         self._limit_path(values, arm)
         self._path.markers.set_controller(controller, parse_urdf(xml).root_link)
         self._dynamics_services.set_controller(controller)
@@ -288,7 +287,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._limit_path(values, self._arm)
 
     def _limit_path(self, values: Values, arm: ArmModel) -> None:
-        limit = optional_limits('external_effort_limit', values, arm)
+        limit = optional_values('external_effort_limit', values, arm)
         self._path.set_limits(
             values['state_max_age'], values['joint_sample_max_age'],
             None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))

@@ -183,21 +183,22 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
     for name in (*GAINS, *IMPEDANCE, 'following_error_limit', 'external_effort_limit'):
         check_order_is_given(values, name, arm)
-    optional_limits('external_effort_limit', values, arm)
+    optional_values('external_effort_limit', values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
         torque_rates(values, arm), convention_from_parameters(values), values['scale_gains'],
         values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
-        optional_limits('following_error_limit', values, arm), values['reference_timeout'],
+        optional_values('following_error_limit', values, arm), values['reference_timeout'],
         not values['require_measured_velocities'], checks_goals=True,
         clips_positions=values['infeasible_trajectory'] == 'clip',
         impedance=make_impedance(
-            arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)))
+            arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
+        drive_stiffness=optional_values('drive.stiffness', values, arm))
 
 
-def optional_limits(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
-    """Return a limit per joint (n,), None if the parameter is empty."""
+def optional_values(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
+    """Return a value per joint (n,), None if the parameter is empty."""
     return per_joint(name, values[name], arm.joint_names) if values[name] else None
 
 

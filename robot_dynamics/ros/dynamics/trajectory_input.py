@@ -6,7 +6,6 @@
 import math
 import re
 
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.shortfall import shortfall
@@ -87,18 +86,16 @@ class TrajectoryInput:
             'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
             'share of the gains that the state rate allows':
                 1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
-            **({} if loop is None else _stiffness_values(
-                loop.controller, self._path.drives.stiffness))}, self._reported)
+            **({} if loop is None else _stiffness_values(loop.controller))}, self._reported)
 
 
-def _stiffness_values(
-    controller: Controller, drive_stiffness: FloatArray | None,
-) -> dict[str, str]:
+def _stiffness_values(controller: Controller) -> dict[str, str]:
     """Return stiffness and error at rest of each joint, and its drive, for the diagnostics."""
     found, names = rest_stiffness(controller), controller.arm.joint_names
     columns = [] if found is None else list(zip((STIFFNESS, FRICTION_ERROR), found))
-    if drive_stiffness is not None:
-        columns.append((DRIVE_STIFFNESS, drive_stiffness))
+    drives = controller.options.drive_stiffness
+    if drives is not None:
+        columns.append((DRIVE_STIFFNESS, drives))
     values = {}
     for beginning, column in columns:
         for name, kind, value in zip(names, controller.arm.joint_kinds, column):
