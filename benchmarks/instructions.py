@@ -11,12 +11,14 @@ thread passes serialized joint states to `MessageLoop._deliver`. Counting starts
 `_deliver` and ends before the publish call of `effort_command`. The figure in brackets includes
 this publish call. Both figures include:
 
+- for `~/feed_forward`, also the publish call of `effort_command` before it;
 - the attempt of `_deliver` to take another message, which finds none;
 - decoding, checks, control law, supervisor and serialization of the command.
 
 They do not include the wait for the message and its take, `~/commands` and all that follows the
 command, the other threads of the process, and garbage collection (it is disabled). No other topic
-has a subscriber. The cost of starting and ending the count is measured separately and subtracted.
+than `effort_command` and `~/feed_forward` has a subscriber. The cost of starting and ending the
+count is measured separately and subtracted.
 
 The stamps advance by exactly 2 ms per state, although a message takes longer under callgrind: with
 the current time as stamp, the measured state rate drops and varies, the node adapts its gains to
@@ -68,8 +70,13 @@ MESSAGES = 200
 COMMAND_TOPIC = 'effort_command'
 TIMEOUT = 30.0
 EMPTY, PUBLISHED, UNPUBLISHED = 'empty', 'published', 'unpublished'
-MODES = {'gravity_compensation': False, 'trajectory': True}
-"""Whether the node follows a trajectory."""
+FEED_FORWARD = 'feed_forward'
+MODES = {
+    'gravity_compensation': ('gravity_compensation', COMMAND_TOPIC),
+    'trajectory': ('computed_torque', COMMAND_TOPIC),
+    'joint_impedance': ('joint_impedance', COMMAND_TOPIC),
+    FEED_FORWARD: ('computed_torque', FEED_FORWARD)}
+"""The parameter `command`, and the topic at whose message counting ends."""
 ENVIRONMENT = {
     'PYTHONHASHSEED': '0', 'OPENBLAS_NUM_THREADS': '1', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 COUNTER_SOURCE = """
@@ -82,7 +89,7 @@ void dump(const char *name) { CALLGRIND_DUMP_STATS_AT(name); }
 
 
 def main() -> None:
-    """Print the instructions per message of both modes."""
+    """Print the instructions per message of each mode."""
     missing = [name for name in ('valgrind', 'cc') if shutil.which(name) is None]
     if missing:
         sys.exit(f'instructions: needs {" and ".join(missing)} (Debian, Ubuntu: apt-get install '
@@ -91,7 +98,8 @@ def main() -> None:
     rclpy.init()
     try:
         node = rclpy.create_node('bench')
-        node.create_subscription(JointState, COMMAND_TOPIC, lambda _: None, 1)
+        for topic in (COMMAND_TOPIC, f'dynamics/{FEED_FORWARD}'):
+            node.create_subscription(JointState, topic, lambda _: None, 1)
         with tempfile.TemporaryDirectory() as directory:
             counts = _counts(Path(directory))
     finally:
@@ -155,7 +163,8 @@ class CommandPublisher:
         deadline = time.monotonic() + TIMEOUT
         while not self._publisher.get_subscription_count():
             if time.monotonic() > deadline:
-                raise TimeoutError(f'no subscriber of {COMMAND_TOPIC} after {TIMEOUT:g} s')
+                raise TimeoutError(
+                    f'no subscriber of {self._publisher.topic_name} after {TIMEOUT:g} s')
             time.sleep(0.01)
 
 
@@ -164,15 +173,16 @@ class NodeUnderTest:
 
     def __init__(self, urdf: str) -> None:
         """`robot_dynamics.ros` must not have been imported beyond `rclpy_internals`."""
-        self.commands: list[CommandPublisher] = []
+        self.commands: dict[str, CommandPublisher] = {}
         original = rclpy_internals.raw_publish
 
         def raw_publish(publisher: Any) -> Callable[[bytes], None]:
             publish = original(publisher)
-            if publisher.topic_name.split('/')[-1] != COMMAND_TOPIC:
+            topic = publisher.topic_name.split('/')[-1]
+            if topic not in (COMMAND_TOPIC, FEED_FORWARD):
                 return publish
-            self.commands.append(CommandPublisher(publisher, publish))
-            return self.commands[-1]
+            self.commands[topic] = CommandPublisher(publisher, publish)
+            return self.commands[topic]
 
         rclpy_internals.raw_publish = raw_publish  # before other modules import it
         from robot_dynamics.ros.dynamics.node import DynamicsNode
@@ -224,27 +234,28 @@ def _run(library: str) -> None:
     rclpy.init(args=['--ros-args', '--log-level', 'error'])
     with arm_file(JOINTS) as urdf:
         node = NodeUnderTest(urdf)
-    command, = node.commands
-    command.wait_for_subscriber()
+    for command in node.commands.values():
+        command.wait_for_subscriber()
     for _ in range(MESSAGES):
         counter.toggle()
         counter.toggle()
     counter.store(EMPTY, EMPTY)
     with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
-        for mode, follows in MODES.items():
-            node.set_command('computed_torque' if follows else mode)
-            if follows:
+        for mode, (law, topic) in MODES.items():
+            node.set_command(law)
+            if law != 'gravity_compensation':
                 node.follow()
             for end in (UNPUBLISHED, PUBLISHED):
-                _count(node, counter, end == PUBLISHED)
+                _count(node, counter, node.commands[topic], end == PUBLISHED)
                 counter.store(mode, end)
     node.close()
     rclpy.try_shutdown()
 
 
-def _count(node: NodeUnderTest, counter: Counter, with_publish: bool) -> None:
+def _count(
+    node: NodeUnderTest, counter: Counter, command: CommandPublisher, with_publish: bool,
+) -> None:
     """Count the instructions of MESSAGES states from `_deliver` to the command."""
-    command, = node.commands
     publish, toggle = command.original, counter.toggle
 
     def publish_and_end(data: bytes) -> None:

@@ -15,21 +15,24 @@ D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0.
 """
 
 from functools import partial
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
-from robot_dynamics.control.laws.rate_limited_feedback import feedback_shares
+from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm_dynamics import EffortTerms
+from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
 
 LARGEST_FREQUENCY = 30.0
 """[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
 LEAST_INERTIA = 1e-9
 """Share of M_jj, and [kg·m²] or [kg], added to M_jj, which can be 0 without rotors."""
+NEARBY = 0.01
+"""[rad] or [m] from the position of the gains in use, within which they are not computed again."""
 
 
 class JointImpedance(ControlLaw):
@@ -43,7 +46,12 @@ class JointImpedance(ControlLaw):
         self._stiffness, self._damping_ratio = options.impedance
         n = len(self._stiffness)
         self._friction = FrictionCompensation(options.friction_compensation, n)
+        self._reference = feedback.scaled(0.0)
+        """Returns the reference and the errors, without an effort of their own."""
         self._effort_rate = np.full(n, np.inf)
+        self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
+        """The dynamics and the position (n,) of the gains in use."""
+        self._K = self._D = np.zeros((n, n))
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
         """Limit the change of the feedback to a fraction of the rate limit of the effort."""
@@ -52,6 +60,11 @@ class JointImpedance(ControlLaw):
     def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
         """Scale the compensation of dry friction."""
         self._friction.scale(stiffness, share)
+
+    def scale_gains(self, scale: FloatArray) -> None:
+        """Scale the largest frequency."""
+        super().scale_gains(scale)
+        self._gains_at = None
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the closed loop at the largest frequency, which no mode exceeds in any pose."""
@@ -77,35 +90,46 @@ class JointImpedance(ControlLaw):
         zeta = np.sqrt(self._damping_ratio)
         return K, 2.0 * zeta[:, np.newaxis] * ((L @ V * omega) @ (L @ V).T) * zeta
 
+    def _update_gains(self, dynamics: UncheckedArmDynamics, q: FloatArray) -> None:
+        """Use the gains at q (n,), unless those in use are from nearby."""
+        at = self._gains_at
+        if at is None or at[0] is not dynamics or not (
+                math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
+            self._K, self._D = self._gains(dynamics.rigid_body.mass_matrix(q))
+            self._gains_at = dynamics, q
+
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort of spring and damper, and that of the arm along the reference."""
-        dynamics, q, v, reference = state.dynamics, state.q_ahead, state.v, state.reference
-        if v is None:
-            raise ValueError('joint impedance needs a velocity')
-        e = state.feedback.position_error(reference.position, state.q)
-        e_dot = reference.velocity - v
-        M = dynamics.rigid_body.mass_matrix(q)
-        K, D = self._gains(M)
+        dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
+        if trajectory is None or v is None:
+            raise ValueError('joint impedance needs a reference and a velocity')
+        a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
+            trajectory, state.stamp_ns, state.q, v)
+        e_dot, s = v_ref - v, 1.0
+        self._update_gains(dynamics, q)
+        K, D = self._K, self._D
         spring, damper = K @ e, D @ e_dot
         change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
-        share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
-        driving = M @ reference.acceleration + share * spring + s * damper
-        effort = dynamics.rigid_body.nonlinear(q, v) + driving
+        if not (np.abs(change) <= CHANGE_FRACTION * self._effort_rate).all():
+            share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
+            spring, damper = share * spring, s * damper
+        feedback = spring + damper
+        effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
         if not dynamics.is_frictionless:
             damping = np.diagonal(D)
             rate = np.divide(
                 np.diagonal(K), damping, out=np.zeros_like(e), where=damping > 0.0)
-            friction = self._friction.effort(dynamics, reference.velocity, e, v, rate, effort)
+            friction = self._friction.effort(dynamics, v_ref, e, v, rate, effort)
             effort = effort + friction
         return LawOutput(
-            effort, partial(self._terms, state, driving, friction), friction,
-            bool((np.abs(e) > state.feedback.largest_error).any()), scale=s)
+            effort, partial(self._terms, state, a_ref, feedback, friction), friction,
+            exceeds_limit, scale=s)
 
     def _terms(
-        self, state: LawInput, driving: FloatArray, friction: FloatArray,
+        self, state: LawInput, a_ref: FloatArray, feedback: FloatArray, friction: FloatArray,
     ) -> EffortTerms:
         q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
         assert v is not None
-        a = np.asarray(np.linalg.solve(body.mass_matrix(q), driving), dtype=np.float64)
+        a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
         return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
