@@ -10,6 +10,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_parameters import check_order_is_given
 from robot_dynamics.validation import check_per_joint, LARGEST_VALUE
 
 DRIVE_PERIOD = 1e-3
@@ -51,6 +52,7 @@ def drive_loop_from(arm: ArmModel, values: Mapping[str, Any]) -> DriveLoop | Non
             raise InvalidInputError(
                 f'{name} is empty, expected one value for all joints or one per joint, because '
                 f'{next(other for other in GAINS if other != name)} is given')
+        check_order_is_given(values, name, arm)
     names = arm.joint_names
     stiffness, damping = (
         check_per_joint(name, value, names, LARGEST_VALUE) for name, value in given.items())

@@ -17,7 +17,7 @@ from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULAT
 from sensor_msgs.msg import JointState
 
 STIFFNESS, DAMPING = [240.0, 31.0], [20.0, 3.0]
-DRIVES = {'drive.stiffness': STIFFNESS, 'drive.damping': DAMPING}
+DRIVES = {'joints': NAMES, 'drive.stiffness': STIFFNESS, 'drive.damping': DAMPING}
 BODY = ArmDynamics(load_arm(default_arm_urdf())).rigid_body
 
 
@@ -56,7 +56,9 @@ def test_drives_without_a_torque_input_take_the_offset(client: RosClient) -> Non
     arm = NodeProcess(
         SIMULATED_ARM, {'rate': 250.0, 'lock_step': True, 'initial_position': START, **DRIVES},
         namespace='/offset', remaps={'dynamics/feed_forward': 'dynamics/position_offset'})
-    node = NodeProcess(DYNAMICS, {'drive.stiffness': STIFFNESS}, namespace='/offset', patient=True)
+    node = NodeProcess(
+        DYNAMICS, {'joints': NAMES, 'drive.stiffness': STIFFNESS}, namespace='/offset',
+        patient=True)
     with client.collect(JointState, '/offset/joint_states') as states, \
             client.collect(JointState, '/offset/dynamics/position_offset') as commands, \
             running(node, arm):

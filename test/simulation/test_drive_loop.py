@@ -19,6 +19,7 @@ from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 ARM = load_arm(default_arm_urdf())
 Q = np.array([0.3, 0.5])
 GIVEN: dict[str, Any] = {
+    'joints': list(ARM.joint_names),
     'drive.stiffness': [400.0, 200.0], 'drive.damping': [60.0], 'drive.stiffness_limit': 0.0,
     'drive.damping_limit': 0.0, 'drive.effort_limit': 0.0}
 
@@ -76,6 +77,7 @@ def test_without_gains_there_is_no_position_loop() -> None:
 
 @pytest.mark.parametrize(('values', 'words'), [
     ({'drive.damping': []}, 'drive.damping is empty'),
+    ({'joints': []}, 'drive.stiffness has 2 values, one per joint, but the parameter joints'),
     ({'drive.stiffness': []}, 'drive.stiffness is empty'),
     ({'drive.stiffness': [1.0, 2.0, 3.0]}, 'drive.stiffness has 3'),
     ({'drive.stiffness_limit': 300.0}, "drive.stiffness of 'joint1' is 400, expected at most 300"),

@@ -181,7 +181,9 @@ IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio')
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
-    for name in (*GAINS, *IMPEDANCE, 'following_error_limit', 'external_effort_limit'):
+    for name in (
+            *GAINS, *IMPEDANCE, 'drive.stiffness', 'following_error_limit',
+            'external_effort_limit'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
