@@ -31,9 +31,11 @@ def test_the_drives_hold_and_move_the_arm_without_sag(client: RosClient, rate: f
     namespace = f'/drives{rate:.0f}'
     with client.collect(JointState, f'{namespace}/joint_states') as states, \
             client.collect(JointState, f'{namespace}/dynamics/feed_forward') as commands, \
-            closed_loop(namespace, {'condition_references': True}, rate=rate, **DRIVES):
+            closed_loop(
+                namespace, {'condition_references': True}, rate=rate, **DRIVES) as node:
         states.wait_count(200)
         assert states.messages[-1].position == pytest.approx(START, abs=1e-6)
+        node.wait_for_log('Effort check passed')  # the drives are not another controller
         held = commands.wait_for(lambda m: stamp_of(m) >= 100_000_000)
         assert list(held.name) == NAMES
         assert held.effort == pytest.approx(BODY.gravity(np.array(START)), rel=1e-6)

@@ -314,7 +314,8 @@ class ControlPath:
         if not served.check.done:
             served.check.look(
                 served.reader, state, q, v, gravity,
-                answer.effort if self.command.has_listeners() else None)
+                answer.effort if self.command.has_listeners() or self._drives.has_listeners()
+                else None)
 
     def _fail_by_external_effort(self, served: _Served, j: int) -> None:
         effort, limit = self.estimates.external_effort, self.estimates.external_limit

@@ -32,6 +32,10 @@ class DriveCommands:
         self._template = state_template(names)
         self._offset_template = state_template(names, has_effort=False)
 
+    def has_listeners(self) -> bool:
+        """Return whether drives receive the commands, with about the effort of the law."""
+        return any(count() for count in self.counts)
+
     def publish(self, stamp: bytes, answer: LoopAnswer) -> None:
         """Publish the commands for an answer of the loop."""
         has_feed_forward, has_offset = (count() for count in self.counts)
