@@ -18,7 +18,7 @@ from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
 from robot_dynamics.control.followed_reference import FollowedReference
 from robot_dynamics.control.gains.adaptation import Adaptation
-from robot_dynamics.control.gains.gain_scaling import loop_gains, StableGains
+from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -133,8 +133,10 @@ class Controller:
             self._options, self._feedback, self._bounds = options, feedback, bounds
             self._robot = robot
             self._law_at_rest: ControlLaw = gravity if law.follows else law
-            self._law_with_reference: ControlLaw = law if law.follows else ComputedTorque(
-                feedback, options)
+            self._stop_law: ControlLaw = law if isinstance(law, ComputedTorque) else (
+                ComputedTorque(feedback, options))
+            self._own_law = law if law.follows else self._stop_law
+            self._law_with_reference = self._own_law
             self._follows = law.follows
             self._limit_motion()
 
@@ -155,11 +157,28 @@ class Controller:
         self._reference.limit(
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
             options.stream_timeout)
-        self.loop_gains = loop_gains(self._law_with_reference.closed_loop, workspace.matrices)
-        self._gains.set_loop_gains(self.loop_gains if options.scales_gains else None, rate)
-        if options.scales_gains:
-            self._law_with_reference.limit_rate(rate, workspace.row_sums())
+        self._gains_of_laws: dict[int, LoopGains] = {}
+        for law in (self._own_law, self._stop_law):
+            if id(law) not in self._gains_of_laws:
+                self._gains_of_laws[id(law)] = loop_gains(law.closed_loop, workspace.matrices)
+                if options.scales_gains:
+                    law.limit_rate(rate, workspace.row_sums())
+        self._use_law(self._law_with_reference)
+
+    def _use_law(self, law: ControlLaw) -> None:
+        """Follow references with this law, at the bandwidth that states and oscillations allow."""
+        options = self._options
+        self._law_with_reference, self.loop_gains = law, self._gains_of_laws[id(law)]
+        self._gains.set_loop_gains(
+            self.loop_gains if options.scales_gains else None,
+            np.broadcast_to(options.effort_rate, self._bounds.scaled.shape))
         self._scale_motion()
+
+    def set_without_signal(self, is_without: bool) -> None:
+        """Stop by computed torque while a joint has no signal: its motion is predicted with it."""
+        law = self._stop_law if is_without else self._own_law
+        if law is not self._law_with_reference:
+            self._use_law(law)
 
     def _restore_gains(self) -> None:
         """Forget what the loop has learned, because it changes."""

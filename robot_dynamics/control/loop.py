@@ -423,8 +423,10 @@ class ControlLoop:
         if not consistency.frozen.any():
             if self._frozen is not None:
                 self._frozen = None
+                self.controller.set_without_signal(False)
                 self.controller.stop_from_state()
             return q, v, None
+        self.controller.set_without_signal(True)
         if self._frozen is None:
             self._frozen = FrozenJoints(
                 consistency.frozen, consistency.repeats_since_ns, self.controller, stamp_ns,
