@@ -5,7 +5,15 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
+from lock_step_loop import (
+    directions,
+    FIRST_STAMP,
+    frozen,
+    LockStep,
+    middle,
+    MS,
+    smooth_arm,
+)
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
@@ -103,6 +111,22 @@ def test_a_motion_has_no_error(name: str) -> None:
         assert one.q == pytest.approx(one.loop.reference.position, abs=3e-3)
     one.run(3.0)
     assert one.q == pytest.approx(goal, abs=1e-4)
+
+
+@pytest.mark.parametrize(('name', 'joint'), [('panda', 2), ('panda', 3), ('ur10', 2)])
+def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name: str, joint: int) -> None:
+    """The prediction of this joint is that of computed torque, with which the arm stops."""
+    one = LockStep(smooth_arm(name), rate=500.0, command='joint_impedance')
+    one.run(0.2)
+    one.follow(one.q + 0.5 * directions(len(one.q)))
+    one.run(0.3)
+    one.sensor = frozen(joint)
+    trace = one.run(4.0)
+    fault = one.loop.supervisor.fault
+    assert fault is not None
+    assert fault.name == 'frozen_joint'
+    assert (np.abs(trace.v).max(axis=0) < 1.2 * one.arm.limits.velocity).all()
+    assert trace.last(0.5).speed.max() < 0.02
 
 
 def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter() -> None:
