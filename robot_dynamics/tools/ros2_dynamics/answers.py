@@ -14,7 +14,12 @@ import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.units import LINEAR, ROTARY
 from robot_dynamics.reporting.text_table import matrix_table, text_table
-from robot_dynamics.ros.middleware.diagnostics import FRICTION_ERROR, STIFFNESS, values_per_joint
+from robot_dynamics.ros.middleware.diagnostics import (
+    DRIVE_STIFFNESS,
+    FRICTION_ERROR,
+    STIFFNESS,
+    values_per_joint,
+)
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
@@ -205,11 +210,13 @@ AT_REST = (
 
 
 def values_at_rest(node: str, statuses: Iterable[DiagnosticStatus]) -> dict[str, dict[str, float]]:
-    """Return stiffness and error by joint in the diagnostics of a node with computed torque."""
+    """Return stiffness and error by joint in the diagnostics, and the stiffness of drives."""
     pairs = [pair for status in statuses if status.name == f'{node}: reference'
              for pair in status.values]
+    drives = values_per_joint(pairs, DRIVE_STIFFNESS)
     return {'stiffness': values_per_joint(pairs, STIFFNESS),
-            'friction_error': values_per_joint(pairs, FRICTION_ERROR)}
+            'friction_error': values_per_joint(pairs, FRICTION_ERROR),
+            **({'drive_stiffness': drives} if drives else {})}
 
 
 def answer_status(client: DynamicsClient, arguments: Namespace) -> Answer:
