@@ -10,6 +10,7 @@ from benchmarks import (
     batch,
     control_path,
     disturbance,
+    feed_forward,
     growth,
     library,
     memory,
@@ -31,6 +32,7 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
     'simulation': simulation.main,
     'rate': rate.main,
     'disturbance': disturbance.main,
+    'feed_forward': feed_forward.main,
     'memory': memory.main,
     'analysis': analysis.main,
 }
