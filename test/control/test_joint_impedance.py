@@ -17,6 +17,7 @@ from lock_step_loop import (
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.error_feedback import LEAST_RATIO
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.laws.joint_impedance import JointImpedance, LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
@@ -78,6 +79,38 @@ def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
     assert pytest.approx(K.T, abs=1e-4 * stiffness) == K
     assert np.linalg.solve(M, D) @ modes == pytest.approx(
         modes * (2.0 * zeta * omega), abs=1e-3 * omega.max())
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), damping=st.floats(0.0, 300.0))
+def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(
+    seed: int, damping: float,
+) -> None:
+    """At least half of the critical damping of each mode; at most critical at the fastest."""
+    arm = smooth_arm('panda')
+    q = middle(arm) + np.random.default_rng(seed).uniform(-1.0, 1.0, arm.joint_count)
+    impedance = make_impedance(arm.joint_names, arm.limits.effort, 200.0, damping=damping)
+    loop = ControlLoop.of_arm(
+        arm, command='joint_impedance', impedance=impedance, scales_gains=False)
+    K, D = measured_gains(loop, q)
+    M = ArmDynamics(arm).rigid_body.mass_matrix(q)
+    omega, modes = np.linalg.eig(np.linalg.solve(M, K))
+    modes = modes.real / np.sqrt(np.diagonal(modes.real.T @ M @ modes.real))
+    least = 2.0 * LEAST_RATIO * np.diag(np.sqrt(omega.real))
+    assert np.linalg.eigvalsh(modes.T @ D @ modes - least).min() > -0.05
+    assert np.linalg.eigvals(np.linalg.solve(M, D)).real.max() < 2.001 * LARGEST_FREQUENCY
+    slow = np.linalg.eigh(M)[1][:, -1]  # the direction of the largest inertia
+    if damping < 100.0 and slow @ M @ slow * LARGEST_FREQUENCY > 100.0:
+        assert slow @ D @ slow > 0.9 * damping
+
+
+def test_a_slow_arm_has_the_given_damping_exactly() -> None:
+    arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
+    impedance = make_impedance(arm.joint_names, arm.limits.effort, 400.0, damping=[90.0, 70.0])
+    loop = ControlLoop.of_arm(
+        arm, command='joint_impedance', impedance=impedance, scales_gains=False)
+    damping = measured_gains(loop, np.array([0.8, 0.5]))[1]
+    assert damping == pytest.approx(np.diag([90.0, 70.0]), abs=1e-3)
 
 
 def test_a_slow_arm_keeps_the_stiffness_exactly() -> None:
@@ -144,7 +177,7 @@ def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter()
 
 @pytest.mark.parametrize(('field', 'value'), [
     ('stiffness', [1.0, 2.0, 3.0]), ('stiffness', -1.0), ('damping_ratio', [float('nan')]),
-    ('damping_ratio', [1.0, -2.0])])
+    ('damping_ratio', [1.0, -2.0]), ('damping_ratio', 0.1), ('damping', -1.0)])
 def test_a_wrong_impedance_is_named(field: str, value: object) -> None:
     with pytest.raises(InvalidInputError, match=f'impedance.{field}'):
         make_impedance(('joint1', 'joint2'), np.full(2, 10.0), **{field: value})

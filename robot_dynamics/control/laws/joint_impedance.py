@@ -11,7 +11,8 @@ natural frequencies Ω of the present configuration (A. Albu-Schäffer, C. Ott, 
 G. Hirzinger, *Cartesian impedance control of redundant robots*, ICRA 2003). Sampled feedback
 cannot control the fast ones, of light joints and of joints that turn against each other: with Ω_c,
 at most LARGEST_FREQUENCY times the scale of the gains, K = Q min(Ω, Ω_c)² Qᵀ, and
-D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0.
+D = 2 ζ Q min(Ω, Ω_c) Qᵀ. Slower modes keep K_0. A given damping D_0 replaces this D, raised to
+2 LEAST_RATIO Q min(Ω, Ω_c) Qᵀ and lowered to 2 Ω_c M.
 """
 
 from functools import partial
@@ -20,7 +21,7 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, LEAST_RATIO
 from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
 from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
 from robot_dynamics.control.options import ControllerOptions
@@ -43,7 +44,9 @@ class JointImpedance(ControlLaw):
         if options.impedance is None:
             raise InvalidInputError(
                 'impedance is not given, expected that of make_impedance for joint_impedance')
-        self._stiffness, self._damping_ratio = options.impedance
+        self._stiffness, self._damping_ratio, self._damping = options.impedance
+        if self._damping is not None:  # between LEAST_RATIO and 1 at the largest frequency
+            self._damping_ratio = np.ones_like(self._stiffness)
         n = len(self._stiffness)
         self._friction = FrictionCompensation(options.friction_compensation, n)
         self._reference = feedback.scaled(0.0)
@@ -87,8 +90,13 @@ class JointImpedance(ControlLaw):
         else:
             omega = np.minimum(omega, largest)
             K = (L @ V * omega**2) @ (L @ V).T
-        zeta = np.sqrt(self._damping_ratio)
-        return K, 2.0 * zeta[:, np.newaxis] * ((L @ V * omega) @ (L @ V).T) * zeta
+        if self._damping is None:
+            zeta = np.sqrt(self._damping_ratio)
+            return K, 2.0 * zeta[:, np.newaxis] * ((L @ V * omega) @ (L @ V).T) * zeta
+        least, most = np.diag(2.0 * LEAST_RATIO * omega), 2.0 * largest * np.eye(len(M))
+        given = (V.T @ to_modes * self._damping) @ (V.T @ to_modes).T
+        D = most - _positive_part(most - (least + _positive_part(given - least)))
+        return K, L @ V @ D @ (L @ V).T
 
     def _update_gains(self, dynamics: UncheckedArmDynamics, q: FloatArray) -> None:
         """Use the gains at q (n,), unless those in use are from nearby."""
@@ -133,3 +141,9 @@ class JointImpedance(ControlLaw):
         assert v is not None
         a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
         return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
+
+
+def _positive_part(A: FloatArray) -> FloatArray:
+    """Return a symmetric matrix (n, n) with its negative eigenvalues replaced by 0."""
+    values, vectors = np.linalg.eigh(A)
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)

@@ -15,7 +15,7 @@ from robot_dynamics.control.laws.error_feedback import (
     per_joint,
 )
 from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
-from robot_dynamics.control.laws.impedance import make_impedance
+from robot_dynamics.control.laws.impedance import LEAST_DAMPING_RATIO, make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
     default_effort_rates,
@@ -133,10 +133,13 @@ SPECS = (
         'Stiffness [N·m/rad] or [N/m] of joint_impedance; one value for all joints or one per '
         'joint. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an '
         'effort limit.')),
-    numbers('impedance.damping_ratio', 0.0, 1e4, (
-        'Damping ratio of joint_impedance, with the inertia of the joint in the present '
-        'configuration; one value for all joints or one per joint.'),
-        default=[DEFAULT_DAMPING_RATIO]),
+    numbers('impedance.damping_ratio', LEAST_DAMPING_RATIO, 1e4, (
+        'Damping ratio of joint_impedance, with the inertia in the present configuration; one '
+        'value for all joints or one per joint.'), default=[DEFAULT_DAMPING_RATIO]),
+    numbers('impedance.damping', 0.0, 1e8, (
+        'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
+        'impedance.damping_ratio; one value for all joints or one per joint. At least half of the '
+        'critical damping acts.')),
     flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
         'false, the arm can oscillate.')),
@@ -176,7 +179,7 @@ SPECS = (
         'executor.'), read_only=True),
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
-IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio')
+IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio', 'impedance.damping')
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
