@@ -113,6 +113,8 @@ class SimulatedRobot:
         self.has_brakes = brakes
         self.effort_limit: FloatArray | None = None
         """Limits (n,) to which the drives clip efforts, may be infinite; None: no clipping."""
+        self.reset_count = 0
+        """Number of calls of `reset`."""
         self.clipped_count = 0
         """Number of commanded efforts that were clipped at any joint, since the start."""
         self._noise = noise
@@ -127,6 +129,7 @@ class SimulatedRobot:
 
     def reset(self) -> None:
         """Return to the initial pose without effort and wrench, as before the first effort."""
+        self.reset_count += 1
         self.simulation.reset()
         self.effort = self._robot.idle_effort
         self.wrenches.clear()

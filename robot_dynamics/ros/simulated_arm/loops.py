@@ -189,7 +189,13 @@ class WallTimeLoop(_Loop):
     moves the arm on without a state, as an arm does while its driver is late. A lag of more than
     MAX_LAG is discarded: simulated time is paused for that long. Without simulated time the stamps
     skip it while the arm does not move, because old states are dropped.
+
+    An effort with the stamp of the last state acts from this state on. The loop then computes the
+    next state at once, in the time until it is due, so that it is published without delay.
     """
+
+    _next: tuple[Measured, int] | None = None
+    """The next state, if it has been computed, and the number of resets before it."""
 
     def _run(self) -> None:
         own_time = self._topics.has_own_time
@@ -204,7 +210,7 @@ class WallTimeLoop(_Loop):
             self._topics.publish(stamp_ns, measured)
             tick += 1
             due = start + tick * self._period
-            self._take_efforts_until(due)
+            self._take_efforts_until(due, stamp_ns)
             pause = self._pause(stamp_ns, measured)
             start, due, before = start + pause, due + pause, before + pause
             now = time.monotonic()
@@ -218,7 +224,9 @@ class WallTimeLoop(_Loop):
                 else:
                     tick += math.ceil((before - due) / self._period)
             self._watch_commands(passed, stamp_ns)
-            measured = self._advance()
+            computed, self._next = self._next, None
+            is_valid = computed is not None and computed[1] == self._plant.reset_count
+            measured = computed[0] if computed is not None and is_valid else self._advance()
             missed = int((time.monotonic() - start) / self._period) - tick
             for _ in range(min(missed, int(LONGEST_GAP / self._period))):
                 tick += 1
@@ -234,13 +242,16 @@ class WallTimeLoop(_Loop):
             self._take_efforts_until(time.monotonic() + RESEND_PERIOD)
         return time.monotonic() - begin
 
-    def _take_efforts_until(self, deadline: float) -> None:
+    def _take_efforts_until(self, deadline: float, stamp_ns: int | None = None) -> None:
+        """Take efforts; compute the next state after one with this stamp."""
         while self._running():
             remaining = deadline - time.monotonic()
             if self._wait_for_effort(max(remaining, 0.0)):
                 taken = self._topics.take_effort()
                 if taken is not None:
                     self._give(taken[0])
+                    if taken[1] == stamp_ns and self._next is None and not self.is_paused:
+                        self._next = self._advance(), self._plant.reset_count
             if remaining <= 0.0:
                 return
 
