@@ -7,7 +7,8 @@ Feed-forward for drives that close the loop themselves: τ = k_p e + k_d ė + τ
 τ_ff = M(q_r) q̈_r + C(q_r, q̇_r) q̇_r + g(q_r) + τ_f(q̇_r) depends on the reference only. It adds
 no feedback, so that its delay cannot make the loop of the drive unstable. The reference is that of
 the control loop: within the limits of the arm, with its stops and holds. During a fault without a
-reference it is the position at which the fault began, at rest.
+reference it is the position at which the fault began, at rest. With a law that does not follow
+references it is the measured position, at rest: the drives then only damp the arm.
 """
 
 from typing import NamedTuple
@@ -56,16 +57,16 @@ class FeedForward:
         """Return the command for an answer of the loop, None while the arm is not commanded."""
         loop, output = self._loop, answer.output
         is_off = loop.supervisor.mode in (Mode.INACTIVE, Mode.WAITING)
-        if is_off or output.command is None or not loop.controller.follows:
+        if is_off or output.command is None:
             self._held = None
             return None
-        reference = output.reference
-        if reference is not None:
+        reference, q = output.reference, output.state.q
+        if reference is not None or not loop.controller.follows:
             self._held = None
-        else:
-            q = output.state.q
-            reference = self._held = self._held or Reference(
-                q.copy(), np.zeros_like(q), np.zeros_like(q))
+        if reference is None:
+            reference = self._held or Reference(q.copy(), np.zeros_like(q), np.zeros_like(q))
+            if loop.controller.follows:
+                self._held = reference
         return DriveCommand(
             reference.position, reference.velocity, self._effort(output, reference))
 

@@ -85,15 +85,28 @@ def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction: str)
         assert effort[is_sliding] == pytest.approx(expected[is_sliding], abs=0.5)
 
 
-def test_there_is_no_command_without_a_law_that_follows_or_when_the_node_is_inactive() -> None:
+def test_there_is_no_command_without_a_law_or_when_the_node_is_inactive() -> None:
     bench = Bench(rubbing())
     assert bench.take(Q) is not None
     bench.loop.deactivate(1e-9 * FIRST_STAMP)
     for _ in range(2000):  # it stops, holds and ramps the effort of other drives
         last = bench.take(Q)
     assert last is None
-    for law in ('gravity_compensation', 'none'):
-        assert Bench(rubbing(), command=law).take(Q) is None
+    assert Bench(rubbing(), command='none').take(Q) is None
+
+
+def test_gravity_compensation_lets_the_drives_damp_only() -> None:
+    """Where the arm is, its drives have no position error, and the effort of gravity."""
+    bench, arm = Bench(rubbing(), command='gravity_compensation'), rubbing()
+    data = arm.pinocchio_model.createData()
+    for k in range(50):
+        q = Q + 0.01 * k
+        command = bench.take(q, np.full(2, 5.0))
+        assert command is not None
+        assert command.position == pytest.approx(q)
+        assert not command.velocity.any()
+        assert command.effort == pytest.approx(
+            pinocchio.computeGeneralizedGravity(arm.pinocchio_model, data, q))
 
 
 def test_a_fault_holds_the_position_at_which_it_began() -> None:
