@@ -79,7 +79,9 @@ class JointImpedance(ControlLaw):
         return np.diagonal(self._gains(M)[0])
 
     def _gains(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at M(q)."""
+        """Return K and D (n, n) at M(q), NaN if M is not finite."""
+        if not np.isfinite(M).all():  # far outside the range of the model
+            return np.full_like(M, np.nan), np.full_like(M, np.nan)
         L = np.linalg.cholesky(M + np.diag(LEAST_INERTIA * np.diagonal(M) + LEAST_INERTIA))
         to_modes = np.linalg.inv(L)
         squares, V = np.linalg.eigh((to_modes * self._stiffness) @ to_modes.T)
