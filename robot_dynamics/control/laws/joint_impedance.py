@@ -79,10 +79,11 @@ class JointImpedance(ControlLaw):
         return np.diagonal(self._gains(M)[0])
 
     def _gains(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return K and D (n, n) at M(q), NaN if M is not finite."""
-        if not np.isfinite(M).all():  # far outside the range of the model
+        """Return K and D (n, n) at M(q), NaN far outside of the range of the model."""
+        try:
+            L = np.linalg.cholesky(M + np.diag(LEAST_INERTIA * np.diagonal(M) + LEAST_INERTIA))
+        except np.linalg.LinAlgError:  # M is not positive definite, because of its rounding
             return np.full_like(M, np.nan), np.full_like(M, np.nan)
-        L = np.linalg.cholesky(M + np.diag(LEAST_INERTIA * np.diagonal(M) + LEAST_INERTIA))
         to_modes = np.linalg.inv(L)
         squares, V = np.linalg.eigh((to_modes * self._stiffness) @ to_modes.T)
         omega = np.sqrt(np.maximum(squares, 0.0))
