@@ -34,7 +34,8 @@ def dynamics(coulomb: float) -> UncheckedArmDynamics:
         ARM.with_friction(make_friction(ARM.joint_names, coulomb=[coulomb] * 2)))
 
 
-DT = 0.01
+DT = 0.03
+"""[s]; the share exceeds 1 within one of these steps."""
 LIGHT, HEAVY = dynamics(1e4), dynamics(1e-3)
 
 

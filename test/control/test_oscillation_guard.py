@@ -23,6 +23,7 @@ from robot_dynamics.control.gains.oscillation_guard import (
     OscillationGuard,
     REGULAR,
     RIPPLE,
+    SETTLING,
     SHARE,
     STEP,
     SUSTAINED,
@@ -137,7 +138,7 @@ def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(
     share: float, restores: bool,
 ) -> None:
     """Until then nothing changes, and no change is reported; a large one is never left alone."""
-    rate, guard, changes, before = 500, OscillationGuard(1), [], 1.0
+    rate, guard, changes, rows, before = 500, OscillationGuard(1), [], [], 1.0
     for k in range(3 * rate):
         x = np.array([share * HARMLESS * np.sin(2.0 * np.pi * 20.0 * k / rate)])
         changed = guard.take(100.0 + k / rate, x)
@@ -145,8 +146,10 @@ def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(
         before = float(guard.scale[0])
         if changed:
             changes.append(before)
+            rows.append(k)
     assert min(changes) >= LEAST
     assert (changes[-1] == 1.0) == restores  # it does not depend on the gains
+    assert not restores or rows[-1] - rows[-2] >= rate * SETTLING
 
 
 # --- exact bounds, by half-waves of one sample per millisecond -----------------------------------
@@ -217,6 +220,30 @@ def test_irregular_half_waves_count_if_they_are_sustained(last: float, lowers: b
     peaks[count:] *= last
     signal = np.concatenate((np.zeros(100), half_waves(peaks, 26)))
     assert lowered_at(signal) == ([100 + 52 * count] if lowers else [])
+
+
+def test_irregular_half_waves_count_in_two_successive_windows() -> None:
+    wave = 3.0 * half_waves([1.0, 0.3] * 5, 26)
+    assert lowered_at(np.concatenate([np.zeros(100), wave] * 3)) == []
+    assert lowered_at(np.concatenate([np.zeros(100), wave, wave])) != []
+
+
+@pytest.mark.parametrize(('growth', 'lowers'), [(1.015, False), (1.05, True)])
+def test_the_quietest_window_is_forgotten_in_favour_of_slowly_growing_ones(
+    growth: float, lowers: bool,
+) -> None:
+    count = round(1000 * WINDOW / 25)
+    peaks = np.repeat(1e-3 * growth**np.arange(100), count) * np.tile([1.0, 0.3], 50 * count)
+    assert bool(lowered_at(half_waves(peaks))) == lowers
+
+
+def test_a_joint_that_oscillated_before_is_not_lowered_with_another() -> None:
+    guard, t = OscillationGuard(2), np.arange(0.0, 2.0, 0.002)
+    wave = np.sin(2.0 * np.pi * 15.0 * t)
+    error = np.stack([wave * (t > 1.3), 50.0 * wave * np.exp(-5.0 * t) * (t < 0.6)], axis=1)
+    for now, x in zip(t.tolist(), error):
+        guard.take(now, x)
+    assert guard.scale[0] < guard.scale[1] == 1.0
 
 
 def test_a_signal_that_never_was_quieter_is_no_oscillation() -> None:

@@ -22,7 +22,13 @@ from consistency_signals import (
 import numpy as np
 import pytest
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency, PRISMATIC
-from robot_dynamics.monitoring.repeated_samples import REFERENCE
+from robot_dynamics.monitoring.repeated_samples import (
+    FLOOR,
+    LIVELY,
+    REFERENCE,
+    REPEATS,
+    SLOW,
+)
 
 
 def freeze(
@@ -87,7 +93,7 @@ def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
 
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
 def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> None:
-    found, one = freeze(joints, 1.0, 500, end=1.8)
+    found, one = freeze(joints, 1.0, 1000, end=1.8)
     assert found is not None
     assert one.is_consistent
 
@@ -162,7 +168,8 @@ def test_a_joint_stands_while_its_reference_is_near(
 
 def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
     held, q = np.array([0.15, 0.0, 0.0]), np.full(N, 0.7)
-    one = MotionConsistency(NAMES, KINDS, lambda q, error: np.abs(error) <= held)
+    one = MotionConsistency(
+        NAMES, KINDS, lambda at, error: (np.abs(error) <= held) & (at == q))
     reference = q + np.linspace(0.0, 0.2, 1000)[:, None] * np.array([1.0, 0.1, 0.0])
     is_good = [one.update(k * SECOND // 500, q, np.zeros(N), row_of(reference, k))
                for k in range(1000)]
@@ -181,3 +188,63 @@ def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed: float, rate: int)
     states = sampled(t, q, v, times)
     no_alarm(States(
         states.stamps, 1e-3 * np.round(1e3 * states.q), 0.01 * np.round(1e2 * states.v)), ahead)
+
+
+@pytest.mark.parametrize('speed', [0.2, 1.0])
+@pytest.mark.parametrize('usual', [0, 20, 40])
+def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual: int, speed: float) -> None:
+    """And until a joint with this velocity has left its floor; the period is 1 ms."""
+    v, every = speed * np.minimum(np.arange(2000) / 1000.0, 1.0)[:, None], max(usual, 1)
+    begin = 1500 // every * every
+    rows = np.minimum(np.arange(2000) // every * every, begin)
+    row, reason = next(alarms(consistency(('revolute',)), States(
+        np.arange(2000) * SECOND // 1000, 1e-3 * np.cumsum(v, axis=0)[rows], v[rows])))
+    expected = max(REPEATS, 2e-3 * usual) + FLOOR / (speed - SLOW)
+    assert -1e-6 < 1e-3 * (row - begin) - expected <= 0.007
+    assert f'have not changed for {row - begin} ms: velocity {speed:.2g}, reference' in reason
+
+
+def test_a_slow_joint_is_frozen_when_its_reference_leaves_the_floor() -> None:
+    """Its driver usually repeats samples for 40 ms, and its velocity alone means nothing."""
+    rows = np.arange(2000)
+    q = 1e-5 * rows[:, None]
+    states = States(rows * SECOND // 1000, q[np.minimum(rows // 40 * 40, 1200)], q**0.0 * 0.01)
+    row, reason = next(alarms(consistency(('revolute',)), states, q))
+    moved = 1e-5 * (row - 1200)
+    assert FLOOR < moved < FLOOR + 3e-4
+    assert f'reference moved by {moved:.2g}' in reason
+
+
+@pytest.mark.parametrize('count', [LIVELY - 1, LIVELY])
+def test_a_slow_joint_lives_after_some_states_without_a_repetition(count: int) -> None:
+    """The states are 5 ms apart; of the first ten the last one is repeated once."""
+    rows = np.array([*range(10), *range(9, 9 + count), *[9 + count] * 30])[:, None]
+    row, _ = next(alarms(consistency(('revolute',)), States(
+        np.arange(len(rows)) * SECOND // 200, 5e-5 * rows, np.full(rows.shape, 0.01))), (0, ''))
+    assert (row > 0) == (count >= LIVELY)
+
+
+@pytest.mark.filterwarnings('error')
+def test_a_joint_may_stand_move_and_stand_again() -> None:
+    """At each end of the motion, its reference counts from there."""
+    t = np.arange(0.0, 3.0, 1.0 / 500.0)
+    v = np.where((t > 0.5) & (t < 1.0), 0.5, 0.0) + np.where((t > 1.5) & (t < 2.5), -1.0, 0.0)
+    q = np.cumsum(v / 500.0)
+    for n in (1, 2):  # alone, and with another joint that always stands
+        states = (np.stack([x, 0.0 * x], axis=1)[:, :n] for x in (q, v))
+        no_alarm(found := States(SECOND + np.round(1e9 * t).astype(np.int64), *states), found.q, n)
+
+
+@pytest.mark.parametrize(('checks', 'stands'), [('-##-##-#-', True), ('-##-###--', False)])
+@pytest.mark.parametrize('n', [1, 2])
+def test_a_reference_must_leave_a_standing_joint_in_three_checks_in_a_row(
+    checks: str, stands: bool, n: int,
+) -> None:
+    """Checks are 5 ms apart; the sample of a second joint that stands changes or repeats."""
+    for change in (0.0, 1e-6):
+        one, q = consistency(('revolute',) * n), np.zeros(n)
+        reference = np.array([2.0 * REFERENCE if x == '#' else 0.0 for x in '----' + checks])
+        marks = [one.update(5_000_000 * k, q + change * k * np.arange(n), np.zeros(n), row_of(
+            reference[:, None] * (np.arange(n) == 0), k)) for k in range(len(reference))]
+        assert all(marks) == stands
+        assert all(marks[:4 + checks.rindex('#')])
