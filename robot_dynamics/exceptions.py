@@ -37,6 +37,14 @@ class TrajectoryError(InvalidInputError):
     """A joint trajectory cannot be followed; the message names the point and the field."""
 
 
+class JointNamesError(TrajectoryError):
+    """A joint trajectory is for other joints than those of the arm."""
+
+
+class PastTrajectoryError(TrajectoryError):
+    """A joint trajectory ended before now, by its stamp."""
+
+
 class RecordingError(RobotDynamicsError, ValueError):
     """A recording cannot be read or does not contain the requested data."""
 

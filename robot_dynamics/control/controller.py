@@ -210,9 +210,13 @@ class Controller:
         self._check_follows()
         return self._reference.feasible(trajectory, self._load.planning, self._options)
 
-    def start(self, prepared: Prepared, stamp_ns: int) -> None:
-        """Follow a prepared trajectory; the caller holds `lock`. Raises TrajectoryError."""
-        self._reference.start(*prepared, self._check_follows(), stamp_ns)
+    def start(self, prepared: Prepared, stamp_ns: int, latest: float = math.inf) -> None:
+        """
+        Follow a prepared trajectory; the caller holds `lock`.
+
+        Raises TrajectoryError, also if it would end more than `latest` [s] late.
+        """
+        self._reference.start(*prepared, self._check_follows(), stamp_ns, latest)
 
     def _check_follows(self) -> tuple[int, FloatArray, FloatArray]:
         """Return the last state; raise TrajectoryError if no reference can start from it."""

@@ -3,9 +3,12 @@
 
 """The reference of a controller: a trajectory, a stop, or none."""
 
+import math
+
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
@@ -86,10 +89,22 @@ class FollowedReference:
 
     def start(
         self, trajectory: JointTrajectory, slowness: float,
-        state: tuple[int, FloatArray, FloatArray], stamp_ns: int,
+        state: tuple[int, FloatArray, FloatArray], stamp_ns: int, latest: float = math.inf,
     ) -> None:
-        """Follow a trajectory from the last state (stamp, q, v) on; raise TrajectoryError."""
-        self.active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
+        """
+        Follow a trajectory from the last state (stamp, q, v) on.
+
+        Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
+        """
+        before = self._follower.active
+        active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
+        late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
+        if late_ns > 1e9 * latest:
+            self._follower.active = before
+            raise TrajectoryError(
+                f'the trajectory would end {1e-9 * late_ns:.3g} s late, expected at most '
+                f'{latest:g} s: the arm has to move to its first point before')
+        self.active = active
         self.stops_next = False
         self.slowness = slowness
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
-from robot_dynamics.control.controller import Controller, NO_COMMAND
+from robot_dynamics.control.controller import Controller, NO_COMMAND, Prepared
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.laws.impedance import make_impedance
@@ -45,6 +45,14 @@ from robot_dynamics.control.safety.supervisor import (
     slower,
 )
 from robot_dynamics.control.setpoint_stream import SetPointStream
+from robot_dynamics.control.trajectory_goal import (
+    default_tolerances,
+    LATEST_START,
+    NO_SLOWER,
+    ResultCode,
+    Tolerances,
+    TrajectoryGoal,
+)
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency
@@ -112,6 +120,8 @@ class ControlLoop:
         self.stream = SetPointStream(controller.options.stream_timeout)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.is_active = False
+        self.goal: TrajectoryGoal | None = None
+        """The goal that is executed, or None."""
         self.interruption = ''
         """Reason why the last reference ended early, until the next reference."""
         self.notice = ''
@@ -220,12 +230,57 @@ class ControlLoop:
         Raises TrajectoryError if it cannot be followed.
         """
         self._check_follows()
+        self._start(trajectory, self.controller.prepare(trajectory), stamp_ns)
+
+    def execute(
+        self, trajectory: JointTrajectory, stamp_ns: int = 0, tolerances: Tolerances | None = None,
+        when_done: Callable[[], object] = lambda: None,
+    ) -> TrajectoryGoal:
+        """
+        Follow a trajectory and judge it by tolerances; the goal before ends.
+
+        `when_done` is called when the goal has a result, and must return soon. Raises
+        TrajectoryError if the trajectory cannot be followed, or not within its own time.
+        """
+        self._check_follows()
         prepared = self.controller.prepare(trajectory)
+        if prepared[1] > NO_SLOWER:
+            raise TrajectoryError(
+                f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
+                'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
+        with self.lock:
+            self._start(
+                trajectory, prepared, stamp_ns,
+                math.inf if trajectory.is_set_point else LATEST_START)
+            self.goal = TrajectoryGoal(
+                self.controller, tolerances or default_tolerances(trajectory.joint_names),
+                when_done)
+            return self.goal
+
+    def _start(
+        self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int,
+        latest: float = math.inf,
+    ) -> None:
         with self.lock:
             self._check_follows()
-            self.controller.start(prepared, stamp_ns)
+            self.controller.start(prepared, stamp_ns, latest)
+            self.end_goal('another reference has replaced it')
             self.stream.arrived(trajectory.is_set_point, self._steady)
             self.interruption = ''
+
+    def end_goal(self, reason: str) -> None:
+        """End the goal that is executed, if there is one."""
+        with self.lock:
+            if self.goal is not None:
+                goal, self.goal = self.goal, None
+                goal.end(ResultCode.INVALID_GOAL, reason)
+
+    def cancel(self, goal: TrajectoryGoal) -> None:
+        """Stop the arm if it executes this goal, which ends when the arm is at rest."""
+        with self.lock:
+            if goal is self.goal:
+                self.stream.end()
+                goal.cancel()
 
     def _check_follows(self) -> None:
         obstacle = self.obstacle
@@ -311,6 +366,8 @@ class ControlLoop:
                 answer = self._answer(verdict, q, v, now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
+                if self.goal is not None:
+                    self._judge_goal()
                 self.controller.evaluate(is_due)
                 if is_due and not is_slow:
                     self._check(verdict.stamp, q, v)
@@ -449,11 +506,26 @@ class ControlLoop:
             self.supervisor.deactivate(now)
             self._follow_faults()
 
+    def _judge_goal(self) -> None:
+        """Compare the last state with the tolerances of the goal; forget a goal that has ended."""
+        goal, state = self.goal, self.controller.state
+        if goal is not None:
+            goal.end_if_replaced(self.interruption)
+            if state is not None and goal.result is None:
+                goal.judge(*state)
+            if goal.result is not None:
+                self.goal = None
+                if goal.result.code is ResultCode.PATH_TOLERANCE_VIOLATED and (
+                        not self.interruption):
+                    self.interruption = goal.result.message
+
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
         with self.lock:
             effort = self.supervisor.tick(now)
             self._follow_faults()
+            if self.goal is not None:
+                self.goal.end_if_replaced(self.interruption)
             return effort
 
     def _follow_time(self, verdict: StateVerdict, now: float) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import re
 import resource
 import sys
+import time
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -27,6 +28,8 @@ from robot_dynamics.ros.parameters.parameter_file import log_ignored_sections
 LONGEST_TURN = 0.0001
 """[s] after which Python switches to a waiting thread, such as control; default: 0.005 s."""
 MiddlewareError = (RclError, UnknownArgumentsError)
+LAST_ANSWERS = 1.0
+"""[s] for the results of actions while the node ends."""
 MEMORY_LIMIT = 2**30
 """Memory [bytes] that a node may allocate in addition to that at its start."""
 FULL_PASSES_APART = 1000
@@ -66,6 +69,7 @@ def run_node(
             expect_no_garbage()
             sys.setswitchinterval(LONGEST_TURN)
             _spin(executor, node, end)
+            _answer(executor, node)
         except (RobotDynamicsError, ParameterException, *MiddlewareError) as error:
             return _refuse_to_start(error)
         finally:
@@ -135,6 +139,13 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
             if node.context.ok():
                 node.get_logger().error(
                     f'A callback failed: {error!r}', throttle_duration_sec=LOG_PERIOD)
+
+
+def _answer(executor: SingleThreadedExecutor, node: Node) -> None:
+    """Spin while clients await results, for at most LAST_ANSWERS seconds."""
+    until = time.monotonic() + LAST_ANSWERS
+    while getattr(node, 'is_busy', False) and node.context.ok() and time.monotonic() < until:
+        executor.spin_once(0.05)
 
 
 def limit_memory(beyond: int = MEMORY_LIMIT) -> None:

@@ -20,7 +20,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
+from robot_dynamics.exceptions import (
+    InvalidInputError,
+    JointNamesError,
+    PastTrajectoryError,
+    TrajectoryError,
+)
 from robot_dynamics.validation import (
     check_scalar,
     check_unique,
@@ -130,13 +135,13 @@ def check_end_in_future(
     trajectory: JointTrajectory, stamp_ns: int, now_ns: int, max_age_ns: int = 0,
 ) -> None:
     """
-    Raise TrajectoryError if a stamped trajectory ended more than `max_age_ns` before now.
+    Raise PastTrajectoryError if a stamped trajectory ended more than `max_age_ns` before now.
 
     All times are nanoseconds of one clock; the stamp 0 means "now" and always passes.
     """
     end_ns = stamp_ns + nanoseconds(trajectory.duration)
     if stamp_ns != 0 and end_ns + max_age_ns < now_ns:
-        raise TrajectoryError(
+        raise PastTrajectoryError(
             f'header.stamp is {_in_seconds(stamp_ns)} s and the last point comes '
             f'{trajectory.duration:g} s later, which is {_in_seconds(now_ns - end_ns)} s before '
             f'now ({_in_seconds(now_ns)} s), expected an end in the future, or a zero stamp '
@@ -155,15 +160,18 @@ def _in_seconds(time_ns: int) -> str:
 
 def _check_joint_names(joint_names: Sequence[str], expected: tuple[str, ...]) -> None:
     if len(joint_names) == 0:
-        raise TrajectoryError(f'joint_names is empty, expected {list(expected)}')
+        raise JointNamesError(f'joint_names is empty, expected {list(expected)}')
     for name in joint_names:
         if name not in expected:
-            raise TrajectoryError(
+            raise JointNamesError(
                 f'joint_names has {name!r}, expected only joints of this arm: {list(expected)}')
-    check_unique('joint_names', joint_names)
+    try:
+        check_unique('joint_names', joint_names)
+    except InvalidInputError as error:
+        raise JointNamesError(str(error)) from None
     missing = [name for name in expected if name not in joint_names]
     if missing:
-        raise TrajectoryError(
+        raise JointNamesError(
             f'joint_names is {list(joint_names)}, which lacks {missing}, expected all of '
             f'{list(expected)}')
 

@@ -127,8 +127,10 @@ class ControlPath:
         """
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
-        if before is not None and before.controller.has_reference:
-            loop.interruption = 'another model was loaded'
+        if before is not None:
+            before.end_goal('another model was loaded')
+            if before.controller.has_reference:
+                loop.interruption = 'another model was loaded'
         with self.lock:
             self._served = _Served(loop, check, self._sample_max_age, is_embedded)
             self._foreign_joints = ''
@@ -142,6 +144,8 @@ class ControlPath:
     def forget(self) -> None:
         """Serve no arm."""
         with self.lock:
+            if self.loop is not None:
+                self.loop.end_goal('the model was unloaded')
             self._served = None
             self.estimates.forget()
             self.markers.forget()

@@ -18,6 +18,10 @@ from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import (
+    FollowJointTrajectoryServer,
+)
+from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
@@ -32,7 +36,6 @@ from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_log import StateReport
-from robot_dynamics.ros.dynamics.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder
 from robot_dynamics.ros.middleware.diagnostics import Diagnostics, OK, Status, WARN
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch
@@ -81,6 +84,8 @@ USAGE = NodeUsage(
       'robot_description nor robot_description_file is set.'),
      ('~/joint_trajectory', 'Subscribed, trajectory_msgs/msg/JointTrajectory: the trajectory to '
       'follow; one point is a set-point.'),
+     ('~/follow_joint_trajectory', 'Action, control_msgs/action/FollowJointTrajectory, if '
+      'control_msgs is installed: a trajectory with tolerances and a result.'),
      ('effort_command, ~/commands', 'Published, sensor_msgs/msg/JointState and '
       'std_msgs/msg/Float64MultiArray: the command [N·m] or [N], by joint name, and in the order '
       'of joints.'),
@@ -134,6 +139,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._trajectories = TrajectoryInput(self, self._path)
+        self._action = FollowJointTrajectoryServer(
+            self, self._path, self._trajectories, lambda: self._settings.values)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
@@ -160,16 +167,23 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             'Ending: the arm stops, then the command ramps to zero.' if was_commanding else
             'Ending: no command was active.')
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a client awaits the result of an action."""
+        return self._action.is_busy
+
     def destroy_node(self) -> None:
         """Ramp the effort to zero, stop the control path, and destroy the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
-        urgent = getattr(self, '_stop_service', None)
+        urgent, action = getattr(self, '_stop_service', None), getattr(self, '_action', None)
         if path is not None:
             path.command.close()
         if loop is not None:
             loop.stop()
         if urgent is not None:
             urgent.close()
+        if action is not None:
+            action.close()
         super().destroy_node()
 
     # ------------------------------------------------------------------ lifecycle

@@ -24,6 +24,11 @@ from robot_dynamics.control.options import (
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.trajectory_goal import (
+    DEFAULT_GOAL_TIME,
+    default_tolerances,
+    Tolerances,
+)
 from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
@@ -49,6 +54,18 @@ from robot_dynamics.ros.parameters.robot_description import (
     UNCERTAINTY_SPECS,
 )
 
+GOAL_SPECS = (
+    numbers('goal.path_tolerance', 0.0, 1e9, (
+        'Largest distance [rad] or [m] from the reference during a goal of '
+        '~/follow_joint_trajectory that gives no tolerance; one value for all joints or one per '
+        'joint. 0 or an empty array: only following_error_limit applies.')),
+    numbers('goal.tolerance', 0.0, 1e9, (
+        'Distance [rad] or [m] at which such a goal is reached; one value for all joints or one '
+        'per joint, 0 for any distance. If empty, 0.01.')),
+    number('goal.time', DEFAULT_GOAL_TIME, 0.0, 3600.0, (
+        'Time [s] after the end of the trajectory within which such a goal must be reached; 0 for '
+        'any time.')),
+)
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
@@ -171,6 +188,7 @@ SPECS = (
         'warning if gravity is compensated twice or not as declared.'), read_only=True),
     *ESTIMATE_SPECS,
     *SAFETY_SPECS,
+    *GOAL_SPECS,
     flag('autostart', True, (
         'Configure and activate the node at start. If false, the node waits for '
         '~/change_state.'), read_only=True),
@@ -186,9 +204,10 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
     for name in (
             *GAINS, *IMPEDANCE, 'drive.stiffness', 'following_error_limit',
-            'external_effort_limit'):
+            'external_effort_limit', 'goal.path_tolerance', 'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
+    goal_tolerances(values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(
         gains, values['command'], values['effort_limit_fraction'], values['friction_compensation'],
@@ -205,6 +224,13 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
 def optional_values(name: str, values: Values, arm: ArmModel) -> FloatArray | None:
     """Return a value per joint (n,), None if the parameter is empty."""
     return per_joint(name, values[name], arm.joint_names) if values[name] else None
+
+
+def goal_tolerances(values: Values, arm: ArmModel) -> Tolerances:
+    """Return the tolerances of a goal that gives none."""
+    return default_tolerances(
+        arm.joint_names, optional_values('goal.path_tolerance', values, arm),
+        optional_values('goal.tolerance', values, arm), values['goal.time'])
 
 
 def effort_rates(values: Values, arm: ArmModel) -> FloatArray:

@@ -8,6 +8,7 @@ import re
 
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.units import units_of
@@ -24,7 +25,8 @@ from robot_dynamics.ros.middleware.diagnostics import (
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from trajectory_msgs.msg import JointTrajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 
@@ -41,9 +43,9 @@ class TrajectoryInput:
         self._reported = 0
         """Number of accepted goals that is published at once; a stream does not change it."""
         node.create_subscription(
-            JointTrajectory, '~/joint_trajectory', self.take, 10, refuse=self._refuse)
+            JointTrajectoryMsg, '~/joint_trajectory', self.take, 10, refuse=self.refuse)
 
-    def take(self, message: JointTrajectory) -> None:
+    def take(self, message: JointTrajectoryMsg) -> None:
         """Follow a trajectory, or count and log why it is rejected."""
         try:
             loop = self._path.loop
@@ -52,15 +54,20 @@ class TrajectoryInput:
             trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
             loop.follow(trajectory, stamp_from_ros(message.header.stamp))
         except Exception as error:  # an exception here would end the spin of rclpy
-            self._refuse(error)
+            self.refuse(error)
             return
+        self.accept(loop, trajectory)
+
+    def accept(self, loop: ControlLoop, trajectory: JointTrajectory) -> None:
+        """Count a goal that the loop follows."""
         self.refusal = ''
         self._accepted += 1
         self._goal = trajectory.points[-1].position.tolist()
         if loop.stream.deadline == math.inf:
             self._reported = self._accepted
 
-    def _refuse(self, error: Exception) -> None:
+    def refuse(self, error: Exception) -> None:
+        """Count a goal that is rejected, and log the reason."""
         before, self.refusal = self.refusal, describe_error(error)
         self._refused += 1
         words = f'Rejected a joint trajectory: {self.refusal}'

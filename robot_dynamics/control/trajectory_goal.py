@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A trajectory that is executed within tolerances, with a result, without ROS.
+
+The rules are those of the action `control_msgs/action/FollowJointTrajectory` and of
+`joint_trajectory_controller` (ros2_controllers, branch jazzy), with the differences that
+docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after each state.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+import math
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.exceptions import InvalidInputError, JointNamesError
+from robot_dynamics.joints.units import units_of
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+
+LATEST_START = 0.5
+"""[s] by which a goal may end late because the arm is not yet at its first point."""
+NO_SLOWER = 1.001
+"""Factor of the duration from which a goal counts as slowed down."""
+MOVED, REST_TIME_NS = 1e-3, 40_000_000
+"""An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns]."""
+LONGEST_STOP = 5.0
+"""[s] after a planned stop within which the arm must be at rest."""
+DEFAULT, ERASED = 0.0, -1.0
+"""Values of a tolerance: use the default, and use no tolerance."""
+DEFAULT_GOAL_TOLERANCE = 0.01
+"""Default distance [rad] or [m] from the goal at which it is reached."""
+DEFAULT_GOAL_TIME = 5.0
+"""Default time [s] after the end of the trajectory for the arm to reach the goal."""
+
+
+class ResultCode(IntEnum):
+    """The error codes of the result of `FollowJointTrajectory`."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class GoalResult(NamedTuple):
+    """How a goal ended: its code, the reason, and whether it was cancelled."""
+
+    code: ResultCode
+    message: str = ''
+    is_canceled: bool = False
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """
+    Tolerances of position [rad] or [m] and velocity [rad/s] or [m/s], (n,) each, ∞ for none.
+
+    Path tolerances apply during the motion, goal tolerances at its end, within `goal_time` [s]. A
+    `goal_velocity` of NaN requires rest: less than MOVED in 40 ms.
+    """
+
+    path: FloatArray
+    path_velocity: FloatArray
+    goal: FloatArray
+    goal_velocity: FloatArray
+    goal_time: float = DEFAULT_GOAL_TIME
+
+
+def default_tolerances(
+    joint_names: Sequence[str], path: FloatArray | None = None, goal: FloatArray | None = None,
+    goal_time: float = DEFAULT_GOAL_TIME,
+) -> Tolerances:
+    """Return tolerances (n,) with 0 meaning none; by default only those of the goal."""
+    n = len(joint_names)
+
+    def bound(values: FloatArray | None, default: float) -> FloatArray:
+        found = np.full(n, default) if values is None else values
+        return np.where(found > 0.0, found, math.inf)
+
+    return Tolerances(
+        bound(path, 0.0), np.full(n, math.inf), bound(goal, DEFAULT_GOAL_TOLERANCE),
+        np.full(n, math.nan), goal_time if goal_time > 0.0 else math.inf)
+
+
+def with_given(
+    field: str, given: Mapping[str, float], defaults: FloatArray, joint_names: Sequence[str],
+) -> FloatArray:
+    """
+    Return tolerances (n,): those that are `given` by joint name, and the defaults.
+
+    0 keeps the default, −1 means none. Raises JointNamesError for an unknown joint, and
+    InvalidInputError for another negative value or one that is not finite.
+    """
+    values = defaults.copy()
+    for name, value in given.items():
+        if name not in joint_names:
+            raise JointNamesError(
+                f'{field} has a tolerance for {name!r}, expected joints of this arm: '
+                f'{list(joint_names)}')
+        if value == ERASED:
+            values[list(joint_names).index(name)] = math.inf
+        elif not 0.0 <= value < math.inf:
+            raise InvalidInputError(
+                f'{field} of {name!r} is {value:g}, expected a tolerance above 0, 0 for the '
+                'default, or -1 for none')
+        elif value != DEFAULT:
+            values[list(joint_names).index(name)] = value
+    return values
+
+
+class Progress(NamedTuple):
+    """A state with its reference: the stamp [ns], q and v (n,), and what was desired."""
+
+    stamp_ns: int
+    position: FloatArray
+    velocity: FloatArray | None
+    desired: Reference
+
+
+class TrajectoryGoal:
+    """One goal; `ControlLoop` calls its methods with its lock held."""
+
+    def __init__(
+        self, controller: Controller, tolerances: Tolerances,
+        when_done: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Judge the trajectory that the controller follows now; `when_done` must return soon."""
+        self._controller, self._tolerances = controller, tolerances
+        self._when_done = when_done
+        self._names = controller.arm.joint_names
+        self._trajectory = _followed(controller)
+        self._rest: tuple[int, FloatArray] | None = None
+        self.is_stopping = False
+        """Whether the goal was cancelled, and the arm stops."""
+        self.result: GoalResult | None = None
+        """The result, None while the goal is active."""
+        self.progress: Progress | None = None
+        """The newest state, with its reference."""
+
+    def end(self, code: ResultCode, message: str = '', is_canceled: bool = False) -> None:
+        """Set the result, unless there is one."""
+        if self.result is None:
+            self.result = GoalResult(code, message, is_canceled)
+            self._when_done()
+
+    def end_if_replaced(self, reason: str) -> None:
+        """End the goal if the controller follows something else, because of `reason`."""
+        if self.result is None and _followed(self._controller) is not self._trajectory:
+            code = ResultCode.PATH_TOLERANCE_VIOLATED if 'following_error' in reason else (
+                ResultCode.INVALID_GOAL)
+            self.end(code, reason or 'another reference has replaced it')
+
+    def cancel(self) -> None:
+        """Stop the arm; the goal ends when it is at rest."""
+        if self.result is None and not self.is_stopping:
+            self._controller.stop()
+            self.is_stopping, self._rest = True, None
+            self._trajectory = _followed(self._controller)
+
+    def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
+        """Compare a state (n,) with the tolerances, and end the goal if it has a result."""
+        active = self._controller.trajectory
+        if active is None:
+            return
+        desired = active.sample(stamp_ns)
+        self.progress = Progress(stamp_ns, q, v, desired)
+        is_at_rest = self._is_at_rest(stamp_ns, q)
+        late = (stamp_ns - active.end_ns) / NANOSECONDS_PER_SECOND
+        if self.is_stopping:
+            if late >= 0.0 and is_at_rest:
+                self.end(ResultCode.INVALID_GOAL, 'cancelled: the arm is at rest', True)
+            elif late > LONGEST_STOP:
+                self.end(
+                    ResultCode.GOAL_TOLERANCE_VIOLATED,
+                    f'cancelled, but the arm is not at rest {LONGEST_STOP:g} s after its stop')
+            return
+        e = self._controller.position_error(desired.position, q)
+        e_v = np.zeros_like(q) if v is None else desired.velocity - v
+        allowed = self._tolerances
+        if late < 0.0:
+            violation = self._violation(e, allowed.path, e_v, allowed.path_velocity)
+            if violation:
+                self._controller.stop()
+                self.end(ResultCode.PATH_TOLERANCE_VIOLATED, f'path tolerance: {violation}')
+            return
+        must_rest = np.isnan(allowed.goal_velocity)
+        violation = self._violation(
+            e, allowed.goal, e_v, np.where(must_rest, math.inf, allowed.goal_velocity))
+        if not violation and not is_at_rest and must_rest.any():
+            violation = 'the arm is not at rest'
+        if not violation:
+            self.end(ResultCode.SUCCESSFUL)
+        elif late > allowed.goal_time:
+            self.end(
+                ResultCode.GOAL_TOLERANCE_VIOLATED,
+                f'goal tolerance, {allowed.goal_time:g} s after the end: {violation}')
+
+    def _is_at_rest(self, stamp_ns: int, q: FloatArray) -> bool:
+        rest = self._rest
+        if rest is None or stamp_ns < rest[0] or bool(
+                (np.abs(self._controller.position_error(rest[1], q)) > MOVED).any()):
+            rest = self._rest = stamp_ns, q
+        return stamp_ns - rest[0] >= REST_TIME_NS
+
+    def _violation(
+        self, e: FloatArray, most_e: FloatArray, e_v: FloatArray, most_v: FloatArray,
+    ) -> str:
+        """Return the joint that exceeds its tolerance most, or nothing; all arrays are (n,)."""
+        for error, most, is_velocity in ((e, most_e, False), (e_v, most_v, True)):
+            j = int(np.argmax(np.abs(error) / most))
+            if not abs(error[j]) <= most[j]:
+                name, units = self._names[j], units_of(self._controller.arm.joint_kinds[j])
+                if is_velocity:
+                    return (f'the velocity of {name!r} is {abs(error[j]):.3g} {units.position}/s '
+                            f'off, expected at most {most[j]:.3g}')
+                return (f'{name!r} is {units.error_text(abs(error[j]))} off, expected at most '
+                        f'{units.error_text(most[j])}')
+        return ''
+
+
+def _followed(controller: Controller) -> JointTrajectory | None:
+    """Return what the controller follows; the object stays the same if clocks are shifted."""
+    active = controller.trajectory
+    return None if active is None else active.trajectory

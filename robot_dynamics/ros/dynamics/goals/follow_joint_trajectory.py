@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The action `~/follow_joint_trajectory`, through which MoveIt 2 moves an arm.
+
+A goal is always accepted, and an invalid one is aborted at once: only a result can contain the
+reason. An invalid goal does not disturb the motion.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.task import Future
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.trajectory_goal import (
+    ERASED,
+    Progress,
+    ResultCode,
+    Tolerances,
+    TrajectoryGoal,
+    with_given,
+)
+from robot_dynamics.exceptions import InvalidInputError, JointNamesError, PastTrajectoryError
+from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
+from robot_dynamics.ros.dynamics.parameters import goal_tolerances
+from robot_dynamics.ros.middleware.conversions import (
+    floats_to_ros,
+    stamp_from_ros,
+    stamp_to_ros,
+    trajectory_from_ros,
+)
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.parameters.declared_parameters import Values
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+FEEDBACK_PERIOD = 0.05
+"""[s]"""
+
+def action_type() -> Any:
+    """Return the type of the action, None if `control_msgs` is not installed."""
+    try:
+        from control_msgs.action import FollowJointTrajectory
+    except ImportError:
+        return None
+    return FollowJointTrajectory
+
+
+class FollowJointTrajectoryServer:
+    """Offers the action on a node, if `control_msgs` is installed."""
+
+    def __init__(
+        self, node: GuardedCallbacks, path: ControlPath, accepted: TrajectoryInput,
+        values: Callable[[], Values],
+    ) -> None:
+        """Count goals in `accepted`; `values` returns the parameters of the node."""
+        self._node, self._path, self._input, self._values = node, path, accepted, values
+        self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
+        self._type = action_type()
+        self._server: _GuardedServer | None = None
+        if self._type is None:
+            node.get_logger().info(
+                '~/follow_joint_trajectory is not offered: control_msgs is not installed '
+                '(ros-jazzy-control-msgs)')
+            return
+        self._feedback = node.create_timer(FEEDBACK_PERIOD, self._publish_feedback)
+        self._feedback.cancel()
+        self._ended = node.create_guard_condition(self._look)
+        self._server = _GuardedServer(
+            node, self._type, '~/follow_joint_trajectory', self._execute,
+            cancel_callback=self._cancel)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a goal awaits its result."""
+        return bool(self._running)
+
+    def close(self) -> None:
+        """End the action, before the node is destroyed."""
+        if self._server is not None:
+            self._server.destroy()
+
+    def _cancel(self, handle: ServerGoalHandle) -> CancelResponse:
+        self._ended.trigger()  # rclpy marks the goal as cancelled after this callback
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, handle: ServerGoalHandle) -> Any:
+        if handle.is_cancel_requested:
+            handle.canceled()
+            return self._result(ResultCode.INVALID_GOAL, 'cancelled before its start')
+        try:
+            goal = self._start(handle.request)
+        except Exception as error:
+            self._input.refuse(error)
+            handle.abort()
+            return self._result(_code_of(error), describe_error(error))
+        done = Future()
+        self._running.append((handle, goal, done))
+        self._feedback.reset()
+        if goal.result is not None:
+            self._ended.trigger()
+        await done
+        result = goal.result
+        assert result is not None
+        if result.is_canceled:
+            handle.canceled()
+        elif result.code is ResultCode.SUCCESSFUL:
+            handle.succeed()
+        else:
+            handle.abort()
+        self._node.get_logger().info(
+            f'~/follow_joint_trajectory: {result.code.name}{": " * bool(result.message)}'
+            f'{result.message}')
+        return self._result(result.code, result.message)
+
+    def _start(self, request: Any) -> TrajectoryGoal:
+        loop = self._path.loop
+        if loop is None:
+            raise InvalidInputError('no model yet: no trajectory can be followed')
+        names = loop.controller.arm.joint_names
+        for field in ('multi_dof_trajectory.joint_names', 'component_path_tolerance',
+                      'component_goal_tolerance'):
+            values = request
+            for part in field.split('.'):
+                values = getattr(values, part)
+            if len(values):
+                raise InvalidInputError(
+                    f'{field} has {len(values)} entries, expected none: each joint of an arm has '
+                    'one degree of freedom')
+        trajectory = trajectory_from_ros(request.trajectory, names)
+        tolerances = _tolerances(request, loop, self._values())
+        goal = loop.execute(
+            trajectory, stamp_from_ros(request.trajectory.header.stamp), tolerances,
+            self._ended.trigger)
+        self._input.accept(loop, trajectory)
+        return goal
+
+    def _look(self) -> None:
+        """Stop for goals that are cancelled, and report the goals that have ended."""
+        loop, waiting = self._path.loop, []
+        for handle, goal, done in self._running:
+            if goal.result is not None and not (
+                    goal.result.is_canceled and not handle.is_cancel_requested):
+                done.set_result(None)
+                continue
+            waiting.append((handle, goal, done))
+            if handle.is_cancel_requested and loop is not None:
+                loop.cancel(goal)
+        self._running = waiting
+        if not waiting:
+            self._feedback.cancel()
+
+    def _publish_feedback(self) -> None:
+        self._look()
+        for handle, goal, _ in self._running:
+            if goal.progress is not None:
+                handle.publish_feedback(self._as_feedback(goal.progress))
+
+    def _as_feedback(self, progress: Progress) -> Any:
+        message, loop = self._type.Feedback(), self._path.loop
+        if loop is None:
+            return message
+        q, desired = progress.position, progress.desired
+        controller = loop.controller
+        message.header.stamp = stamp_to_ros(progress.stamp_ns)
+        message.joint_names = list(controller.arm.joint_names)
+        message.desired = _point(*desired)
+        message.actual = _point(q, progress.velocity)
+        message.error = _point(
+            controller.position_error(desired.position, q),
+            None if progress.velocity is None else desired.velocity - progress.velocity)
+        return message
+
+    def _result(self, code: ResultCode, message: str) -> Any:
+        return self._type.Result(error_code=int(code), error_string=message)
+
+
+def _point(
+    q: FloatArray, v: FloatArray | None, a: FloatArray | None = None,
+) -> JointTrajectoryPoint:
+    return JointTrajectoryPoint(
+        positions=floats_to_ros(q), velocities=[] if v is None else floats_to_ros(v),
+        accelerations=[] if a is None else floats_to_ros(a))
+
+
+def _code_of(error: Exception) -> ResultCode:
+    if isinstance(error, JointNamesError):
+        return ResultCode.INVALID_JOINTS
+    if isinstance(error, PastTrajectoryError):
+        return ResultCode.OLD_HEADER_TIMESTAMP
+    return ResultCode.INVALID_GOAL
+
+
+def _tolerances(request: Any, loop: ControlLoop, values: Values) -> Tolerances:
+    """Return the tolerances of a goal, by default those of the parameters."""
+    arm = loop.controller.arm
+    names = arm.joint_names
+    defaults = goal_tolerances(values, arm)
+    for field in ('path_tolerance', 'goal_tolerance'):
+        for one in getattr(request, field):
+            if one.acceleration not in (0.0, ERASED):
+                raise InvalidInputError(
+                    f'{field} of {one.name!r} has the acceleration {one.acceleration:g}, '
+                    'expected 0 or -1: accelerations are not measured')
+    goal_time = stamp_from_ros(request.goal_time_tolerance)
+
+    def given(field: str, quantity: str, default: FloatArray) -> FloatArray:
+        return with_given(f'{field}.{quantity}', {
+            one.name: getattr(one, quantity) for one in getattr(request, field)}, default, names)
+
+    return replace(
+        defaults,
+        path=given('path_tolerance', 'position', defaults.path),
+        path_velocity=given('path_tolerance', 'velocity', defaults.path_velocity),
+        goal=given('goal_tolerance', 'position', defaults.goal),
+        goal_velocity=given('goal_tolerance', 'velocity', defaults.goal_velocity),
+        goal_time=_goal_time(1e-9 * goal_time, defaults.goal_time))
+
+
+def _goal_time(given: float, default: float) -> float:
+    if given == ERASED:
+        return math.inf
+    if given < 0.0:
+        raise InvalidInputError(
+            f'goal_time_tolerance is {given:g} s, expected a time above 0, 0 for the default, or '
+            '-1 for any time')
+    return given or default
+
+
+class _GuardedServer(ActionServer):
+    """An action server that a request which cannot be read does not end."""
+
+    def take_data(self) -> Any:
+        try:
+            return super().take_data()
+        except Exception as error:
+            self._log(error)
+            return {}
+
+    async def execute(self, taken_data: Any) -> None:
+        try:
+            await super().execute(taken_data)
+        except Exception as error:
+            self._log(error)
+
+    def _log(self, error: Exception) -> None:
+        self._node.get_logger().error(
+            f'Rejected a request of ~/follow_joint_trajectory: {describe_error(error)}',
+            throttle_duration_sec=LOG_PERIOD)
