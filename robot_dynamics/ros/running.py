@@ -142,9 +142,9 @@ def _spin(executor: SingleThreadedExecutor, node: Node, end: ShutdownRequest) ->
 
 
 def _answer(executor: SingleThreadedExecutor, node: Node) -> None:
-    """Spin while clients await results, for at most LAST_ANSWERS seconds."""
+    """Spin while clients await the results of actions."""
     until = time.monotonic() + LAST_ANSWERS
-    while getattr(node, 'is_busy', False) and node.context.ok() and time.monotonic() < until:
+    while getattr(node, 'is_busy', False) and time.monotonic() < until:
         executor.spin_once(0.05)
 
 

@@ -129,6 +129,14 @@ class AnswerDelivery:
 def is_discovered(node: Node, service: Service) -> bool:
     """Return whether as many response readers as request writers are discovered."""
     name = service.service_name
-    writers = node.get_publishers_info_by_topic(f'rq{name}Request', no_mangle=True)
-    readers = node.get_subscriptions_info_by_topic(f'rr{name}Reply', no_mangle=True)
-    return len(readers) >= len(writers)
+    return response_readers(node, name) >= request_writers(node, name)
+
+
+def request_writers(node: Node, service: str) -> int:
+    """Return the number of discovered request writers of a service."""
+    return len(node.get_publishers_info_by_topic(f'rq{service}Request', no_mangle=True))
+
+
+def response_readers(node: Node, service: str) -> int:
+    """Return the number of discovered response readers of a service."""
+    return len(node.get_subscriptions_info_by_topic(f'rr{service}Reply', no_mangle=True))

@@ -8,12 +8,13 @@ A goal is always accepted, and an invalid one is aborted at once: only a result 
 reason. An invalid goal does not disturb the motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 import math
+import time
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
@@ -30,6 +31,11 @@ from robot_dynamics.exceptions import InvalidInputError, JointNamesError, PastTr
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.parameters import goal_tolerances
+from robot_dynamics.ros.middleware.answer_delivery import (
+    LONGEST_WAIT,
+    request_writers,
+    response_readers,
+)
 from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
     stamp_from_ros,
@@ -43,6 +49,8 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 FEEDBACK_PERIOD = 0.05
 """[s]"""
+LAST_REQUEST = 0.2
+"""[s] after the end of a goal in which its client asks for the result."""
 
 def action_type() -> Any:
     """Return the type of the action, None if `control_msgs` is not installed."""
@@ -63,6 +71,7 @@ class FollowJointTrajectoryServer:
         """Count goals in `accepted`; `values` returns the parameters of the node."""
         self._node, self._path, self._input, self._values = node, path, accepted, values
         self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
+        self._open, self._ended_at = 0, -math.inf
         self._type = action_type()
         self._server: _GuardedServer | None = None
         if self._type is None:
@@ -75,12 +84,12 @@ class FollowJointTrajectoryServer:
         self._ended = node.create_guard_condition(self._look)
         self._server = _GuardedServer(
             node, self._type, '~/follow_joint_trajectory', self._execute,
-            cancel_callback=self._cancel)
+            goal_callback=self._take, cancel_callback=self._cancel)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a goal awaits its result."""
-        return bool(self._running)
+        """Whether a goal awaits its result, or its client may still ask for it."""
+        return self._open > 0 or time.monotonic() < self._ended_at + LAST_REQUEST
 
     def close(self) -> None:
         """End the action, before the node is destroyed."""
@@ -91,7 +100,30 @@ class FollowJointTrajectoryServer:
         self._ended.trigger()  # rclpy marks the goal as cancelled after this callback
         return CancelResponse.ACCEPT
 
+    async def _take(self, request: Any) -> GoalResponse:
+        """Accept a goal, as soon as its client can receive all answers (`answer_delivery`)."""
+        self._open += 1
+        self._feedback.reset()  # lets the executor look again
+        until = time.monotonic() + LONGEST_WAIT
+        while time.monotonic() < until and not self._is_client_discovered():
+            await _Turn()
+        return GoalResponse.ACCEPT
+
+    def _is_client_discovered(self) -> bool:
+        action = self._node.resolve_topic_name('~/follow_joint_trajectory')
+        clients = request_writers(self._node, f'{action}/_action/send_goal')
+        return all(
+            response_readers(self._node, f'{action}/_action/{service}') >= clients
+            for service in ('send_goal', 'cancel_goal', 'get_result'))
+
     async def _execute(self, handle: ServerGoalHandle) -> Any:
+        try:
+            return await self._executed(handle)
+        finally:
+            self._open -= 1
+            self._ended_at = time.monotonic()
+
+    async def _executed(self, handle: ServerGoalHandle) -> Any:
         if handle.is_cancel_requested:
             handle.canceled()
             return self._result(ResultCode.INVALID_GOAL, 'cancelled before its start')
@@ -103,7 +135,6 @@ class FollowJointTrajectoryServer:
             return self._result(_code_of(error), describe_error(error))
         done = Future()
         self._running.append((handle, goal, done))
-        self._feedback.reset()
         if goal.result is not None:
             self._ended.trigger()
         await done
@@ -154,7 +185,7 @@ class FollowJointTrajectoryServer:
             if handle.is_cancel_requested and loop is not None:
                 loop.cancel(goal)
         self._running = waiting
-        if not waiting:
+        if not self._open:
             self._feedback.cancel()
 
     def _publish_feedback(self) -> None:
@@ -232,6 +263,13 @@ def _goal_time(given: float, default: float) -> float:
             f'goal_time_tolerance is {given:g} s, expected a time above 0, 0 for the default, or '
             '-1 for any time')
     return given or default
+
+
+class _Turn:
+    """Awaitable once: until the executor has waited for its next event."""
+
+    def __await__(self) -> Iterator[None]:
+        yield
 
 
 class _GuardedServer(ActionServer):

@@ -1,0 +1,300 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Trajectories with tolerances and a result, in lock-step with an arm."""
+
+import math
+from typing import Any
+
+from hypothesis import given, strategies as st
+from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.control.trajectory_goal import (
+    DEFAULT_GOAL_TOLERANCE,
+    default_tolerances,
+    GoalResult,
+    ResultCode,
+    Tolerances,
+    TrajectoryGoal,
+    with_given,
+)
+from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+
+ARMS = ('two_link', 'ur10', 'panda')
+WAY = 0.3
+"""[rad] of the motions."""
+
+
+def arm_of(name: str) -> ArmModel:
+    return load_arm(default_arm_urdf()) if name == 'two_link' else smooth_arm(name)
+
+
+@pytest.fixture(params=ARMS)
+def bench(request: pytest.FixtureRequest) -> LockStep:
+    return held(arm_of(request.param))
+
+
+def held(arm: ArmModel, **options: Any) -> LockStep:
+    """Return an arm that has been held for a while."""
+    bench = LockStep(arm, **{'q': middle(arm, 0.3), **options})
+    bench.run(0.3)
+    return bench
+
+
+def plan(bench: LockStep, seconds: float = 1.5, way: float = WAY) -> JointTrajectory:
+    """Return a motion from rest to rest, as a planner sends it: velocities and accelerations."""
+    q, names = bench.q, bench.arm.joint_names
+    goal = q + way * directions(len(q))
+    zero = [[0.0] * len(q)] * 2
+    return make_trajectory(names, [0.0, seconds], [q, goal], zero, zero, names)
+
+
+def tight(bench: LockStep, **changes: Any) -> Tolerances:
+    n = len(bench.q)
+    return Tolerances(**{
+        'path': np.full(n, 0.02), 'path_velocity': np.full(n, np.inf),
+        'goal': np.full(n, 0.005), 'goal_velocity': np.full(n, np.nan), **changes})
+
+
+def result_of(goal: TrajectoryGoal) -> GoalResult:
+    assert goal.result is not None
+    return goal.result
+
+
+# ---------------------------------------------------------------------- results
+
+def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
+    ends: list[int] = []
+    trajectory = plan(bench)
+    goal = bench.loop.execute(trajectory, 0, tight(bench), lambda: ends.append(bench.k))
+    bench.run(1.4)
+    assert goal.result is None
+    bench.run(0.4)
+    assert result_of(goal) == (ResultCode.SUCCESSFUL, '', False)
+    assert len(ends) == 1
+    assert bench.q == pytest.approx(trajectory.points[-1].position, abs=0.005)
+    assert bench.loop.goal is None
+
+
+def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
+    goal = bench.loop.execute(plan(bench))
+    trace = bench.run(0.75)
+    assert goal.progress is not None
+    k = (goal.progress.stamp_ns - FIRST_STAMP) // MS - round(1e3 * trace.t[0])
+    assert goal.progress.position == pytest.approx(trace.q[k - 1], abs=1e-12)  # after its step
+    assert goal.progress.desired.position == pytest.approx(trace.q[k], abs=0.01)
+    assert np.abs(goal.progress.desired.velocity).min() > 0.1
+
+
+def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> None:
+    goal = bench.loop.execute(plan(bench), 0, tight(bench, path=np.full(len(bench.q), 1e-3)))
+    push = np.zeros(len(bench.q))
+    push[0] = 0.05 * min(bench.arm.limits.effort[0], 100.0)
+    bench.push = lambda t: push
+    bench.run(1.0)
+    code, message, _ = result_of(goal)
+    assert code is ResultCode.PATH_TOLERANCE_VIOLATED
+    assert 'expected at most 1 mrad' in message
+    assert any(name in message for name in bench.arm.joint_names)
+    assert bench.loop.interruption == message
+    bench.push = lambda t: 0.0
+    bench.run(2.0)
+    assert bench.run(0.1).speed.max() < 1e-3
+
+
+def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
+    arm = smooth_arm('ur10')
+    loaded = arm.with_payloads([make_payload(
+        'tool0', 4.0, (0.0, 0.0, 0.1), np.diag((0.01, 0.01, 0.01)))])
+    bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3) - 0.5)
+    bench.run(1.0)
+    trajectory = plan(bench)
+    goal = bench.loop.execute(trajectory, 0, tight(
+        bench, path=np.full(6, np.inf), goal=np.full(6, 1e-3), goal_time=0.5))
+    bench.run(1.9)
+    assert goal.result is None
+    bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
+    code, message, _ = result_of(goal)
+    assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
+    assert message.startswith('goal tolerance, 0.5 s after the end: ')
+    assert bench.loop.controller.has_reference  # the goal is held all the same
+
+
+def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench), 0, tight(
+        bench, goal=np.full(2, 1e-15), goal_time=math.inf))
+    bench.run(10.0)
+    assert goal.result is None
+
+
+def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench), 0, tight(
+        bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
+    bench.run(1.7)
+    code, message, _ = result_of(goal)
+    assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
+    assert 'the velocity of ' in message
+
+
+# ---------------------------------------------------------------------- ends
+
+@pytest.mark.parametrize('share', [0.15, 0.5, 0.85])
+def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
+    bench: LockStep, share: float,
+) -> None:
+    goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
+    bench.run(share)
+    bench.loop.cancel(goal)
+    active = bench.loop.controller.trajectory
+    assert active is not None
+    stop = 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k
+    assert goal.result is None
+    trace = bench.run(stop + 0.05)
+    assert result_of(goal).is_canceled
+    assert trace.speed[-1] < 0.03
+    assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
+
+
+def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
+    first = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
+    bench.run(0.5)
+    back = plan(bench, 2.0, 0.0)
+    second = bench.loop.execute(JointTrajectory(back.joint_names, back.points[1:]))
+    assert result_of(first) == (
+        ResultCode.INVALID_GOAL, 'another reference has replaced it', False)
+    bench.run(3.0)
+    assert result_of(second).code is ResultCode.SUCCESSFUL
+
+
+@pytest.mark.parametrize(('end', 'words'), [
+    (lambda bench: bench.loop.stop(), '~/stop was called'),
+    (lambda bench: bench.follow(bench.q), 'another reference has replaced it'),
+    (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
+    (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
+    (lambda bench: bench.loop.end_goal('another model was loaded'), 'another model was loaded')])
+def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str) -> None:
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.5)
+    end(bench)
+    bench.run(0.1)
+    code, message, is_canceled = result_of(goal)
+    assert (code, is_canceled) == (ResultCode.INVALID_GOAL, False)
+    assert words in message
+
+
+def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
+    bench = held(arm_of('two_link'), following_error=[0.01, 0.01])
+    goal = bench.loop.execute(plan(bench))
+    bench.push = lambda t: np.array([0.0, 8.0])
+    bench.run(1.0)
+    code, message, _ = result_of(goal)
+    assert code is ResultCode.PATH_TOLERANCE_VIOLATED
+    assert message.startswith('fault following_error')
+
+
+def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> None:
+    goal = bench.loop.execute(plan(bench), 0, tight(bench))
+    bench.run(0.5)
+    sensor, bench.sensor = bench.sensor, None
+    bench.run(0.042)
+    bench.sensor = sensor
+    bench.run(1.4)
+    assert result_of(goal).code is ResultCode.SUCCESSFUL
+
+
+# ---------------------------------------------------------------------- refusals
+
+def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
+    q, names = bench.q, bench.arm.joint_names
+    goal = q + WAY * directions(len(q))
+    first = bench.loop.execute(plan(bench))
+    bench.run(0.1)
+    path = make_trajectory(names, [0.0, 0.01], [q, goal], expected_joints=names)
+    with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
+        bench.loop.execute(path)
+    bench.run(1.9)
+    assert result_of(first).code is ResultCode.SUCCESSFUL
+
+
+def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
+    q, names = bench.q, bench.arm.joint_names
+    way = 0.8 * directions(len(q))
+    zero = [[0.0] * len(q)] * 2
+    first = bench.loop.execute(plan(bench, 4.0))
+    bench.run(0.1)
+    with pytest.raises(TrajectoryError, match='s late, expected at most 0.5 s'):
+        bench.loop.execute(make_trajectory(
+            names, [0.0, 4.0], [q + way, q], zero, zero, names))
+    assert bench.loop.goal is first
+    bench.run(4.2)
+    assert result_of(first).code is ResultCode.SUCCESSFUL
+
+
+# ---------------------------------------------------------------------- tolerances
+
+NAMES = ('a', 'b', 'c')
+VALUES = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(st.dictionaries(st.sampled_from((*NAMES, 'd')), VALUES))
+def test_tolerances_are_given_kept_erased_or_refused_by_name(given: dict[str, float]) -> None:
+    defaults = np.array([0.1, np.inf, 0.3])
+    is_legal = all(value == -1.0 or 0.0 <= value < np.inf for value in given.values())
+    if 'd' not in given and is_legal:
+        found = with_given('path_tolerance.position', given, defaults, NAMES)
+        for name, value, default in zip(NAMES, found, defaults):
+            meaning = {0.0: default, -1.0: np.inf}
+            assert value == meaning.get(given.get(name, 0.0), given.get(name, 0.0))
+        return
+    with pytest.raises(InvalidInputError) as error:
+        with_given('path_tolerance.position', given, defaults, NAMES)
+    assert 'path_tolerance.position' in str(error.value)
+    wrong = [name for name, value in given.items()
+             if name == 'd' or not (value == -1.0 or 0.0 <= value < np.inf)]
+    assert any(repr(name) in str(error.value) for name in wrong)
+    assert isinstance(error.value, JointNamesError) == (
+        "tolerance for 'd'" in str(error.value))
+
+
+def test_default_tolerances_are_those_of_the_goal_only() -> None:
+    tolerances = default_tolerances(NAMES)
+    assert np.isinf(tolerances.path).all()
+    assert tolerances.goal.tolist() == [DEFAULT_GOAL_TOLERANCE] * 3
+    assert tolerances.goal_time == 5.0
+    given = default_tolerances(NAMES, np.array([0.0, 0.1, 0.2]), np.zeros(3), 0.0)
+    assert given.path.tolist() == [math.inf, 0.1, 0.2]
+    assert np.isinf(given.goal).all()
+    assert given.goal_time == math.inf
+
+
+# ---------------------------------------------------------------------- preemptions
+
+@pytest.mark.parametrize('name', ARMS)
+def test_preempted_plans_keep_the_limits(name: str) -> None:
+    """200 goals on three arms, each replaced at a random time by one to a random position."""
+    rng = np.random.default_rng(7)
+    arm = arm_of(name)
+    bench, n = held(arm), arm.joint_count
+    start, limit = bench.q, arm.limits.velocity
+    rates = bench.loop.supervisor.limiter.limits.rate
+    goals = []
+    for _ in range(67):
+        goal = start + rng.uniform(-0.3, 0.3, n)
+        goals.append(bench.loop.execute(make_trajectory(
+            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal], expected_joints=arm.joint_names)))
+        trace = bench.run(rng.uniform(0.05, 0.6))
+        assert (np.abs(trace.v) <= 1.05 * limit).all()
+        sent = trace.effort[~np.isnan(trace.effort).any(axis=1)]
+        assert (np.abs(np.diff(sent, axis=0)) <= 1.001 * 2e-3 * rates + 1e-9).all()
+    bench.run(3.0)
+    assert result_of(goals[-1]).code is ResultCode.SUCCESSFUL
+    assert {result_of(goal).code for goal in goals[:-1]} <= {
+        ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
