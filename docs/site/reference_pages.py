@@ -44,8 +44,9 @@ NODES = {
     'mujoco_arm': (MujocoArmNode, MUJOCO_ARM_SPECS, ('-p', 'publish_clock:=true')),
 }
 OF_RCLPY = re.compile(
-    r'/(rosout|parameter_events)$|/\w+_parameters?(_types|_atomically)?$|/get_type_description$')
-"""Topics and services that every rclpy node has."""
+    r'/(rosout|parameter_events)$|/\w+_parameters?(_types|_atomically)?$|/get_type_description$|'
+    r'/_action/')
+"""Topics and services that every rclpy node has, and those of which an action consists."""
 WIDTH = '88'
 """Columns of the text of --help."""
 NOTE = '<!-- Written by scripts/reference from the code. -->\n\n'
@@ -108,6 +109,11 @@ def _topics_page() -> str:
                 _table(('service', 'type', 'effect'),
                        _with_meaning(
                     _rows(services, name), DESCRIPTIONS['services'][name], name))]
+        actions = DESCRIPTIONS['actions'].get(name, {})
+        if actions:
+            text += [f'## Actions of `{name}`\n', _table(('action', 'type', 'effect'), [
+                [f'`{action}`', f'`{of["type"]}`', of['effect']]
+                for action, of in actions.items()])]
     return '\n'.join(text)
 
 

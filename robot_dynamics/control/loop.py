@@ -264,7 +264,9 @@ class ControlLoop:
         with self.lock:
             self._check_follows()
             self.controller.start(prepared, stamp_ns, latest)
-            self.end_goal('another reference has replaced it')
+            if self.goal is not None:
+                q = trajectory.points[-1].position.round(4).tolist()
+                self.end_goal(f'another goal has replaced this one: {q}')
             self.stream.arrived(trajectory.is_set_point, self._steady)
             self.interruption = ''
 

@@ -6,7 +6,8 @@
 import math
 from typing import Any
 
-from hypothesis import given, strategies as st
+from hypothesis import given
+from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
@@ -167,15 +168,16 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     bench.run(0.5)
     back = plan(bench, 2.0, 0.0)
     second = bench.loop.execute(JointTrajectory(back.joint_names, back.points[1:]))
+    goal = back.points[-1].position.round(4).tolist()
     assert result_of(first) == (
-        ResultCode.INVALID_GOAL, 'another reference has replaced it', False)
+        ResultCode.INVALID_GOAL, f'another goal has replaced this one: {goal}', False)
     bench.run(3.0)
     assert result_of(second).code is ResultCode.SUCCESSFUL
 
 
 @pytest.mark.parametrize(('end', 'words'), [
     (lambda bench: bench.loop.stop(), '~/stop was called'),
-    (lambda bench: bench.follow(bench.q), 'another reference has replaced it'),
+    (lambda bench: bench.follow(bench.q), 'another goal has replaced this one'),
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
     (lambda bench: bench.loop.end_goal('another model was loaded'), 'another model was loaded')])

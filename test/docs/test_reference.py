@@ -23,10 +23,10 @@ REFERENCE = ROOT / 'docs' / 'reference'
 README = (ROOT / 'README.md').read_text(encoding='utf-8')
 MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM, 'mujoco_arm': MUJOCO_ARM}
 
-# Topics and services that every rclpy node has.
+# Topics and services that every rclpy node has, and those of which an action consists.
 OF_RCLPY = re.compile(
     r'/(rosout|parameter_events)$|/(get|set|list|describe)_parameter|/set_parameters_atomically$|'
-    r'/get_parameter_types$|/get_type_description$')
+    r'/get_parameter_types$|/get_type_description$|/_action/')
 PARAMETERS_OF_RCLPY = {'use_sim_time', 'start_type_description_service'}
 TYPES = {1: 'bool', 2: 'int', 3: 'double', 4: 'string', 8: 'double[]', 9: 'string[]'}
 

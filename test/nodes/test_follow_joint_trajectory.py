@@ -196,10 +196,11 @@ def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client
     first = arm.send(goal_of((60.0, GOAL)))
     second = arm.send(goal_of((60.0, GOAL)))
     assert first.result() == (
-        GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, 'another reference has replaced it')
+        GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL,
+        'another goal has replaced this one: [0.4, 0.9]')
     publisher = client.publisher(JointTrajectory, '/goals/dynamics/joint_trajectory')
     publisher.publish(goal_of((60.0, START)).trajectory)
-    assert second.result()[2] == 'another reference has replaced it'
+    assert second.result()[2] == 'another goal has replaced this one: [0.8, 0.5]'
     client.node.destroy_publisher(publisher)
     third = arm.send(goal_of((60.0, GOAL)))
     assert client.call(Trigger, '/goals/dynamics/stop').success

@@ -52,12 +52,19 @@ def test_the_policy_is_that_of_the_running_node(client: RosClient, node: str, ki
 
     def running() -> set[str]:
         try:
-            return {name for name, _ in ask(node, '/')}
+            return {name for name, _ in ask(node, '/') if '/_action/' not in name}
         except RuntimeError:  # not discovered yet
             return set()
 
     wait_until(lambda: len(running()) >= len(expected), f'all that {node} has to {kind}')
     assert running() == expected
+
+
+def test_the_policy_allows_the_action_of_the_running_node(client: RosClient) -> None:
+    (expected,) = allowed('dynamics', 'execute')
+    ask = client.node.get_service_names_and_types_by_node
+    wait_until(
+        lambda: f'{expected}/_action/send_goal' in dict(ask('dynamics', '/')), 'the action')
 
 
 def test_the_policy_has_no_other_nodes() -> None:

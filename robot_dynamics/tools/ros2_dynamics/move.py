@@ -18,6 +18,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
 from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
+from robot_dynamics.tools.ros2_dynamics.action_goal import action_goal
 from robot_dynamics.tools.ros2_dynamics.answers import Answer, Units
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
@@ -232,12 +233,15 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         limits = {name: joint.velocity_limit for name, joint in joints.items()}
         duration = _duration(
             arguments, names, limits, watch.error(goal, watch.measured()))
-        with goal_publication(client, names) as publish:
+        with action_goal(client) as action:
             try:
-                watch.wait_taken(goal, lambda: publish(goal, duration))
-                if not arguments.no_wait:
-                    with Progress(duration, 's') as progress:
-                        watch.wait_end(goal, progress.update)
+                if action is not None:
+                    action.send(goal_message(client, names)(goal, duration))
+                    if not arguments.no_wait:
+                        with Progress(duration, 's') as progress:
+                            action.wait_end(progress.update)
+                else:
+                    _move_by_topic(client, watch, names, goal, duration, arguments.no_wait)
             except KeyboardInterrupt:
                 report = client.call(Trigger, 'stop', Trigger.Request()).message
                 return Answer(
@@ -256,6 +260,18 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
                 f'goal [{units.position}]': goal, f'position [{units.position}]': position,
                 f'error [{units.error}]': [1e3 * each for each in error]})
             + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
+
+
+def _move_by_topic(
+    client: DynamicsClient, watch: MotionWatch, names: Sequence[str], goal: Sequence[float],
+    duration: float, no_wait: bool,
+) -> None:
+    """Move without the action; raise ToolError, NoAnswerError."""
+    with goal_publication(client, names) as publish:
+        watch.wait_taken(goal, lambda: publish(goal, duration))
+        if not no_wait:
+            with Progress(duration, 's') as progress:
+                watch.wait_end(goal, progress.update)
 
 
 def _duration(
@@ -279,6 +295,17 @@ def _duration(
     return max(seconds, UNLIMITED_DURATION) if is_unlimited else seconds
 
 
+def goal_message(
+    client: DynamicsClient, names: Sequence[str],
+) -> Callable[[Sequence[float], float], JointTrajectory]:
+    """Return a function that makes the message of a goal at rest and a duration [s]."""
+    # Without conditioning a point without velocities is approached with a constant velocity.
+    is_conditioned = client.parameters(['condition_references'])['condition_references']
+    rest = [] if is_conditioned else [[0.0] * len(names)]
+    return lambda goal, duration: trajectory_to_ros(
+        make_trajectory(names, [duration], [goal], rest, rest))
+
+
 @contextmanager
 def goal_publication(
     client: DynamicsClient, names: Sequence[str],
@@ -291,14 +318,11 @@ def goal_publication(
     the node.
     """
     topic, node = client.resolve('~/joint_trajectory'), client.node
-    # Without conditioning a point without velocities is approached with a constant velocity.
-    is_conditioned = client.parameters(['condition_references'])['condition_references']
-    rest = [] if is_conditioned else [[0.0] * len(names)]
+    message = goal_message(client, names)
     publisher = node.create_publisher(JointTrajectory, topic, _RELIABLE)
 
     def publish(goal: Sequence[float], duration: float) -> None:
-        publisher.publish(trajectory_to_ros(
-            make_trajectory(names, [duration], [goal], rest, rest)))
+        publisher.publish(message(goal, duration))
 
     def has_subscriber() -> bool:
         subscriptions = node.get_subscriptions_info_by_topic(topic)
