@@ -8,7 +8,7 @@ A goal is always accepted, and an invalid one is aborted at once: only a result 
 reason. An invalid goal does not disturb the motion.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import replace
 import math
 import time
@@ -268,7 +268,7 @@ def _goal_time(given: float, default: float) -> float:
 class _Turn:
     """Awaitable once: until the executor has waited for its next event."""
 
-    def __await__(self) -> Iterator[None]:
+    def __await__(self) -> Generator[None, None, None]:
         yield
 
 
