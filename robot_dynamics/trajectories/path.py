@@ -116,16 +116,18 @@ def _split_at_rests(c: FloatArray) -> FloatArray:
         _, v, a = path.sample(piece, phase)
         return np.asarray((v * a).sum(axis=1))
 
-    at = slope(np.repeat(np.arange(k), _SAMPLES), np.tile(phases, k)).reshape(k, _SAMPLES)
-    piece, i = np.nonzero((at[:, :-1] < 0.0) & (at[:, 1:] >= 0.0))
+    grid = np.repeat(np.arange(k), _SAMPLES), np.tile(phases, k)
+    at = slope(*grid).reshape(k, _SAMPLES)
+    largest = np.linalg.norm(np.abs(derivative(c)).sum(axis=1), axis=1)
+    slow = np.linalg.norm(path.sample(*grid)[1], axis=1).reshape(k, -1) < 0.5 * largest[:, None]
+    piece, i = np.nonzero((at[:, :-1] < 0.0) & (at[:, 1:] >= 0.0) & slow[:, :-1] & slow[:, 1:])
     low, high = phases[i], phases[i + 1]
     for _ in range(_BISECTIONS if len(piece) else 0):
         middle = 0.5 * (low + high)
         before = slope(piece, middle) < 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     speed = np.linalg.norm(path.sample(piece, high)[1], axis=1)
-    largest = np.linalg.norm(np.abs(derivative(c)).sum(axis=1), axis=1)[piece]
-    inside = (speed < _REST * largest) & (high > 1e-6) & (high < 1.0 - 1e-6)
+    inside = (speed < _REST * largest[piece]) & (high > 1e-6) & (high < 1.0 - 1e-6)
     pieces = []
     for one in range(k) if inside.any() else ():
         cuts = [0.0, *high[inside & (piece == one)], 1.0]

@@ -20,7 +20,7 @@ LEAST_INTERVALS = 600
 _SECTION = 24
 _TURN = 0.05
 _CAP = 0.1
-_SAMPLES = 2048
+_SAMPLES, _RAMP = 2048, 5
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -49,7 +49,7 @@ class PathGrid(NamedTuple):
 
 def make_grid(path: Path, fineness: float = 1.0) -> PathGrid:
     """Return a grid with about `fineness` times the usual number of intervals."""
-    piece, start, end, rests = _intervals(path, fineness)
+    piece, start, end, rests = _with_ramps(path, *_intervals(path, fineness))
     middle = 0.5 * (start + end)
     half = 0.5 * (end - start)
     m = len(piece)
@@ -104,6 +104,28 @@ def _intervals(path: Path, fineness: float) -> tuple[IntArray, FloatArray, Float
     start[first] = 0.0
     end[base[1:].astype(np.intp) - 1] = 1.0
     return piece, start, end, rests
+
+
+def _with_ramps(
+    path: Path, piece: IntArray, start: FloatArray, end: FloatArray, rests: BoolArray,
+) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
+    """Divide the intervals next to rests, so that the first one takes 1/32 of their time."""
+    pieces, starts, ends, marks = [], [], [], []
+    parts = np.arange(_RAMP, 0, -1)
+    for i, (one, low, high) in enumerate(zip(piece, start, end)):
+        cuts = np.array([low, high])
+        for phase, other, at in ((low, high, i), (high, low, i + 1)):
+            if rests[at]:
+                speed = np.linalg.norm(path.sample(piece[i:i + 1], np.array([phase]))[1])
+                inner = np.linalg.norm(path.sample(piece[i:i + 1], np.array([other]))[1])
+                ratio = 0.25 if speed > 0.5 * inner else 0.5
+                cuts = np.concatenate((cuts, phase + (other - phase) * ratio**parts))
+        cuts = np.sort(cuts)
+        pieces += [one] * (len(cuts) - 1)
+        starts += cuts[:-1].tolist()
+        ends += cuts[1:].tolist()
+        marks += [rests[i]] + [False] * (len(cuts) - 2)
+    return (np.array(pieces), np.array(starts), np.array(ends), np.array([*marks, rests[-1]]))
 
 
 def _density(

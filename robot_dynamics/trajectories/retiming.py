@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.interpolation import position_coefficients
@@ -39,8 +40,9 @@ from robot_dynamics.validation import check_choice, check_scalar, check_vector, 
 METHODS = ('fastest', 'slow_down')
 _PASSES, _CONVERGED, _EXCESS = 8, 1e-5, 2e-5
 _PHASES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-_SHORTEST_NS = 20_000
-"""Time between two points of the result [ns]; the rounding of shorter times is noticeable."""
+_GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
+_SHORTEST = 2e-5
+"""Time between two points of the result [s]; rounding of shorter times is noticeable."""
 
 
 class Retiming(NamedTuple):
@@ -93,12 +95,13 @@ def retime(
     _check_limits(limits)
     points = trajectory.points
     before = points[-1].time_from_start - points[0].time_from_start
-    check_slow_motion(limits, trajectory, np.array([point.position for point in points]))
+    q: FloatArray = np.array([point.position for point in points])
+    check_slow_motion(limits, trajectory, q, dynamics.unchecked.rigid_body.gravity_batch(q))
     if method == 'slow_down':
         result = _slowed_down(limits, trajectory)
     else:
         path = path_of(trajectory, corner_tolerance)
-        result = _fastest(limits, trajectory, make_grid(path))
+        result = slower(_fastest(limits, trajectory, make_grid(path)), 1.0)
         result = slower(result, least_slowness(limits, result))
     return _answer(limits, result, before)
 
@@ -109,7 +112,14 @@ def _answer(limits: PathLimits, result: JointTrajectory, before: float) -> Retim
     return Retiming(
         result, result.duration, result.duration / before,
         tuple(arm.joint_names[j] for j in joints), tuple(quantities), ratios,
-        tuple(motion_excesses(arm, result)))
+        _position_warnings(arm, result))
+
+
+def _position_warnings(arm: ArmModel, result: JointTrajectory) -> tuple[str, ...]:
+    q: FloatArray = np.array([point.position for point in result.points])
+    if ((q >= arm.limits.lower) & (q <= arm.limits.upper)).all():
+        return ()
+    return tuple(motion_excesses(arm, result))
 
 
 def _acceleration_limits(names: Sequence[str], given: npt.ArrayLike) -> FloatArray:
@@ -151,24 +161,26 @@ def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
 ) -> JointTrajectory:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
-    check_slow_motion(limits, trajectory, grid.left.q, grid.sign)
-    check_slow_motion(limits, trajectory, grid.right.q, grid.sign)
     ends = path_terms(limits.dynamics, grid.left), path_terms(limits.dynamics, grid.right)
+    for terms in ends:
+        check_slow_motion(limits, trajectory, terms.end.q, terms.gravity, grid.sign)
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
-    x = np.zeros(m + 1)
+    x, rise = np.zeros(m + 1), np.zeros(m)
     for _ in range(_PASSES):
-        rows = constraints(limits, grid, ends, x, margins)
+        rows = constraints(limits, grid, ends, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
-        excess = _excesses(limits, grid, x)
+        T = _durations(grid, x, rise)
+        excess = _excesses(limits, grid, x, T)
         margins = np.clip(margins + excess.load, 0.0, 0.5)
         of_velocity = np.clip(of_velocity + excess.velocity, 0.0, 0.5)
         if max(excess.load.max(), excess.velocity.max()) < _EXCESS and (
                 np.abs(x - before).max() < _CONVERGED * x.max()):
             break
+        rise = _rise(grid, x)
         x = np.minimum(x, limits.free_speed(grid))
-    return _as_trajectory(trajectory.joint_names, grid, x)
+    return _as_trajectory(trajectory.joint_names, grid, x, T)
 
 
 def _check_states(
@@ -195,11 +207,40 @@ class _Excess(NamedTuple):
     velocity: FloatArray
 
 
-def _excesses(limits: PathLimits, grid: PathGrid, x: FloatArray) -> _Excess:
+def _rise(grid: PathGrid, x: FloatArray) -> FloatArray:
+    """
+    Return by how much the control rises over each interval (m,), 0 where it jumps.
+
+    With constant controls the effort reaches its limit at one end of an interval only, and the
+    duration has an error proportional to the width of the intervals.
+    """
+    u = np.diff(x) / (2.0 * grid.length)
+    slope = np.zeros(len(u) + 1)
+    slope[1:-1] = np.diff(u) / (0.5 * (grid.length[1:] + grid.length[:-1]))
+    slope[grid.rests] = 0.0
+    before, after = slope[:-1], slope[1:]
+    least = np.where(np.abs(before) < np.abs(after), before, after)
+    return np.asarray(np.where(before * after > 0.0, least, 0.0) * grid.length)
+
+
+def _durations(grid: PathGrid, x: FloatArray, rise: FloatArray) -> FloatArray:
+    """Return the durations (m,) [s] of the intervals."""
+    speed = np.sqrt(x)
+    T = 2.0 * grid.length / (speed[:-1] + speed[1:])
+    # The integral of the difference of 1/σ̇ from that with a constant control, by Gauss.
+    for p, weight in zip(_GAUSS, _WEIGHTS):
+        constant = x[:-1] + p * np.diff(x)
+        rising = np.maximum(constant - p * (1.0 - p) * rise * grid.length, 0.25 * constant)
+        T += weight * grid.length * (1.0 / np.sqrt(rising) - 1.0 / np.sqrt(constant))
+    return T
+
+
+def _excesses(
+    limits: PathLimits, grid: PathGrid, x: FloatArray, T: FloatArray,
+) -> _Excess:
     """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
     speed = np.sqrt(x)[:, np.newaxis]
-    T = 2.0 * grid.length[:, np.newaxis] / (speed[:-1] + speed[1:])
-    q, v, a = _sampled(grid, speed, T)
+    q, v, a = _sampled(grid, speed, T[:, np.newaxis])
     load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)
     by_name = limits.ratios(v, a, load)
     shape = (len(_PHASES), *grid.sign.shape)
@@ -227,26 +268,16 @@ def _sampled(
 
 
 def _as_trajectory(
-    names: tuple[str, ...], grid: PathGrid, x: FloatArray,
+    names: tuple[str, ...], grid: PathGrid, x: FloatArray, T: FloatArray,
 ) -> JointTrajectory:
-    """Return the nodes as points at whole nanoseconds, each moved along the path accordingly."""
+    """Return the nodes as points, without those that are too close to others in time."""
     speed = np.sqrt(x)
-    t = np.concatenate(([0.0], np.cumsum(2.0 * grid.length / (speed[:-1] + speed[1:]))))
+    t = np.concatenate(([0.0], np.cumsum(T)))
     q = np.concatenate((grid.left.q, grid.right.q[-1:]))
     v = np.concatenate((grid.left.tangent, grid.right.tangent[-1:])) * speed[:, np.newaxis]
-    rounded = np.rint(1e9 * t)
-    q = q + v * (1e-9 * rounded - t)[:, np.newaxis]
-    rows = _apart(rounded, grid)
-    return JointTrajectory(names, tuple(
-        TrajectoryPoint(1e-9 * float(rounded[i]), q[i], v[i]) for i in rows))
-
-
-def _apart(times: FloatArray, grid: PathGrid) -> IntArray:
-    """Return the nodes, without those that are too close to others in time."""
-    rows, last = [0], 0.0
-    for i, time in enumerate(times.tolist()):
-        if time - last >= _SHORTEST_NS:
+    rows, times = [0], t.tolist()
+    for i, time in enumerate(times):
+        if time - times[rows[-1]] >= _SHORTEST:
             rows.append(i)
-            last = time
-    rows[-1] = len(times) - 1
-    return np.array(rows)
+    rows[-1] = len(t) - 1
+    return JointTrajectory(names, tuple(TrajectoryPoint(times[i], q[i], v[i]) for i in rows))

@@ -26,14 +26,22 @@ _SAFE = 1e-7
 
 
 def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
-    """Return a trajectory with `factor` times the durations, which begins at 0 s."""
+    """
+    Return a trajectory with `factor` times the durations, which begins at 0 s.
+
+    Times are whole nanoseconds. The positions are moved along the path by the rounding error of
+    the times, of which accelerations between points 1 ms apart would contain 1e-3 rad/s².
+    """
     start = trajectory.points[0].time_from_start
-    return JointTrajectory(trajectory.joint_names, tuple(
-        TrajectoryPoint(
-            factor * (p.time_from_start - start), p.position,
-            None if p.velocity is None else p.velocity / factor,
-            None if p.acceleration is None else p.acceleration / factor**2)
-        for p in trajectory.points))
+    points = []
+    for p in trajectory.points:
+        time = factor * (p.time_from_start - start)
+        rounded = 1e-9 * round(1e9 * time)
+        v = None if p.velocity is None else p.velocity / factor
+        points.append(TrajectoryPoint(
+            rounded, p.position if v is None else p.position + v * (rounded - time), v,
+            None if p.acceleration is None else p.acceleration / factor**2))
+    return JointTrajectory(trajectory.joint_names, tuple(points))
 
 
 def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:

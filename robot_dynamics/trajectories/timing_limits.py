@@ -140,21 +140,24 @@ def velocity_caps(limits: PathLimits, grid: PathGrid, margins: FloatArray) -> Fl
 
 def constraints(
     limits: PathLimits, grid: PathGrid, ends: tuple[PathTerms, PathTerms], x: FloatArray,
-    margins: FloatArray,
+    rise: FloatArray, margins: FloatArray,
 ) -> Rows:
     """
     Return the constraints at both ends of each interval, linear at the states x (m + 1,).
 
-    `margins` (m, n) are shares of the distances between bounds and gravity that are left unused.
+    The control u of an interval is the mean of its values at both ends, which differ by `rise`
+    (m,). `margins` (m, n) are shares of the distances between bounds and gravity that are left
+    unused.
     """
     a, b, c = [], [], []
     for left, terms, at in ((True, ends[0], x[:-1]), (False, ends[1], x[1:])):
+        offset = (-0.5 if left else 0.5) * rise[:, np.newaxis]
         for of_u, of_x, bound in _end_rows(limits, grid.sign, terms, at, margins):
             keep = np.isfinite(bound).any(axis=0)
             by_u = of_u[:, keep] / (2.0 * grid.length[:, np.newaxis])
             a.append(of_x[:, keep] * left - by_u)
             b.append(of_x[:, keep] * (not left) + by_u)
-            c.append(bound[:, keep])
+            c.append(bound[:, keep] - of_u[:, keep] * offset)
     return Rows(*(np.concatenate(parts, axis=1) if parts else np.zeros((len(grid.length), 0))
                   for parts in (a, b, c)))
 
@@ -195,7 +198,7 @@ def _velocity(tangent: FloatArray, sign: FloatArray, x: FloatArray) -> FloatArra
 
 
 def check_slow_motion(
-    limits: PathLimits, trajectory: JointTrajectory, q: FloatArray,
+    limits: PathLimits, trajectory: JointTrajectory, q: FloatArray, gravity: FloatArray,
     direction: FloatArray | None = None,
 ) -> None:
     """
@@ -204,8 +207,7 @@ def check_slow_motion(
     With a `direction` (m, n) of the joints the effort contains dry friction. The message names
     joint, the nearest point of the trajectory, quantity and ratio.
     """
-    dynamics, friction = limits.dynamics, limits.dynamics.arm.friction
-    gravity = dynamics.unchecked.rigid_body.gravity_batch(q)
+    friction = limits.dynamics.arm.friction
     what, v = 'at rest', np.zeros_like(q)
     load = gravity
     if direction is not None:
