@@ -31,6 +31,10 @@ class PathEnd(NamedTuple):
     tangent: FloatArray
     curvature: FloatArray
 
+    def rows(self, rows: IntArray) -> 'PathEnd':
+        """Return the ends of these intervals."""
+        return PathEnd(*(values[rows] for values in self))
+
 
 class PathGrid(NamedTuple):
     """
@@ -45,6 +49,14 @@ class PathGrid(NamedTuple):
     right: PathEnd
     sign: FloatArray
     rests: BoolArray
+
+    def merged(self, keep: BoolArray) -> 'PathGrid':
+        """Return the grid with the nodes `keep` (m + 1,) only, which contain both ends."""
+        first = np.flatnonzero(keep[:-1])
+        last = np.flatnonzero(keep[1:])
+        return PathGrid(
+            np.add.reduceat(self.length, first), self.left.rows(first), self.right.rows(last),
+            self.sign[last], self.rests[keep])
 
 
 def make_grid(path: Path, fineness: float = 1.0) -> PathGrid:

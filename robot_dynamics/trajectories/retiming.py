@@ -33,15 +33,16 @@ from robot_dynamics.trajectories.timing_limits import (
     constraints,
     path_terms,
     PathLimits,
+    PathTerms,
     velocity_caps,
 )
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS = 8, 1e-5, 2e-5
+_PASSES, _CONVERGED, _EXCESS, _CLOSE = 8, 1e-5, 2e-5, 0.02
 _PHASES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
-_SHORTEST = 2e-5
+_SHORTEST = 1e-4
 """Time between two points of the result [s]; rounding of shorter times is noticeable."""
 
 
@@ -161,19 +162,22 @@ def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
 ) -> JointTrajectory:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
-    ends = path_terms(limits.dynamics, grid.left), path_terms(limits.dynamics, grid.right)
-    for terms in ends:
-        check_slow_motion(limits, trajectory, terms.end.q, terms.gravity, grid.sign)
+    grid = _without_short_intervals(limits, trajectory, grid)
+    terms = _checked_terms(limits, trajectory, grid)
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
     x, rise = np.zeros(m + 1), np.zeros(m)
+    exact_at_once = not limits.depend_on_speed()
     for _ in range(_PASSES):
-        rows = constraints(limits, grid, ends, x, rise, margins)
+        rows = constraints(limits, grid, terms, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = _durations(grid, x, rise)
         excess = _excesses(limits, grid, x, T)
-        margins = np.clip(margins + excess.load, 0.0, 0.5)
+        is_close = np.abs(x - before) <= _CLOSE * x
+        known = (is_close[:-1] & is_close[1:]) | exact_at_once
+        margins = np.where(
+            known[:, np.newaxis], np.clip(margins + excess.load, 0.0, 0.5), margins)
         of_velocity = np.clip(of_velocity + excess.velocity, 0.0, 0.5)
         if max(excess.load.max(), excess.velocity.max()) < _EXCESS and (
                 np.abs(x - before).max() < _CONVERGED * x.max()):
@@ -181,6 +185,36 @@ def _fastest(
         rise = _rise(grid, x)
         x = np.minimum(x, limits.free_speed(grid))
     return _as_trajectory(trajectory.joint_names, grid, x, T)
+
+
+def _checked_terms(
+    limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
+) -> tuple[PathTerms, PathTerms]:
+    ends = path_terms(limits.dynamics, grid.left), path_terms(limits.dynamics, grid.right)
+    for terms in ends:
+        check_slow_motion(limits, trajectory, terms.end.q, terms.gravity, grid.sign)
+    return ends
+
+
+def _without_short_intervals(
+    limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
+) -> PathGrid:
+    """Return the grid without nodes that would follow others in less than _SHORTEST."""
+    m, n = grid.sign.shape
+    terms = _checked_terms(limits, trajectory, grid)
+    rows = constraints(limits, grid, terms, np.zeros(m + 1), np.zeros(m), np.zeros((m, n)))
+    x = fastest_states(rows, velocity_caps(limits, grid, np.zeros(m)))
+    _check_states(limits, trajectory, grid, x)
+    speed = np.sqrt(x)
+    times = np.concatenate(([0.0], np.cumsum(2.0 * grid.length / (speed[:-1] + speed[1:]))))
+    keep = grid.rests.copy()
+    stops = np.flatnonzero(grid.rests)
+    for start, end in zip(stops[:-1], stops[1:]):
+        last = times[start]
+        for i in range(start + 1, end):
+            if min(times[i] - last, times[end] - times[i]) >= _SHORTEST:
+                keep[i], last = True, times[i]
+    return grid.merged(keep) if not keep.all() else grid
 
 
 def _check_states(
@@ -275,9 +309,5 @@ def _as_trajectory(
     t = np.concatenate(([0.0], np.cumsum(T)))
     q = np.concatenate((grid.left.q, grid.right.q[-1:]))
     v = np.concatenate((grid.left.tangent, grid.right.tangent[-1:])) * speed[:, np.newaxis]
-    rows, times = [0], t.tolist()
-    for i, time in enumerate(times):
-        if time - times[rows[-1]] >= _SHORTEST:
-            rows.append(i)
-    rows[-1] = len(t) - 1
-    return JointTrajectory(names, tuple(TrajectoryPoint(times[i], q[i], v[i]) for i in rows))
+    return JointTrajectory(names, tuple(
+        TrajectoryPoint(float(time), *row) for time, *row in zip(t, q, v)))

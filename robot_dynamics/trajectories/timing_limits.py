@@ -23,7 +23,20 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import Rows
 
-_STEP, _SLOWEST, _FLOOR = 1e-3, 1e-9, 1e-6
+_STEP, _SLOWEST, _FLOOR, _LEAST_ROOM = 1e-3, 1e-9, 1e-6, 0.3
+
+
+class Bound(NamedTuple):
+    """
+    A bound (m, n) of the effort of the rigid bodies in one direction.
+
+    `rotor` (m, n) times rotor inertia and acceleration adds to the bounded effort: it is power
+    that does not pass the gearbox. `scale` (n,) is the bound without friction at rest.
+    """
+
+    effort: FloatArray
+    rotor: FloatArray
+    scale: FloatArray
 
 
 class PathLimits(NamedTuple):
@@ -50,13 +63,19 @@ class PathLimits(NamedTuple):
             v = np.sqrt(low * high)
             free = np.ones(n, dtype=np.bool_)
             for direction in (1.0, -1.0):
-                for bound, _ in self.bounds(direction * v, direction):
-                    free &= direction * bound > 0.0
+                for bound in self.bounds(direction * v, direction):
+                    free &= direction * bound.effort > 0.0
             low, high = np.where(free, v, low), np.where(free, high, v)
         with np.errstate(divide='ignore'):
             x = [np.square(np.min(low / np.abs(end.tangent), axis=1))
                  for end in (grid.left, grid.right)]
         return np.minimum(np.append(x[0], np.inf), np.append(np.inf, x[1]))
+
+    def depend_on_speed(self) -> bool:
+        """Return whether the bounds of the effort depend on the speed."""
+        n = self.dynamics.arm.joint_count
+        slow, fast = (list(self.bounds(np.full(n, v), 1.0)) for v in (_SLOWEST, 1.0))
+        return any(not np.array_equal(a.effort, b.effort) for a, b in zip(slow, fast))
 
     def ratios(
         self, v: FloatArray, a: FloatArray, load: FloatArray,
@@ -75,17 +94,13 @@ class PathLimits(NamedTuple):
 
     def bounds(
         self, v: FloatArray, direction: FloatArray,
-    ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """
-        Yield bounds of the effort of the rigid bodies at velocities (m, n), and a rotor factor.
-
-        The bound is in the direction +1 or -1 (a number). The factor (m, n) of the rotor inertia
-        times the acceleration adds to the bounded effort: power that does not pass the gearbox.
-        """
+    ) -> Iterator[Bound]:
+        """Yield the bounds at velocities (m, n) in the direction +1 or -1."""
         arm = self.dynamics.arm
         limit = self.share * arm.limits.effort
         if np.isfinite(limit).any():
-            yield arm.friction.load_behind(v, direction * limit + 0.0 * v), np.zeros_like(v)
+            yield Bound(arm.friction.load_behind(v, direction * limit + 0.0 * v),
+                        np.zeros_like(v), limit)
         motors = arm.actuators
         if motors is None:
             return
@@ -93,18 +108,20 @@ class PathLimits(NamedTuple):
         back_emf = motors.back_emf_constant * np.abs(motors.gear_ratio)
         kinds = []
         if np.isfinite(motors.current_limit).any():
-            kinds.append(direction * self.share * motors.current_limit + 0.0 * v)
+            most = self.share * motors.current_limit
+            kinds.append((direction * most + 0.0 * v, most))
         if np.isfinite(motors.voltage_limit).any():
             with np.errstate(divide='ignore', invalid='ignore'):
-                current = (direction * self.share * motors.voltage_limit - back_emf * v) / (
-                    motors.resistance)
-            kinds.append(np.where(np.isfinite(motors.voltage_limit), current, direction * np.inf))
-        for current in kinds:
+                most = self.share * motors.voltage_limit / motors.resistance
+                current = direction * most - back_emf * v / motors.resistance
+            kinds.append((np.where(np.isfinite(most), current, direction * np.inf), most))
+        for current, most in kinds:
             torque = ratio * current
             gain = np.where(torque * v < 0.0, 1.0 / motors.efficiency, motors.efficiency)
             bound = torque * gain
             left = arm.friction.load_behind(v, np.where(np.isfinite(bound), bound, 0.0))
-            yield np.where(np.isfinite(bound), left, direction * np.inf), gain - 1.0
+            yield Bound(np.where(np.isfinite(bound), left, direction * np.inf), gain - 1.0,
+                        ratio * most)
 
 
 class PathTerms(NamedTuple):
@@ -146,8 +163,7 @@ def constraints(
     Return the constraints at both ends of each interval, linear at the states x (m + 1,).
 
     The control u of an interval is the mean of its values at both ends, which differ by `rise`
-    (m,). `margins` (m, n) are shares of the distances between bounds and gravity that are left
-    unused.
+    (m,). `margins` (m, n) are shares of the limits that are left unused.
     """
     a, b, c = [], [], []
     for left, terms, at in ((True, ends[0], x[:-1]), (False, ends[1], x[1:])):
@@ -176,18 +192,20 @@ def _end_rows(
     x_0 = np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
     v, v_0, v_1 = (_velocity(tangent, sign, state) for state in (x, x_0, (1.0 + _STEP) * x_0))
     for direction in (1.0, -1.0):
-        for (here, factor), (one, _), (other, _) in zip(
+        for here, one, other in zip(
                 *(limits.bounds(speed, direction) for speed in (v, v_0, v_1))):
-            room = direction * (here - terms.gravity)
+            room = direction * (here.effort - terms.gravity)
             with np.errstate(invalid='ignore'):
-                slope = direction * np.nan_to_num(other - one, nan=0.0) / (
+                slope = direction * np.nan_to_num(other.effort - one.effort, nan=0.0) / (
                     _STEP * x_0[:, np.newaxis])
+                left = np.maximum(room - margins * here.scale, _LEAST_ROOM * room)
             # Friction that decreases with the speed has the value at x.
             resists = direction * sign > 0.0
             slope = np.where(resists, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
-            by_u = direction * (terms.inertia + factor * rotor * tangent)
-            by_x = direction * (terms.centrifugal + factor * rotor * curvature)
-            yield by_u, by_x - slope, room * (1.0 - margins) - slope * x[:, np.newaxis]
+            by_u = direction * (terms.inertia + here.rotor * rotor * tangent)
+            by_x = direction * (terms.centrifugal + here.rotor * rotor * curvature)
+            yield (by_u, by_x - slope,
+                   np.where(np.isfinite(room), left, np.inf) - slope * x[:, np.newaxis])
 
 
 def _velocity(tangent: FloatArray, sign: FloatArray, x: FloatArray) -> FloatArray:
