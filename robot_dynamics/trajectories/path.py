@@ -25,7 +25,7 @@ LINE_DISTANCE = 0.005
 """Distance [rad] or [m] up to which the spline through points may be beside their lines."""
 STILL = 1e-9
 """Length [rad] or [m] up to which a piece of a path does not count as motion."""
-_REST, _BISECTIONS, _SAMPLES = 1e-6, 50, 9
+_REST, _NOISE, _BISECTIONS, _SAMPLES = 1e-6, 1e-11, 50, 9
 _ORDERS = np.arange(6)
 _BINOMIAL = np.array([[1.0, 1, 1, 1, 1, 1], [0, 1, 2, 3, 4, 5], [0, 0, 1, 3, 6, 10],
                       [0, 0, 0, 1, 4, 10], [0, 0, 0, 0, 1, 5], [0, 0, 0, 0, 0, 1]])
@@ -77,13 +77,23 @@ def path_of(trajectory: JointTrajectory, corner_tolerance: float = 0.0) -> Path:
         coefficients = TrajectorySegments(trajectory).coefficients
     else:
         coefficients = _through_points(trajectory, corner_tolerance)
-    coefficients = _split_at_rests(coefficients)
+    coefficients = _split_at_rests(_without_rounding(coefficients))
     c = coefficients[np.abs(coefficients[:, 1:]).sum(axis=1).max(axis=1) > STILL]
     if len(c) == 0:
         raise TrajectoryError(
             f'points are all at the same position {points[0].position.tolist()}, expected a path '
             'with motion')
     return Path(c, _rests(c))
+
+
+def _without_rounding(c: FloatArray) -> FloatArray:
+    """Return the pieces, in which joints that move by rounding errors only do not move."""
+    c = c.copy()
+    moved = np.abs(c[:, 1:]).sum(axis=1)
+    still = moved.sum(axis=0) < STILL
+    c[:, 0, still] = c[0, 0, still]
+    c[:, 1:] = np.where((still | (moved < _NOISE))[:, np.newaxis], 0.0, c[:, 1:])
+    return c
 
 
 def piece_directions(c: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -39,7 +39,7 @@ from robot_dynamics.trajectories.timing_limits import (
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS, _CLOSE = 8, 1e-5, 2e-5, 0.02
+_PASSES, _CONVERGED, _EXCESS, _CLOSE, _START = 10, 1e-5, 2e-5, 0.02, 0.1
 _PHASES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 _SHORTEST = 1e-4
@@ -167,8 +167,12 @@ def _fastest(
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
     x, rise = np.zeros(m + 1), np.zeros(m)
+    best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     exact_at_once = not limits.depend_on_speed()
-    for _ in range(_PASSES):
+    if not exact_at_once:
+        start = np.minimum(velocity_caps(limits, grid, of_velocity), limits.free_speed(grid))
+        x = np.where(start < UNBOUNDED, _START * start, 0.0)
+    for passed in range(_PASSES):
         rows = constraints(limits, grid, terms, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
@@ -179,12 +183,16 @@ def _fastest(
         margins = np.where(
             known[:, np.newaxis], np.clip(margins + excess.load, 0.0, 0.5), margins)
         of_velocity = np.clip(of_velocity + excess.velocity, 0.0, 0.5)
-        if max(excess.load.max(), excess.velocity.max()) < _EXCESS and (
-                np.abs(x - before).max() < _CONVERGED * x.max()):
+        largest = max(0.0, float(excess.load.max()), float(excess.velocity.max()))
+        slowed_down = float(T.sum()) * (1.0 + largest)
+        if slowed_down < best[0]:
+            best = slowed_down, x, T
+        if largest < _EXCESS and np.abs(x - before).max() < _CONVERGED * x.max():
             break
-        rise = _rise(grid, x)
-        x = np.minimum(x, limits.free_speed(grid))
-    return _as_trajectory(trajectory.joint_names, grid, x, T)
+        rise = _rise(grid, x) if passed < 4 else rise
+        if passed < 2:
+            x = np.minimum(x, limits.free_speed(grid))
+    return _as_trajectory(trajectory.joint_names, grid, *best[1:])
 
 
 def _checked_terms(
@@ -202,7 +210,9 @@ def _without_short_intervals(
     """Return the grid without nodes that would follow others in less than _SHORTEST."""
     m, n = grid.sign.shape
     terms = _checked_terms(limits, trajectory, grid)
-    rows = constraints(limits, grid, terms, np.zeros(m + 1), np.zeros(m), np.zeros((m, n)))
+    without_friction = limits._replace(dynamics=limits.dynamics.rigid_body)
+    rows = constraints(
+        without_friction, grid, terms, np.zeros(m + 1), np.zeros(m), np.zeros((m, n)))
     x = fastest_states(rows, velocity_caps(limits, grid, np.zeros(m)))
     _check_states(limits, trajectory, grid, x)
     speed = np.sqrt(x)

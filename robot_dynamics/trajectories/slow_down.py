@@ -22,7 +22,7 @@ from robot_dynamics.trajectories.timing_limits import PathLimits
 SLOWEST = 1e4
 """Largest factor."""
 _TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 8_000, 4
-_SAFE, _ROUNDING = 1e-7, 1e-4
+_EXACT, _ROUNDING = 1e-7, 1e-4
 
 
 def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
@@ -64,9 +64,9 @@ def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:
                 f'the {worst.worst_limit} of {worst.worst_joint!r} is {ratio:.3g} times its limit '
                 f'at {worst.worst_time / factor:.3g} s at any speed, expected at most 1')
         # The maximum is between the samples, or the rest is the rounding of times.
-        least = factor * ratio if ratio < 1.0 + _ROUNDING else least
+        least = factor * (2.0 * ratio - 1.0) if ratio < 1.0 + _ROUNDING else least
         samples.add(worst.worst_time / factor + segments.times[0])
-    return factor * (1.0 + _SAFE) if factor > 1.0 else 1.0
+    return factor
 
 
 def largest_ratios(
@@ -125,7 +125,7 @@ class _Samples:
             low, high = high, 1.0 + 2.0 * (high - 1.0) + 1e-3
             if high > SLOWEST:
                 return SLOWEST
-        while high - low > _SAFE * high:
+        while high - low > _EXACT * high:
             middle = 0.5 * (low + high)
             low, high = (low, middle) if self._ratio(middle) <= 1.0 else (middle, high)
         return high

@@ -16,14 +16,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import Rows
 
-_STEP, _SLOWEST, _FLOOR, _LEAST_ROOM = 1e-3, 1e-9, 1e-6, 0.3
+_STEP, _SLOWEST, _FLOOR, _LEAST_ROOM = 1e-3, 1e-9, 1e-6, 0.02
 
 
 class Bound(NamedTuple):
@@ -166,9 +166,10 @@ def constraints(
     (m,). `margins` (m, n) are shares of the limits that are left unused.
     """
     a, b, c = [], [], []
+    turns: BoolArray = grid.left.tangent * grid.right.tangent < 0.0
     for left, terms, at in ((True, ends[0], x[:-1]), (False, ends[1], x[1:])):
         offset = (-0.5 if left else 0.5) * rise[:, np.newaxis]
-        for of_u, of_x, bound in _end_rows(limits, grid.sign, terms, at, margins):
+        for of_u, of_x, bound in _end_rows(limits, grid.sign, turns, terms, at, margins):
             keep = np.isfinite(bound).any(axis=0)
             by_u = of_u[:, keep] / (2.0 * grid.length[:, np.newaxis])
             a.append(of_x[:, keep] * left - by_u)
@@ -179,7 +180,8 @@ def constraints(
 
 
 def _end_rows(
-    limits: PathLimits, sign: FloatArray, terms: PathTerms, x: FloatArray, margins: FloatArray,
+    limits: PathLimits, sign: FloatArray, turns: BoolArray, terms: PathTerms, x: FloatArray,
+    margins: FloatArray,
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield factors of u and x, and their bounds, (m, n) each."""
     tangent, curvature = terms.end.tangent, terms.end.curvature
@@ -191,21 +193,25 @@ def _end_rows(
     rotor = 0.0 if motors is None else motors.reflected_inertia
     x_0 = np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
     v, v_0, v_1 = (_velocity(tangent, sign, state) for state in (x, x_0, (1.0 + _STEP) * x_0))
+    # A joint that turns back within the interval has dry friction of both signs.
+    turning = np.where(turns, _SLOWEST, v), np.where(turns, -_SLOWEST, v)
     for direction in (1.0, -1.0):
-        for here, one, other in zip(
-                *(limits.bounds(speed, direction) for speed in (v, v_0, v_1))):
-            room = direction * (here.effort - terms.gravity)
+        bounds = (limits.bounds(speed, direction) for speed in (v, v_0, v_1, *turning))
+        for here, one, other, *slow in zip(*bounds):
+            effort = direction * here.effort
+            for bound in slow:
+                effort = np.minimum(effort, direction * bound.effort)
             with np.errstate(invalid='ignore'):
                 slope = direction * np.nan_to_num(other.effort - one.effort, nan=0.0) / (
                     _STEP * x_0[:, np.newaxis])
-                left = np.maximum(room - margins * here.scale, _LEAST_ROOM * room)
-            # Friction that decreases with the speed has the value at x.
-            resists = direction * sign > 0.0
-            slope = np.where(resists, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
+                # Friction that decreases with the speed has the value at x.
+                resists = direction * v > 0.0
+                slope = np.where(resists, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
+                room = effort - direction * terms.gravity - slope * x[:, np.newaxis]
+                room = np.maximum(room - margins * here.scale, _LEAST_ROOM * room)
             by_u = direction * (terms.inertia + here.rotor * rotor * tangent)
             by_x = direction * (terms.centrifugal + here.rotor * rotor * curvature)
-            yield (by_u, by_x - slope,
-                   np.where(np.isfinite(room), left, np.inf) - slope * x[:, np.newaxis])
+            yield by_u, by_x - slope, np.where(np.isfinite(here.effort), room, np.inf)
 
 
 def _velocity(tangent: FloatArray, sign: FloatArray, x: FloatArray) -> FloatArray:
