@@ -302,6 +302,11 @@ class Controller:
         return self._load.dynamics.arm
 
     @property
+    def effort_limit_fraction(self) -> float:
+        """The share of the effort limits that commands may use."""
+        return self._options.effort_limit_fraction
+
+    @property
     def estimates_velocity(self) -> bool:
         """Whether velocities that are not measured are estimated from the positions."""
         return self._options.estimates_velocity

@@ -27,6 +27,7 @@ from robot_dynamics.trajectories.joint_trajectory import (
 from robot_dynamics.trajectories.path import path_of
 from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
+from robot_dynamics.trajectories.segments import TrajectorySegments
 from robot_dynamics.trajectories.slow_down import largest_ratios, least_slowness, slower
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
@@ -40,7 +41,7 @@ from robot_dynamics.validation import check_choice, check_scalar, check_vector, 
 
 METHODS = ('fastest', 'slow_down')
 _PASSES, _CONVERGED, _EXCESS, _CLOSE, _START = 10, 1e-5, 2e-5, 0.02, 0.1
-_PHASES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+_PARTS, _PARTS_OF_STEEP_FRICTION = 4, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 _SHORTEST = 1e-4
 """Time between two points of the result [s]; rounding of shorter times is noticeable."""
@@ -54,7 +55,8 @@ class Retiming(NamedTuple):
     continuous. `duration` [s]; `ratio` is the duration divided by that of the request.
     `limiting_joint` and `limited_quantity` name, for each point, the value closest to its limit,
     just before or after the point: 'velocity', 'acceleration', 'effort', 'current' or 'voltage'.
-    `limit_ratio` (points,) is this value divided by its limit.
+    `limit_ratio` (points,) is this value divided by its limit. `efforts` (points, n) [N·m] or [N]
+    are those just after the points. `warnings` are positions beyond their limits.
     """
 
     trajectory: JointTrajectory
@@ -63,7 +65,16 @@ class Retiming(NamedTuple):
     limiting_joint: tuple[str, ...]
     limited_quantity: tuple[str, ...]
     limit_ratio: FloatArray
+    efforts: FloatArray
     warnings: tuple[str, ...]
+
+    @property
+    def summary(self) -> str:
+        """The durations, and the value that is most often closest to its limit."""
+        pairs = list(zip(self.limited_quantity, self.limiting_joint))
+        quantity, joint = max(sorted(set(pairs)), key=pairs.count)
+        return (f'the motion takes {self.duration:.4g} s, {self.ratio:.4g} times the duration of '
+                f'the request; most often the {quantity} of {joint!r} is closest to its limit')
 
 
 def retime(
@@ -113,6 +124,7 @@ def _answer(limits: PathLimits, result: JointTrajectory, before: float) -> Retim
     return Retiming(
         result, result.duration, result.duration / before,
         tuple(arm.joint_names[j] for j in joints), tuple(quantities), ratios,
+        limits.dynamics.unchecked.inverse_dynamics_batch(*TrajectorySegments(result).points),
         _position_warnings(arm, result))
 
 
@@ -284,24 +296,26 @@ def _excesses(
 ) -> _Excess:
     """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
     speed = np.sqrt(x)[:, np.newaxis]
-    q, v, a = _sampled(grid, speed, T[:, np.newaxis])
+    is_steep = limits.dynamics.arm.friction.steep_below.any()
+    phases = np.linspace(0.0, 1.0, 1 + (_PARTS_OF_STEEP_FRICTION if is_steep else _PARTS))
+    q, v, a = _sampled(grid, speed, T[:, np.newaxis], phases)
     load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)
     by_name = limits.ratios(v, a, load)
-    shape = (len(_PHASES), *grid.sign.shape)
+    shape = (len(phases), *grid.sign.shape)
     velocity = by_name.pop('velocity').reshape(shape).max(axis=(0, 2))
     largest = np.max(list(by_name.values()), axis=0).reshape(shape).max(axis=0)
     return _Excess(largest - 1.0, velocity - 1.0)
 
 
 def _sampled(
-    grid: PathGrid, speed: FloatArray, T: FloatArray,
+    grid: PathGrid, speed: FloatArray, T: FloatArray, phases: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position, velocity and acceleration at all _PHASES, ((phases m), n) each."""
+    """Return position, velocity and acceleration at all phases, ((phases m), n) each."""
     left, right = grid.left, grid.right
     way = right.q - left.q
     c = position_coefficients(
         [np.zeros_like(way), left.tangent * speed[:-1]], [way, right.tangent * speed[1:]], T)
-    p = _PHASES[:, np.newaxis, np.newaxis]
+    p = phases[:, np.newaxis, np.newaxis]
     c0, c1, c2, c3 = (c[:, i] for i in range(4))
     q = left.q + c0 + p * (c1 + p * (c2 + p * c3))
     v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
