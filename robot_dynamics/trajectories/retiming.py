@@ -40,8 +40,8 @@ from robot_dynamics.trajectories.timing_limits import (
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS, _CLOSE, _START = 10, 1e-5, 2e-5, 0.02, 0.1
-_PARTS, _PARTS_OF_STEEP_FRICTION = 4, 8
+_PASSES, _CONVERGED, _EXCESS, _CLOSE, _START = 10, 1e-5, 4e-5, 0.02, 0.1
+_PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 _SHORTEST = 1e-4
 """Time between two points of the result [s]; rounding of shorter times is noticeable."""
@@ -174,8 +174,7 @@ def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
 ) -> JointTrajectory:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
-    grid = _without_short_intervals(limits, trajectory, grid)
-    terms = _checked_terms(limits, trajectory, grid)
+    grid, terms = _without_short_intervals(limits, trajectory, grid)
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
     x, rise = np.zeros(m + 1), np.zeros(m)
@@ -218,7 +217,7 @@ def _checked_terms(
 
 def _without_short_intervals(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-) -> PathGrid:
+) -> tuple[PathGrid, tuple[PathTerms, PathTerms]]:
     """Return the grid without nodes that would follow others in less than _SHORTEST."""
     m, n = grid.sign.shape
     terms = _checked_terms(limits, trajectory, grid)
@@ -236,7 +235,9 @@ def _without_short_intervals(
         for i in range(start + 1, end):
             if min(times[i] - last, times[end] - times[i]) >= _SHORTEST:
                 keep[i], last = True, times[i]
-    return grid.merged(keep) if not keep.all() else grid
+    left, right = terms
+    return grid.merged(keep), (
+        left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:])))
 
 
 def _check_states(

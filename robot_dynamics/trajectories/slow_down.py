@@ -22,7 +22,7 @@ from robot_dynamics.trajectories.timing_limits import PathLimits
 SLOWEST = 1e4
 """Largest factor."""
 _TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 8_000, 4
-_EXACT, _ROUNDING = 1e-7, 1e-4
+_EXACT, _ROUNDING, _TARGET = 1e-7, 1e-4, 1.0 - 1e-5
 
 
 def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
@@ -121,13 +121,13 @@ class _Samples:
     def slowness(self, least: float) -> float:
         """Return the smallest factor, at least `least`, with which no sample exceeds a limit."""
         low = high = least
-        while self._ratio(high) > 1.0:
+        while self._ratio(high) > _TARGET:
             low, high = high, 1.0 + 2.0 * (high - 1.0) + 1e-3
             if high > SLOWEST:
                 return SLOWEST
         while high - low > _EXACT * high:
             middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._ratio(middle) <= 1.0 else (middle, high)
+            low, high = (low, middle) if self._ratio(middle) <= _TARGET else (middle, high)
         return high
 
     def _evaluated(self, segment: IntArray, phase: FloatArray) -> list[FloatArray]:

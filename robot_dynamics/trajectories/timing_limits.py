@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
@@ -131,6 +131,10 @@ class PathTerms(NamedTuple):
     inertia: FloatArray
     centrifugal: FloatArray
     gravity: FloatArray
+
+    def rows(self, rows: IntArray) -> 'PathTerms':
+        """Return the terms of these intervals."""
+        return PathTerms(self.end.rows(rows), *(values[rows] for values in self[1:]))
 
 
 def path_terms(dynamics: ArmDynamics, end: PathEnd) -> PathTerms:
