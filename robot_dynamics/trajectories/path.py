@@ -263,7 +263,7 @@ def _rounded(
     room = 0.5 * np.minimum(np.diff(ends)[:-1], np.diff(ends)[1:])
     pieces, position = [], 0.0
     for corner, most in zip(corners, room):
-        d = min(most, tolerance / (0.375 * np.sin(0.5 * angle[corner - 1])))
+        d = min(most, 0.999 * tolerance / (0.375 * np.sin(0.5 * angle[corner - 1])))
         blend = _blend(c, along, corner, d)
         while _miss(c, along, corner, d, blend) > tolerance:
             d *= 0.8

@@ -179,8 +179,10 @@ def constraints(
             a.append(of_x[:, keep] * left - by_u)
             b.append(of_x[:, keep] * (not left) + by_u)
             c.append(bound[:, keep] - of_u[:, keep] * offset)
-    return Rows(*(np.concatenate(parts, axis=1) if parts else np.zeros((len(grid.length), 0))
-                  for parts in (a, b, c)))
+    # One row without effect, because there may be no others.
+    nothing = np.zeros((len(grid.length), 1))
+    return Rows(np.concatenate((*a, nothing), axis=1), np.concatenate((*b, nothing), axis=1),
+                np.concatenate((*c, nothing), axis=1))
 
 
 def _end_rows(

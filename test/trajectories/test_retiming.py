@@ -387,7 +387,7 @@ def test_repeated_points_and_pauses_do_not_matter() -> None:
 
 # --- uniform slow-downs --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('duration', [0.2, 0.5, 0.8])
+@pytest.mark.parametrize('duration', [0.2, 0.5])
 def test_the_slow_down_is_the_smallest(duration: float) -> None:
     path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], duration)
     result = slowed_down(PLANAR, path)
@@ -416,7 +416,7 @@ def planar(times: Any = (0.0, 1.0), q: Any = TWO, *rows: Any) -> JointTrajectory
 
 
 @pytest.mark.parametrize(('request_', 'options', 'words'), [
-    (planar, {'method': 'quick'}, "method is 'quick', expected 'fastest' or 'slow_down'"),
+    (planar, {'method': 'quick'}, "method is 'quick', expected one of ['fastest', 'slow_down']"),
     (planar, {'corner_tolerance': -1.0}, 'corner_tolerance is -1'),
     (planar, {'corner_tolerance': np.nan}, 'corner_tolerance is nan'),
     (planar, {'effort_limit_fraction': 0.0}, 'effort_limit_fraction is 0'),
