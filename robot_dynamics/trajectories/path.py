@@ -71,8 +71,8 @@ def path_of(trajectory: JointTrajectory, corner_tolerance: float = 0.0) -> Path:
     if any(has_velocity) and not all(has_velocity):
         raise TrajectoryError(
             f'points[{has_velocity.index(False)}].velocities is empty, but '
-            f'points[{has_velocity.index(True)}] has velocities, expected velocities at all points '
-            'or at none')
+            f'points[{has_velocity.index(True)}] has velocities, expected velocities at all '
+            'points or at none')
     if all(has_velocity):
         coefficients = TrajectorySegments(trajectory).coefficients
     else:
@@ -183,8 +183,8 @@ def _through_points(trajectory: JointTrajectory, tolerance: float) -> FloatArray
         worst = corners[np.argmax(angle[corners - 1])]
         joint = int(np.argmax(np.abs(turn[worst - 1])))
         raise TrajectoryError(
-            f'points[{numbers[worst]}].positions is a corner of the path: its direction changes by '
-            f'{angle[worst - 1]:.3g} rad, most at joint {trajectory.joint_names[joint]!r}, '
+            f'points[{numbers[worst]}].positions is a corner of the path: its direction changes '
+            f'by {angle[worst - 1]:.3g} rad, most at joint {trajectory.joint_names[joint]!r}, '
             f'expected at most {CORNER_ANGLE:g} rad and a spline within {LINE_DISTANCE:g} of the '
             'lines; set corner_tolerance above 0 to round corners, or send velocities')
     return _rounded(c, length, corners, angle, tolerance)
@@ -208,7 +208,11 @@ def _splines(q: FloatArray, length: FloatArray, is_corner: BoolArray) -> FloatAr
 
 
 def _second_derivatives(q: FloatArray, h: FloatArray) -> FloatArray:
-    """Return those of a spline with continuous third derivatives at its second and last but one."""
+    """
+    Return those at the points (m, n) of a cubic spline, at distances h (m - 1,).
+
+    Its third derivatives are continuous at the second point and at the last but one.
+    """
     M = np.zeros_like(q)
     m = len(q)
     if m < 3:

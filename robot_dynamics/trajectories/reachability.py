@@ -4,7 +4,7 @@
 """
 Time-optimal path parametrisation by reachability analysis (TOPP-RA), on all intervals at once.
 
-With the state x = σ̇² and the constant control u = σ̈ of an interval of length Δ, x changes by 2 Δ u.
+With the state x = σ̇² and the mean control u = σ̈ of an interval of length Δ, x changes by 2 Δ u.
 The constraints of an interval are linear in the states x and y at its ends, because
 u = (y − x) / (2 Δ); constraints at both ends are those of collocation (section III). Each interval
 has therefore a polygon of (x, y). Because the arm can move arbitrarily slowly (x = y = 0 is in the

@@ -155,16 +155,17 @@ def _check_limits(limits: PathLimits) -> None:
         found += [arm.actuators.current_limit, arm.actuators.voltage_limit]
     if not any(np.isfinite(one).any() for one in found):
         raise TrajectoryError(
-            'the arm has no limit of velocity, effort, current or voltage, and acceleration_limits '
-            'is empty, expected at least one limit: the fastest timing would take no time')
+            'the arm has no limit of velocity, effort, current or voltage, and '
+            'acceleration_limits is empty, expected at least one limit: the fastest timing would '
+            'take no time')
 
 
 def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajectory:
     for i, point in enumerate(trajectory.points):
         if point.velocity is None:
             raise TrajectoryError(
-                f"points[{i}].velocities is empty, expected velocities for the method 'slow_down': "
-                "without them the velocity jumps; use the method 'fastest'")
+                f"points[{i}].velocities is empty, expected velocities for the method "
+                "'slow_down': without them the velocity jumps; use the method 'fastest'")
     if len(trajectory.points) < 2:
         raise TrajectoryError('points has 1 point, expected at least 2: a path')
     return slower(trajectory, least_slowness(limits, trajectory))
@@ -283,7 +284,7 @@ def _rise(grid: PathGrid, x: FloatArray) -> FloatArray:
 def _durations(grid: PathGrid, x: FloatArray, rise: FloatArray) -> FloatArray:
     """Return the durations (m,) [s] of the intervals."""
     speed = np.sqrt(x)
-    T = 2.0 * grid.length / (speed[:-1] + speed[1:])
+    T: FloatArray = 2.0 * grid.length / (speed[:-1] + speed[1:])
     # The integral of the difference of 1/σ̇ from that with a constant control, by Gauss.
     for p, weight in zip(_GAUSS, _WEIGHTS):
         constant = x[:-1] + p * np.diff(x)

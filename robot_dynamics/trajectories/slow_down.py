@@ -66,7 +66,7 @@ def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:
         # The maximum is between the samples, or the rest is the rounding of times.
         least = factor * (2.0 * ratio - 1.0) if ratio < 1.0 + _ROUNDING else least
         samples.add(worst.worst_time / factor + segments.times[0])
-    return factor
+    return float(factor)
 
 
 def largest_ratios(
@@ -97,7 +97,7 @@ def _kinematic_slowness(limits: PathLimits, segments: TrajectorySegments) -> flo
     a = derivative(v) / T
     of_v, of_a = (float((np.abs(extrema(c).values) / limit).max()) for c, limit in (
         (v, limits.velocity), (a, limits.acceleration)))
-    return max(1.0, of_v, of_a**0.5)
+    return max(1.0, of_v, float(np.sqrt(of_a)))
 
 
 class _Samples:

@@ -69,7 +69,7 @@ class PathLimits(NamedTuple):
         with np.errstate(divide='ignore'):
             x = [np.square(np.min(low / np.abs(end.tangent), axis=1))
                  for end in (grid.left, grid.right)]
-        return np.minimum(np.append(x[0], np.inf), np.append(np.inf, x[1]))
+        return np.asarray(np.minimum(np.append(x[0], np.inf), np.append(np.inf, x[1])))
 
     def depend_on_speed(self) -> bool:
         """Return whether the bounds of the effort depend on the speed."""
@@ -93,7 +93,7 @@ class PathLimits(NamedTuple):
         return by_name
 
     def bounds(
-        self, v: FloatArray, direction: FloatArray,
+        self, v: FloatArray, direction: float,
     ) -> Iterator[Bound]:
         """Yield the bounds at velocities (m, n) in the direction +1 or -1."""
         arm = self.dynamics.arm
@@ -151,7 +151,7 @@ def velocity_caps(limits: PathLimits, grid: PathGrid, margins: FloatArray) -> Fl
     with np.errstate(divide='ignore'):
         by_end = [np.min(limits.velocity / np.abs(end.tangent), axis=1) * (1.0 - margins)
                   for end in (grid.left, grid.right)]
-    caps = np.full(len(grid.rests), np.inf)
+    caps: FloatArray = np.full(len(grid.rests), np.inf)
     caps[:-1] = by_end[0]
     caps[1:] = np.minimum(caps[1:], by_end[1])
     caps = np.square(caps)

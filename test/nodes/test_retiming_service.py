@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`~/retime_trajectory` over DDS: results in the order of the request, and joint states meanwhile."""
+"""`~/retime_trajectory` over DDS: results, order of the joints, and joint states meanwhile."""
 
 import time
 from typing import Any

@@ -8,7 +8,8 @@ from dataclasses import replace
 import re
 from typing import Any
 
-from hypothesis import given, settings, strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 from one_joint_arm import arm_of, inertial
 import pinocchio as pin
@@ -202,7 +203,8 @@ def test_durations_are_those_of_toppra(name: str) -> None:
         np.linspace(0.0, 1.0, 6), poses(arm, 6, np.random.default_rng(1)))
     limits = arm.limits
     constraints = [
-        toppra.constraint.JointVelocityConstraint(np.stack([-limits.velocity, limits.velocity], 1)),
+        toppra.constraint.JointVelocityConstraint(
+            np.stack([-limits.velocity, limits.velocity], 1)),
         toppra.constraint.JointTorqueConstraint(
             lambda *motion: dynamics.unchecked.inverse_dynamics(*map(np.asarray, motion)),
             np.stack([-limits.effort, limits.effort], 1), np.zeros(arm.joint_count),
@@ -381,7 +383,8 @@ def test_a_dense_path_with_a_corner() -> None:
 def test_repeated_points_and_pauses_do_not_matter() -> None:
     names = PLANAR.arm.joint_names
     once = retime(PLANAR, make_trajectory(names, [0, 1], CORNER[:2]))
-    twice = retime(PLANAR, make_trajectory(names, [0, 1, 2, 3], [*CORNER[:1] * 2, *CORNER[1:2] * 2]))
+    twice = retime(PLANAR, make_trajectory(
+        names, [0, 1, 2, 3], [CORNER[0], CORNER[0], CORNER[1], CORNER[1]]))
     assert twice.duration == pytest.approx(once.duration, rel=1e-6)
 
 
@@ -455,7 +458,7 @@ def test_gravity_between_the_points_is_named_too() -> None:
 
 def test_friction_at_the_limit_is_rejected() -> None:
     arm = hinge().with_friction(make_friction(['hinge'], coulomb=2.5))
-    with pytest.raises(TrajectoryError, match='1.25 times its limit in slow motion, with friction'):
+    with pytest.raises(TrajectoryError, match='1.25 times its limit in slow motion'):
         retime(ArmDynamics(arm), quintic_point_to_point(['hinge'], [0.0], [1.5], 3.0))
 
 
@@ -472,7 +475,7 @@ def test_a_motion_that_no_limit_bounds_is_rejected() -> None:
     limits = PLANAR.arm.limits
     arm = replace(PLANAR.arm.with_gravity([0, 0, 0]), limits=replace(
         limits, effort=np.full(2, OPEN), velocity=np.array([OPEN, 1.0])))
-    with pytest.raises(TrajectoryError, match=re.escape("no limit applies to the motion of ['joi")):
+    with pytest.raises(TrajectoryError, match=r"no limit applies to the motion of \['joi"):
         retime(ArmDynamics(arm), planar(q=[[0.0, 0.3], [1.0, 0.3]]))
 
 

@@ -255,10 +255,12 @@ class DynamicsServices:
 
 
 def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory:
+    def answer(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else order.answer(values)
+
     return JointTrajectory(order.names, tuple(
-        TrajectoryPoint(point.time_from_start, *(
-            None if values is None else order.answer(values)
-            for values in (point.position, point.velocity, point.acceleration)))
+        TrajectoryPoint(point.time_from_start, order.answer(point.position),
+                        answer(point.velocity), answer(point.acceleration))
         for point in trajectory.points))
 
 
