@@ -19,7 +19,7 @@ the linear programs of both passes in closed form.
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, IntArray
 
 _LINES = 1e-9
 """Share of the larger coefficient below which a coefficient counts as zero."""
@@ -86,11 +86,15 @@ def _controllable(upper: _Lines, best: FloatArray, caps: FloatArray) -> FloatArr
     return h
 
 
-def _at(lines: _Lines, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the smallest of the lines (m,) at y (m,), its offset and its slope."""
-    rows = np.arange(len(y))
-    active = np.argmin(lines.offset - lines.slope * y[:, np.newaxis], axis=1)
-    offset, slope = lines.offset[rows, active], lines.slope[rows, active]
+def _at(
+    lines: _Lines, y: FloatArray, rows: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the smallest of the lines of these rows at y (rows,), its offset and its slope."""
+    offset, slope = (lines.offset, lines.slope) if len(rows) == len(lines.offset) else (
+        lines.offset[rows], lines.slope[rows])
+    active = np.argmin(offset - slope * y[:, np.newaxis], axis=1)
+    numbers = np.arange(len(rows))
+    offset, slope = offset[numbers, active], slope[numbers, active]
     return offset - slope * y, offset, slope
 
 
@@ -112,36 +116,39 @@ def _best_ends(
     negative = _Lines(
         np.concatenate((np.where(below, c / divisor, 0.0), np.zeros((len(high), 1))), axis=1),
         np.concatenate((np.where(below, b / divisor, 0.0), np.zeros((len(high), 1))), axis=1))
+    rows_left = np.arange(len(best))
     for _ in range(_NEWTON):
-        value, offset, slope = _at(upper, best)
-        lower, other_offset, other_slope = _at(negative, best)
-        excess = value + lower
-        outside = excess < 0.0
+        y = best[rows_left]
+        value, offset, slope = _at(upper, y, rows_left)
+        lower, other_offset, other_slope = _at(negative, y, rows_left)
+        outside = value + lower < 0.0
         if not outside.any():
             break
-        total = slope + other_slope
-        root = (offset + other_offset) / np.where(total > 0.0, total, 1.0)
-        best = np.where(outside, np.where(total > 0.0, np.clip(root, 0.0, best), 0.0), best)
+        total = (slope + other_slope)[outside]
+        root = (offset + other_offset)[outside] / np.where(total > 0.0, total, 1.0)
+        rows_left = rows_left[outside]
+        best[rows_left] = np.where(total > 0.0, np.clip(root, 0.0, y[outside]), 0.0)
     return best
 
 
 def _argmax(lines: _Lines, high: FloatArray) -> FloatArray:
     """Return where in [0, high] the smallest of the lines is largest, by cutting planes."""
-    low = np.zeros_like(high)
-    _, left, rise = _at(lines, low)
-    value, right, fall = _at(lines, high)
-    best = np.where(rise > 0.0, low, high)
-    active = (rise <= 0.0) & (fall > 0.0)
+    rows = np.arange(len(high))
+    _, left, rise = _at(lines, np.zeros_like(high), rows)
+    _, right, fall = _at(lines, high, rows)
+    best = np.where(rise > 0.0, 0.0, high)
+    rows = np.flatnonzero((rise <= 0.0) & (fall > 0.0))
+    left, rise, right, fall = left[rows], rise[rows], right[rows], fall[rows]
     for _ in range(_CUTS):
-        if not active.any():
+        if not len(rows):
             break
         # The lines on both sides intersect at an upper bound of the maximum.
-        y = np.clip((right - left) / np.where(active, fall - rise, 1.0), low, high)
-        best = np.where(active, y, best)
-        value, offset, slope = _at(lines, y)
-        exact = value >= (left - rise * y) * (1.0 - 1e-12) - 1e-15
-        active &= ~exact
+        y = np.clip((right - left) / (fall - rise), 0.0, high[rows])
+        best[rows] = y
+        value, offset, slope = _at(lines, y, rows)
+        open_ = value < (left - rise * y) * (1.0 - 1e-12) - 1e-15
         rises = slope <= 0.0
-        left, rise = np.where(rises, offset, left), np.where(rises, slope, rise)
-        right, fall = np.where(rises, right, offset), np.where(rises, fall, slope)
+        left, rise = np.where(rises, offset, left)[open_], np.where(rises, slope, rise)[open_]
+        right, fall = np.where(rises, right, offset)[open_], np.where(rises, fall, slope)[open_]
+        rows = rows[open_]
     return best

@@ -40,7 +40,7 @@ from robot_dynamics.trajectories.timing_limits import (
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS, _CLOSE, _START = 10, 1e-5, 4e-5, 0.02, 0.1
+_PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 _SHORTEST = 1e-4
@@ -179,6 +179,7 @@ def _fastest(
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
     x, rise = np.zeros(m + 1), np.zeros(m)
+    duration = 0.0
     best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     exact_at_once = not limits.depend_on_speed()
     if not exact_at_once:
@@ -189,7 +190,7 @@ def _fastest(
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = _durations(grid, x, rise)
-        excess = _excesses(limits, grid, x, T)
+        excess = _excesses(limits, grid, x, T, is_first=passed < 2)
         is_close = np.abs(x - before) <= _CLOSE * x
         known = (is_close[:-1] & is_close[1:]) | exact_at_once
         margins = np.where(
@@ -199,7 +200,9 @@ def _fastest(
         slowed_down = float(T.sum()) * (1.0 + largest)
         if slowed_down < best[0]:
             best = slowed_down, x, T
-        if largest < _EXCESS and np.abs(x - before).max() < _CONVERGED * x.max():
+        is_steady = abs(float(T.sum()) - duration) < _CONVERGED * duration
+        duration = float(T.sum())
+        if is_steady and largest < (_EXCESS if exact_at_once else _EXCESS_OF_TANGENTS):
             break
         rise = _rise(grid, x) if passed < 4 else rise
         if passed < 2:
@@ -294,11 +297,11 @@ def _durations(grid: PathGrid, x: FloatArray, rise: FloatArray) -> FloatArray:
 
 
 def _excesses(
-    limits: PathLimits, grid: PathGrid, x: FloatArray, T: FloatArray,
+    limits: PathLimits, grid: PathGrid, x: FloatArray, T: FloatArray, is_first: bool,
 ) -> _Excess:
     """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
     speed = np.sqrt(x)[:, np.newaxis]
-    is_steep = limits.dynamics.arm.friction.steep_below.any()
+    is_steep = limits.dynamics.arm.friction.steep_below.any() and not is_first
     phases = np.linspace(0.0, 1.0, 1 + (_PARTS_OF_STEEP_FRICTION if is_steep else _PARTS))
     q, v, a = _sampled(grid, speed, T[:, np.newaxis], phases)
     load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)

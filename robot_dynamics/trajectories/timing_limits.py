@@ -186,7 +186,7 @@ def constraints(
 
 
 def _end_rows(
-    limits: PathLimits, sign: FloatArray, turns: BoolArray, terms: PathTerms, x: FloatArray,
+    limits: PathLimits, ways: FloatArray, turns: BoolArray, terms: PathTerms, x: FloatArray,
     margins: FloatArray,
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield factors of u and x, and their bounds, (m, n) each."""
@@ -198,15 +198,16 @@ def _end_rows(
     motors = limits.dynamics.arm.actuators
     rotor = 0.0 if motors is None else motors.reflected_inertia
     x_0 = np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
-    v, v_0, v_1 = (_velocity(tangent, sign, state) for state in (x, x_0, (1.0 + _STEP) * x_0))
+    v, v_0, v_1 = (_velocity(tangent, ways, state) for state in (x, x_0, (1.0 + _STEP) * x_0))
     # A joint that turns back within the interval has dry friction of both signs.
-    turning = np.where(turns, _SLOWEST, v), np.where(turns, -_SLOWEST, v)
+    rows = np.flatnonzero(turns.any(axis=1))
+    turning = [np.where(turns[rows], sign * _SLOWEST, v[rows]) for sign in (1.0, -1.0)]
     for direction in (1.0, -1.0):
         bounds = (limits.bounds(speed, direction) for speed in (v, v_0, v_1, *turning))
         for here, one, other, *slow in zip(*bounds):
             effort = direction * here.effort
             for bound in slow:
-                effort = np.minimum(effort, direction * bound.effort)
+                effort[rows] = np.minimum(effort[rows], direction * bound.effort)
             with np.errstate(invalid='ignore'):
                 slope = direction * np.nan_to_num(other.effort - one.effort, nan=0.0) / (
                     _STEP * x_0[:, np.newaxis])
