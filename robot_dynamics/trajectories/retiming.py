@@ -43,7 +43,7 @@ METHODS = ('fastest', 'slow_down')
 _PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
-_SHORTEST = 1e-4
+_SHORTEST = 5e-5
 """Time between two points of the result [s]; rounding of shorter times is noticeable."""
 
 
