@@ -6,7 +6,7 @@ The geometric path of a trajectory: pieces of polynomials, and where the arm has
 
 A trajectory with velocities is its own path. The path of a trajectory without velocities is a
 cubic spline through its points, C. de Boor, A Practical Guide to Splines, 2001, chapter IV, which
-is interrupted at corners; the corners are rejected, or replaced with quintics.
+is interrupted at corners; the corners are rejected, or replaced with quintics between lines.
 """
 
 from typing import NamedTuple
@@ -23,8 +23,11 @@ CORNER_ANGLE = 0.35
 """Change of direction [rad] in joint space above which a point is a corner of its path."""
 LINE_DISTANCE = 0.005
 """Distance [rad] or [m] up to which the spline through points may be beside their lines."""
+TURN_BACK = 2.8
+"""Change of direction [rad] above which a corner is not rounded: the path rests at the point."""
 STILL = 1e-9
 """Length [rad] or [m] up to which a piece of a path does not count as motion."""
+_SIMPLIFIED = 0.25
 _REST, _NOISE, _BISECTIONS, _SAMPLES = 1e-6, 1e-11, 50, 9
 _ORDERS = np.arange(6)
 _BINOMIAL = np.array([[1.0, 1, 1, 1, 1, 1], [0, 1, 2, 3, 4, 5], [0, 0, 1, 3, 6, 10],
@@ -59,8 +62,8 @@ def path_of(trajectory: JointTrajectory, corner_tolerance: float = 0.0) -> Path:
     Return the path of a trajectory of several points.
 
     With velocities at all points it is the interpolated motion. Without velocities it is a smooth
-    path through the points, within LINE_DISTANCE of the lines between them, but for corners, which
-    it passes within `corner_tolerance` [rad] or [m].
+    path through the points, within LINE_DISTANCE of the lines between them. With a
+    `corner_tolerance` [rad] or [m] it passes the points within this distance.
     Raises TrajectoryError, naming the point, for a corner if `corner_tolerance` is 0, for a path
     without motion, and if only some points have velocities.
     """
@@ -156,43 +159,92 @@ def _part(c: FloatArray, start: float, end: float) -> FloatArray:
 
 def _through_points(trajectory: JointTrajectory, tolerance: float) -> FloatArray:
     q: FloatArray = np.array([point.position for point in trajectory.points])
-    numbers = np.arange(len(q))
-    length = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    kept = np.concatenate(([True], length > STILL))
-    q, numbers = q[kept], numbers[kept]
-    if len(q) < 2:
+    kept = np.concatenate(([True], np.linalg.norm(np.diff(q, axis=0), axis=1) > STILL))
+    numbers = np.flatnonzero(kept)
+    if len(numbers) < 2:
         return np.zeros((1, 6, q.shape[1]))
-    length = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    direction = np.diff(q, axis=0) / length[:, np.newaxis]
-    turn = np.diff(direction, axis=0)
-    angle = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(turn, axis=1), 1.0))
-    is_corner = np.concatenate(([True], angle > CORNER_ANGLE, [True]))
-    while True:
-        c = _splines(q, length, is_corner)
-        aside = _distance_from_lines(c) > LINE_DISTANCE
-        new = np.concatenate((aside, [False])) | np.concatenate(([False], aside))
-        if not (new & ~is_corner).any():
-            break
-        is_corner = is_corner | new
-    start, end = (v / np.linalg.norm(v, axis=1, keepdims=True)
-                  for v in (c[:, 1], derivative(c).sum(axis=1)))
-    angle = np.maximum(angle, np.linalg.norm(start[1:] - end[:-1], axis=1))
-    corners = np.flatnonzero(is_corner)[1:-1]
-    corners = corners[np.linalg.norm(start[corners] - end[corners - 1], axis=1) > _REST]
-    if len(corners) and tolerance <= 0.0:
-        worst = corners[np.argmax(angle[corners - 1])]
-        joint = int(np.argmax(np.abs(turn[worst - 1])))
-        raise TrajectoryError(
-            f'points[{numbers[worst]}].positions is a corner of the path: its direction changes '
-            f'by {angle[worst - 1]:.3g} rad, most at joint {trajectory.joint_names[joint]!r}, '
-            f'expected at most {CORNER_ANGLE:g} rad and a spline within {LINE_DISTANCE:g} of the '
-            'lines; set corner_tolerance above 0 to round corners, or send velocities')
-    return _rounded(c, length, corners, angle, tolerance)
+    if tolerance > 0.0:
+        numbers = numbers[_simplified(q[numbers], _SIMPLIFIED * tolerance)]
+        curve = _Curve.through(q[numbers], min(LINE_DISTANCE, 0.5 * tolerance))
+        return _rounded(curve, (1.0 - _SIMPLIFIED) * tolerance)
+    curve = _Curve.through(q[numbers], LINE_DISTANCE)
+    if len(curve.corners):
+        raise _corner(curve, numbers, trajectory.joint_names)
+    return curve.coefficients
+
+
+class _Curve(NamedTuple):
+    """
+    Splines through m points, with corners between them.
+
+    `coefficients` (m - 1, 6, n), one piece per line; the length of each line; the numbers of the
+    points that are corners; and the change of the direction (m - 2, n) at the points between.
+    """
+
+    coefficients: FloatArray
+    length: FloatArray
+    corners: IntArray
+    turn: FloatArray
+
+    @classmethod
+    def through(cls, q: FloatArray, line_distance: float) -> '_Curve':
+        """Return the splines, which are within a distance of the lines between the points."""
+        length = np.linalg.norm(np.diff(q, axis=0), axis=1)
+        turn = np.diff(np.diff(q, axis=0) / length[:, np.newaxis], axis=0)
+        is_corner = np.concatenate(([True], _angle(turn) > CORNER_ANGLE, [True]))
+        while True:
+            c = _splines(q, length, is_corner)
+            aside = _distance_from_lines(c) > line_distance
+            new = np.concatenate((aside, [False])) | np.concatenate(([False], aside))
+            if not (new & ~is_corner).any():
+                break
+            is_corner = is_corner | new
+        start, end = (v / np.linalg.norm(v, axis=1, keepdims=True)
+                      for v in (c[:, 1], derivative(c).sum(axis=1)))
+        inner = is_corner[1:-1]
+        turn[inner] = (start[1:] - end[:-1])[inner]
+        return cls(c, length, 1 + np.flatnonzero(inner & (_angle(turn) > _REST)), turn)
+
+
+def _angle(turn: FloatArray) -> FloatArray:
+    """Return the angles (m,) between unit vectors with these differences (m, n)."""
+    half = np.minimum(0.5 * np.linalg.norm(turn, axis=1), 1.0)
+    return np.asarray(2.0 * np.arcsin(half))
+
+
+def _corner(curve: _Curve, numbers: IntArray, names: tuple[str, ...]) -> TrajectoryError:
+    angle = _angle(curve.turn)[curve.corners - 1]
+    worst = curve.corners[np.argmax(angle)]
+    joint = int(np.argmax(np.abs(curve.turn[worst - 1])))
+    return TrajectoryError(
+        f'points[{numbers[worst]}].positions is a corner of the path: its direction changes by '
+        f'{angle.max():.3g} rad, most at joint {names[joint]!r}, expected at most '
+        f'{CORNER_ANGLE:g} rad and a spline within {LINE_DISTANCE:g} of the lines; set '
+        'corner_tolerance above 0 to round corners, or send velocities')
+
+
+def _simplified(q: FloatArray, tolerance: float) -> IntArray:
+    """
+    Return the numbers of points whose lines are within a distance of all points (m, n).
+
+    Source: D. H. Douglas, T. K. Peucker, Cartographica 10(2), 1973.
+    """
+    kept = {0, len(q) - 1}
+    parts = [(0, len(q) - 1)]
+    while parts:
+        first, last = parts.pop()
+        way, between = q[last] - q[first], q[first + 1:last] - q[first]
+        share = np.clip(between @ way / max(float(way @ way), 1e-300), 0.0, 1.0)
+        gaps = np.linalg.norm(between - share[:, np.newaxis] * way, axis=1)
+        if len(gaps) and gaps.max() > tolerance:
+            farthest = first + 1 + int(np.argmax(gaps))
+            kept.add(farthest)
+            parts += [(first, farthest), (farthest, last)]
+    return np.array(sorted(kept))
 
 
 def _splines(q: FloatArray, length: FloatArray, is_corner: BoolArray) -> FloatArray:
     """Return the coefficients of the C2 splines between corners, one piece per line."""
-    slopes = []
     ends = np.flatnonzero(is_corner)
     second = np.zeros((2, len(length), q.shape[1]))
     for a, b in zip(ends[:-1], ends[1:]):
@@ -251,23 +303,24 @@ def _distance_from_lines(c: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(across, axis=2).max(axis=1))
 
 
-def _rounded(
-    c: FloatArray, length: FloatArray, corners: IntArray, angle: FloatArray, tolerance: float,
-) -> FloatArray:
+def _rounded(curve: _Curve, tolerance: float) -> FloatArray:
     """
     Return the pieces with a quintic around each corner, which continues both sides smoothly.
 
     Between straight lines that meet at the angle θ, a quintic from a distance d before the corner
-    to d behind it passes the corner at the distance 3/8 d sin(θ/2).
+    to d behind it passes the corner at the distance 3/8 d sin(θ/2). The path rests at points where
+    it turns back.
     """
-    if not len(corners):
-        return c
-    along = np.concatenate(([0.0], np.cumsum(length)))
-    ends = np.concatenate(([0.0], along[corners], along[-1:]))
+    c, angle = curve.coefficients, _angle(curve.turn)
+    along = np.concatenate(([0.0], np.cumsum(curve.length)))
+    ends = np.concatenate(([0.0], along[curve.corners], along[-1:]))
     room = 0.5 * np.minimum(np.diff(ends)[:-1], np.diff(ends)[1:])
     pieces, position = [], 0.0
-    for corner, most in zip(corners, room):
-        d = min(most, 0.999 * tolerance / (0.375 * np.sin(0.5 * angle[corner - 1])))
+    for corner, most in zip(curve.corners, room):
+        theta = angle[corner - 1]
+        if theta > TURN_BACK:
+            continue
+        d = min(most, 0.999 * tolerance / (0.375 * np.sin(0.5 * theta)))
         blend = _blend(c, along, corner, d)
         while _miss(c, along, corner, d, blend) > tolerance:
             d *= 0.8

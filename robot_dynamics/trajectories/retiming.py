@@ -150,6 +150,11 @@ def _acceleration_limits(names: Sequence[str], given: npt.ArrayLike) -> FloatArr
 
 def _check_limits(limits: PathLimits) -> None:
     arm = limits.dynamics.arm
+    for quantity, of_arm in (('velocity', limits.velocity), ('effort', arm.limits.effort)):
+        for name, limit in zip(arm.joint_names, of_arm):
+            if not limit > 0.0:
+                raise TrajectoryError(
+                    f'the {quantity} limit of {name!r} is {limit:g}, expected a number > 0')
     found = [limits.velocity, limits.acceleration, arm.limits.effort]
     if arm.actuators is not None:
         found += [arm.actuators.current_limit, arm.actuators.voltage_limit]

@@ -23,7 +23,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import Rows
 
-_STEP, _SLOWEST, _FLOOR, _LEAST_ROOM = 1e-3, 1e-9, 1e-6, 0.02
+_STEP, _SLOWEST, _FLOOR, _LEAST_ROOM, _MOST_AT_REST = 1e-3, 1e-9, 1e-6, 0.02, 1.0 - 1e-6
 
 
 class Bound(NamedTuple):
@@ -248,7 +248,7 @@ def check_slow_motion(
         load = gravity + most + friction.effort(0.0 * q, gravity) - friction.effort(v, gravity)
     by_name = limits.ratios(v, np.zeros_like(q), load)
     for name in ('effort', 'current', 'voltage'):
-        if name in by_name and by_name[name].max() > 1.0:
+        if name in by_name and by_name[name].max() > _MOST_AT_REST:
             i, j = np.unravel_index(int(np.argmax(by_name[name])), q.shape)
             points = np.array([point.position for point in trajectory.points])
             near = int(np.argmin(np.abs(points - q[i]).max(axis=1)))

@@ -120,8 +120,8 @@ def _retime_arguments(parser: argparse.ArgumentParser) -> None:
               'default is fastest.')
     _add(parser, complete_nothing, '--corner-tolerance', type=float, default=0.0,
          metavar='DISTANCE',
-         help='Distance [rad] or [m] within which the path may pass corners. The default is 0: '
-              'paths with corners are rejected.')
+         help='Distance [rad] or [m] within which a path without velocities passes the points. '
+              'The default is 0: paths with corners are rejected.')
     _add(parser, complete_joints, '-a', '--acceleration', nargs='+', default=[], metavar='VALUE',
          help='Acceleration limits [rad/s²] or [m/s²] of all joints. The default is no limits.')
     _add(parser, complete_nothing, '--effort-limit-fraction', type=float, default=0.0,
