@@ -97,7 +97,8 @@ def _kinematic_slowness(limits: PathLimits, segments: TrajectorySegments) -> flo
     a = derivative(v) / T
     of_v, of_a = (float((np.abs(extrema(c).values) / limit).max()) for c, limit in (
         (v, limits.velocity), (a, limits.acceleration)))
-    return max(1.0, of_v, float(np.sqrt(of_a)))
+    least = max(of_v, float(np.sqrt(of_a)))
+    return least * (1.0 + _TOLERANCE) if least > 1.0 else 1.0
 
 
 class _Samples:
