@@ -116,6 +116,7 @@ setup(
             'stop = robot_dynamics.tools.ros2_dynamics.ros2cli:StopVerb',
             'command = robot_dynamics.tools.ros2_dynamics.ros2cli:CommandVerb',
             'reset = robot_dynamics.tools.ros2_dynamics.ros2cli:ResetVerb',
+            'retime = robot_dynamics.tools.ros2_dynamics.ros2cli:RetimeVerb',
             'watch = robot_dynamics.tools.ros2_dynamics.ros2cli:WatchVerb',
             'record = robot_dynamics.tools.ros2_dynamics.ros2cli:RecordVerb',
         ],

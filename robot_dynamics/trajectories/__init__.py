@@ -7,6 +7,7 @@ from robot_dynamics.trajectories.efforts import efforts_along, TrajectoryEfforts
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.retiming import retime, Retiming
 
 __all__ = [
     'efforts_along',
@@ -14,6 +15,8 @@ __all__ = [
     'make_trajectory',
     'read_trajectory',
     'Reference',
+    'retime',
+    'Retiming',
     'TrajectoryEfforts',
     'write_trajectory',
 ]

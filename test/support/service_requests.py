@@ -16,6 +16,7 @@ from robot_dynamics_interfaces.srv import (
     InverseDynamicsBatch,
     InverseDynamicsTrajectory,
     ManipulatorEquation,
+    RetimeTrajectory,
     SetPayload,
 )
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -25,6 +26,7 @@ SERVICES: dict[str, Any] = {
     'inverse_dynamics': InverseDynamics,
     'inverse_dynamics_batch': InverseDynamicsBatch,
     'inverse_dynamics_trajectory': InverseDynamicsTrajectory,
+    'retime_trajectory': RetimeTrajectory,
     'forward_dynamics': ForwardDynamics,
     'manipulator_equation': ManipulatorEquation,
     'set_payload': SetPayload,

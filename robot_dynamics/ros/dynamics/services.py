@@ -22,17 +22,20 @@ from robot_dynamics.ros.middleware.conversions import (
     stamp_to_ros,
     terms_to_ros,
     trajectory_from_ros,
+    trajectory_to_ros,
     with_efforts,
     wrenches_from_ros,
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.limit_warnings import (
     limit_warnings,
     motor_warnings,
     worst_in_words,
 )
+from robot_dynamics.trajectories.retiming import retime
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import (
     EstimatePayload,
@@ -41,6 +44,7 @@ from robot_dynamics_interfaces.srv import (
     InverseDynamicsBatch,
     InverseDynamicsTrajectory,
     ManipulatorEquation,
+    RetimeTrajectory,
     SetPayload,
 )
 
@@ -71,6 +75,7 @@ class DynamicsServices:
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
         offer(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory', self._trajectory)
+        offer(RetimeTrajectory, 'retime_trajectory', self._retime)
         offer(ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
         offer(ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
         offer(SetPayload, 'set_payload', self._set_payload)
@@ -156,6 +161,28 @@ class DynamicsServices:
         response.worst_ratio = result.worst_ratio
         response.worst_time = result.worst_time
 
+    def _retime(
+        self, request: RetimeTrajectory.Request, response: RetimeTrajectory.Response,
+    ) -> None:
+        dynamics = self._dynamics()
+        names = request.trajectory.joint_names = (
+            list(request.trajectory.joint_names) or list(dynamics.arm.joint_names))
+        trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
+        order = JointOrder(dynamics.arm, names)
+        limits = request.acceleration_limits
+        result = retime(
+            dynamics, trajectory, request.method or 'fastest', request.corner_tolerance,
+            order.effort(limits, 'acceleration_limits') if len(limits) else (),
+            request.effort_limit_fraction or self._used().options.effort_limit_fraction)
+        message = trajectory_to_ros(_in_order(result.trajectory, order))
+        message.header = request.trajectory.header
+        response.trajectory = with_efforts(message, order.answer(result.efforts))
+        response.duration, response.ratio = result.duration, result.ratio
+        response.limiting_joint = list(result.limiting_joint)
+        response.limited_quantity = list(result.limited_quantity)
+        response.message = result.summary
+        response.warnings = list(result.warnings)
+
     def _forward_dynamics(
         self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
     ) -> None:
@@ -225,6 +252,16 @@ class DynamicsServices:
             response.warnings += self._payloads.warnings(controller.arm)
         if request.stop:
             self._estimation.stop()
+
+
+def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory:
+    def answer(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else order.answer(values)
+
+    return JointTrajectory(order.names, tuple(
+        TrajectoryPoint(point.time_from_start, order.answer(point.position),
+                        answer(point.velocity), answer(point.acceleration))
+        for point in trajectory.points))
 
 
 def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:

@@ -90,6 +90,10 @@ class ResetVerb(VerbExtension):
     """Reset a latched fault."""
 
 
+class RetimeVerb(VerbExtension):
+    """The fastest timing of a trajectory file within the limits of the arm."""
+
+
 class WatchVerb(VerbExtension):
     """Print a table of the joints again and again."""
 

@@ -109,6 +109,27 @@ def _move_arguments(parser: argparse.ArgumentParser) -> None:
         help='Return as soon as the node follows the motion, and do not wait for its end.')
 
 
+def _retime_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_nothing, 'file', type=Path, metavar='FILE',
+         help='Trajectory file (YAML, a trajectory_msgs/JointTrajectory)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE',
+        help='File for the result. Without it, only the summary is printed.')
+    _add(parser, complete_nothing, '--method', default='fastest', metavar='METHOD',
+         help='fastest, the fastest timing of the path, or slow_down, a uniform slow-down. The '
+              'default is fastest.')
+    _add(parser, complete_nothing, '--corner-tolerance', type=float, default=0.0,
+         metavar='DISTANCE',
+         help='Distance [rad] or [m] within which a path without velocities passes the points. '
+              'The default is 0: paths with corners are rejected.')
+    _add(parser, complete_joints, '-a', '--acceleration', nargs='+', default=[], metavar='VALUE',
+         help='Acceleration limits [rad/s²] or [m/s²] of all joints. The default is no limits.')
+    _add(parser, complete_nothing, '--effort-limit-fraction', type=float, default=0.0,
+         metavar='SHARE',
+         help='Share of the limits of effort, current and voltage in (0, 1]. The default is the '
+              'parameter of the node.')
+
+
 def _no_arguments(parser: argparse.ArgumentParser) -> None:
     pass
 
@@ -188,6 +209,9 @@ VERBS: Mapping[str, Verb] = {
         'Show the control law whose efforts are commanded, or change it', _command_arguments,
         'orders'),
     'reset': Verb('Reset a latched fault', _no_arguments, 'orders'),
+    'retime': Verb(
+        'The fastest timing of a trajectory file within the limits of the arm',
+        _retime_arguments, 'retime'),
     'watch': Verb('Print a table of the joints again and again', _watch_arguments, 'watch'),
     'record': Verb(
         'Record the topics of the node to a rosbag2 directory', _record_arguments, 'record'),

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Time-optimal path parametrisation by reachability analysis (TOPP-RA), on all intervals at once.
+
+With the state x = σ̇² and the mean control u = σ̈ of an interval of length Δ, x changes by 2 Δ u.
+The constraints of an interval are linear in the states x and y at its ends, because
+u = (y − x) / (2 Δ); constraints at both ends are those of collocation (section III). Each interval
+has therefore a polygon of (x, y). Because the arm can move arbitrarily slowly (x = y = 0 is in the
+polygon), the controllable sets are intervals [0, h], and the largest x from which y is reached is
+a concave function of y, whose maximum does not depend on the other intervals.
+
+Source: H. Pham, Q.-C. Pham, "A new approach to time-optimal path parameterization based on
+reachability analysis", IEEE Transactions on Robotics 34(3), 2018: algorithm 1, with
+the linear programs of both passes in closed form.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+
+_LINES = 1e-9
+"""Share of the larger coefficient below which a coefficient counts as zero."""
+UNBOUNDED = 1e18
+"""State that stands for an unbounded one."""
+_CUTS, _NEWTON = 24, 24
+
+
+class Rows(NamedTuple):
+    """Constraints a x + b y <= c of the states at both ends of m intervals, (m, k) each."""
+
+    a: FloatArray
+    b: FloatArray
+    c: FloatArray
+
+
+def fastest_states(rows: Rows, caps: FloatArray) -> FloatArray:
+    """
+    Return the largest states x (m + 1,) from rest to rest.
+
+    `caps` (m + 1,) are the largest states, 0 where the arm rests. The state is about UNBOUNDED
+    where no constraint applies.
+    """
+    caps = np.minimum(caps, UNBOUNDED)
+    c = np.maximum(rows.c, 0.0)
+    upper = _solved(rows.a, rows.b, c)
+    best = _best_ends(rows, c, upper, caps)
+    controllable = _controllable(upper, best, caps)
+    ends = _solved(rows.b, rows.a, c)
+    x = np.zeros_like(caps)
+    offset, slope, states = ends.offset, ends.slope, controllable.tolist()
+    now = 0.0
+    for i, most in enumerate(states[1:]):
+        now = min(most, max(0.0, float((offset[i] - slope[i] * now).min())))
+        x[i + 1] = now
+    return x
+
+
+class _Lines(NamedTuple):
+    """Lines offset − slope · z, (m, k), of which the smallest is a bound; infinite for none."""
+
+    offset: FloatArray
+    slope: FloatArray
+
+
+def _solved(a: FloatArray, b: FloatArray, c: FloatArray) -> _Lines:
+    """Return the upper bounds of x in a x + b y <= c as lines of y."""
+    applies = (a > _LINES * np.abs(b)) & np.isfinite(c)
+    divisor = np.where(applies, a, 1.0)
+    return _Lines(np.where(applies, c / divisor, 1e3 * UNBOUNDED),
+                  np.where(applies, b / divisor, 0.0))
+
+
+def _controllable(upper: _Lines, best: FloatArray, caps: FloatArray) -> FloatArray:
+    """Return the largest states from which the following rest is reached, backwards."""
+    h = np.zeros_like(caps)
+    offset, slope = upper
+    tops, limits = best.tolist(), caps.tolist()
+    now = 0.0
+    for i in range(len(tops) - 1, -1, -1):
+        y = min(now, tops[i])
+        now = min(limits[i], max(0.0, float((offset[i] - slope[i] * y).min())))
+        h[i] = now
+    return h
+
+
+def _at(
+    lines: _Lines, y: FloatArray, rows: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the smallest of the lines of these rows at y (rows,), its offset and its slope."""
+    offset, slope = (lines.offset, lines.slope) if len(rows) == len(lines.offset) else (
+        lines.offset[rows], lines.slope[rows])
+    active = np.argmin(offset - slope * y[:, np.newaxis], axis=1)
+    numbers = np.arange(len(rows))
+    offset, slope = offset[numbers, active], slope[numbers, active]
+    return offset - slope * y, offset, slope
+
+
+def _best_ends(
+    rows: Rows, c: FloatArray, upper: _Lines, caps: FloatArray,
+) -> FloatArray:
+    """Return the y (m,) in the polygon from which x is largest."""
+    a, b = rows.a, rows.b
+    finite = np.isfinite(c)
+    flat = (np.abs(a) <= _LINES * np.abs(b)) & (b > 0.0) & finite
+    top = np.where(flat, c / np.where(flat, b, 1.0), np.inf).min(axis=1, initial=np.inf)
+    high = np.minimum(top, caps[1:])
+    upper = _Lines(np.concatenate((upper.offset, caps[:-1, np.newaxis]), axis=1),
+                   np.concatenate((upper.slope, np.zeros((len(high), 1))), axis=1))
+    best = _argmax(upper, high)
+    # x >= (b y − c) / −a, and x >= 0; the excess of the upper bound is concave.
+    below = (a < -_LINES * np.abs(b)) & finite
+    divisor = np.where(below, -a, 1.0)
+    negative = _Lines(
+        np.concatenate((np.where(below, c / divisor, 0.0), np.zeros((len(high), 1))), axis=1),
+        np.concatenate((np.where(below, b / divisor, 0.0), np.zeros((len(high), 1))), axis=1))
+    rows_left = np.arange(len(best))
+    for _ in range(_NEWTON):
+        y = best[rows_left]
+        value, offset, slope = _at(upper, y, rows_left)
+        lower, other_offset, other_slope = _at(negative, y, rows_left)
+        outside = value + lower < 0.0
+        if not outside.any():
+            break
+        total = (slope + other_slope)[outside]
+        root = (offset + other_offset)[outside] / np.where(total > 0.0, total, 1.0)
+        rows_left = rows_left[outside]
+        best[rows_left] = np.where(total > 0.0, np.clip(root, 0.0, y[outside]), 0.0)
+    return best
+
+
+def _argmax(lines: _Lines, high: FloatArray) -> FloatArray:
+    """Return where in [0, high] the smallest of the lines is largest, by cutting planes."""
+    rows = np.arange(len(high))
+    _, left, rise = _at(lines, np.zeros_like(high), rows)
+    _, right, fall = _at(lines, high, rows)
+    best = np.where(rise > 0.0, 0.0, high)
+    rows = np.flatnonzero((rise <= 0.0) & (fall > 0.0))
+    left, rise, right, fall = left[rows], rise[rows], right[rows], fall[rows]
+    for _ in range(_CUTS):
+        if not len(rows):
+            break
+        # The lines on both sides intersect at an upper bound of the maximum.
+        y = np.clip((right - left) / (fall - rise), 0.0, high[rows])
+        best[rows] = y
+        value, offset, slope = _at(lines, y, rows)
+        open_ = value < (left - rise * y) * (1.0 - 1e-12) - 1e-15
+        rises = slope <= 0.0
+        left, rise = np.where(rises, offset, left)[open_], np.where(rises, slope, rise)[open_]
+        right, fall = np.where(rises, right, offset)[open_], np.where(rises, fall, slope)[open_]
+        rows = rows[open_]
+    return best
