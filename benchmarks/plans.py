@@ -23,6 +23,7 @@ from benchmarks.safe_motion_cases import arm_named
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.options import default_effort_rates
 from robot_dynamics.control.trajectory_goal import ResultCode, Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -35,7 +36,7 @@ ARMS = ('two_link', 'ur10', 'panda')
 CASES = ('undisturbed', 'gap of 42 ms', 'preempted')
 RUNS = 100
 SHARE = 0.8
-"""Usable share of the effort limits in a plan; the rest is for the feedback."""
+"""Usable share of the effort limits and their rates in a plan; the rest is for the feedback."""
 CORNER, TOLERANCE, GOAL_TOLERANCE = 0.05, 0.05, 0.01
 """[rad] by which corners are smoothed; path and goal tolerance."""
 RATE, DELAY = 500, 2
@@ -104,7 +105,10 @@ def plan_of(
     q = [start, *(np.clip(
         middle + rng.uniform(-size, size, n), lower + 0.05, upper - 0.05) for _ in range(2))]
     path = make_trajectory(names, [0.0, 1.0, 2.0], q, expected_joints=names)
-    return retime(dynamics, path, 'fastest', CORNER, effort_limit_fraction=SHARE).trajectory
+    rates = SHARE * default_effort_rates(dynamics.arm)
+    return retime(
+        dynamics, path, 'fastest', CORNER, effort_limit_fraction=SHARE,
+        effort_rate_limits=rates).trajectory
 
 
 def run(arm: ArmModel, dynamics: ArmDynamics, case: str, seed: int) -> Run:

@@ -29,6 +29,7 @@ from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from robot_dynamics.trajectories.slow_down import largest_ratios, least_slowness, slower
+from robot_dynamics.trajectories.smoothing import smoothed, Timing
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
     constraints,
@@ -43,6 +44,8 @@ METHODS = ('fastest', 'slow_down')
 _PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
+_WINDOWS, _SHORTEST_WINDOW = (0.01, 0.5), 0.1
+_ROUNDS, _MOST_AT_ONCE = 40, 4.0
 _SHORTEST = 5e-5
 """Time between two points of the result [s]; rounding of shorter times is noticeable."""
 
@@ -51,8 +54,9 @@ class Retiming(NamedTuple):
     """
     A trajectory with another timing.
 
-    `trajectory` begins at 0 s and has positions and velocities: its accelerations are not
-    continuous. `duration` [s]; `ratio` is the duration divided by that of the request.
+    `trajectory` begins at 0 s. It has positions and velocities, because its accelerations are not
+    continuous, and with `effort_rate_limits` accelerations too. `duration` [s]; `ratio` is the
+    duration divided by that of the request.
     `limiting_joint` and `limited_quantity` name, for each point, the value closest to its limit,
     just before or after the point: 'velocity', 'acceleration', 'effort', 'current' or 'voltage'.
     `limit_ratio` (points,) is this value divided by its limit. `efforts` (points, n) [N·m] or [N]
@@ -80,7 +84,7 @@ class Retiming(NamedTuple):
 def retime(
     dynamics: ArmDynamics, trajectory: JointTrajectory, method: str = 'fastest',
     corner_tolerance: float = 0.0, acceleration_limits: npt.ArrayLike = (),
-    effort_limit_fraction: float = 1.0,
+    effort_limit_fraction: float = 1.0, effort_rate_limits: npt.ArrayLike = (),
 ) -> Retiming:
     """
     Return the trajectory with the fastest timing, or slowed down, within the limits of the arm.
@@ -88,7 +92,8 @@ def retime(
     The joints are in the arm's order. The limits are those of velocity and effort of the arm, with
     its payloads and friction, and of current and voltage of its motors; `acceleration_limits`
     [rad/s²] or [m/s²] (n,), or one number, are none if empty. `effort_limit_fraction` in (0, 1] is
-    the usable share of effort, current and voltage.
+    the usable share of effort, current and voltage. With `effort_rate_limits` [N·m/s] or [N/s]
+    (n,), or one number, efforts without friction do not jump (`smoothing`); none if empty.
 
     'fastest' keeps the path (`path_of`, with `corner_tolerance` [rad] or [m]), starts and ends at
     rest, and rests where the request rests. 'slow_down' multiplies the times of a trajectory with
@@ -102,8 +107,10 @@ def retime(
     check_scalar('corner_tolerance', corner_tolerance, minimum=0.0)
     share = check_scalar(
         'effort_limit_fraction', effort_limit_fraction, 0.0, 1.0, exclusive_minimum=True)
+    names = dynamics.arm.joint_names
     limits = PathLimits(
-        dynamics, _acceleration_limits(dynamics.arm.joint_names, acceleration_limits), share)
+        dynamics, _positive('acceleration_limits', acceleration_limits, names), share)
+    rates = _positive('effort_rate_limits', effort_rate_limits, names)
     _check_limits(limits)
     points = trajectory.points
     before = points[-1].time_from_start - points[0].time_from_start
@@ -112,9 +119,14 @@ def retime(
     if method == 'slow_down':
         result = _slowed_down(limits, trajectory)
     else:
-        path = path_of(trajectory, corner_tolerance)
-        result = slower(_fastest(limits, trajectory, make_grid(path)), 1.0)
-        result = slower(result, least_slowness(limits, result))
+        grid, terms = _without_short_intervals(
+            limits, trajectory, make_grid(path_of(trajectory, corner_tolerance)))
+        timing = _fastest(limits, trajectory, grid, terms)
+        if np.isfinite(rates).any():
+            result = _within_rates(limits, names, timing, terms, rates)
+        else:
+            result = slower(_as_trajectory(names, timing), 1.0)
+            result = slower(result, least_slowness(limits, result))
     return _answer(limits, result, before)
 
 
@@ -135,16 +147,15 @@ def _position_warnings(arm: ArmModel, result: JointTrajectory) -> tuple[str, ...
     return tuple(motion_excesses(arm, result))
 
 
-def _acceleration_limits(names: Sequence[str], given: npt.ArrayLike) -> FloatArray:
+def _positive(field: str, given: npt.ArrayLike, names: Sequence[str]) -> FloatArray:
+    """Return one limit per joint (n,), infinite if none are given; raise InvalidInputError."""
     if is_empty(given):
         return np.full(len(names), np.inf)
     a = np.asarray(given)
     limits = check_vector(
-        'acceleration_limits', np.broadcast_to(a, len(names)) if a.ndim == 0 else given,
-        len(names), names)
+        field, np.broadcast_to(a, len(names)) if a.ndim == 0 else given, len(names), names)
     for name, limit in zip(names, limits):
-        check_scalar(
-            f'acceleration_limits of {name!r}', limit, minimum=0.0, exclusive_minimum=True)
+        check_scalar(f'{field} of {name!r}', limit, minimum=0.0, exclusive_minimum=True)
     return limits
 
 
@@ -178,9 +189,9 @@ def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajec
 
 def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-) -> JointTrajectory:
+    terms: tuple[PathTerms, PathTerms],
+) -> Timing:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
-    grid, terms = _without_short_intervals(limits, trajectory, grid)
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
     x, rise = np.zeros(m + 1), np.zeros(m)
@@ -212,7 +223,69 @@ def _fastest(
         rise = _rise(grid, x) if passed < 4 else rise
         if passed < 2:
             x = np.minimum(x, limits.free_speed(grid))
-    return _as_trajectory(trajectory.joint_names, grid, *best[1:])
+    _, x, T = best
+    return Timing(grid, np.sqrt(x), T)
+
+
+def _within_rates(
+    limits: PathLimits, names: tuple[str, ...], timing: Timing,
+    terms: tuple[PathTerms, PathTerms], rates: FloatArray,
+) -> JointTrajectory:
+    """
+    Return a motion whose efforts without friction keep the limits of their rates (n,).
+
+    In the window of the mean an effort may change by twice its limit. Where the motion exceeds a
+    limit, such as at narrow bends, the path is passed more slowly.
+    """
+    grid, x = timing.grid, np.square(timing.speed)
+    m, n = grid.sign.shape
+    window = _window(limits, rates)
+    caps, rows = velocity_caps(limits, grid, np.zeros(m)), constraints(
+        limits, grid, terms, x, np.zeros(m), np.zeros((m, n)))
+    for _ in range(_ROUNDS):
+        result, first, last = smoothed(names, timing, window)
+        excess = _excess_of_speed(limits, result, rates)
+        if excess.max() <= 1.0 + _CLOSE:
+            break
+        cap = np.full(m + 1, np.inf)
+        for k in np.flatnonzero(excess > 1.0):
+            part = slice(first[k], last[k] + 1)
+            cap[part] = np.minimum(cap[part], x[part] / min(excess[k], _MOST_AT_ONCE))
+        caps = np.minimum(caps, cap)
+        x = fastest_states(rows, caps)
+        timing = Timing(grid, np.sqrt(x), _durations(grid, x, np.zeros(m)))
+    result = slower(result, least_slowness(limits, result))
+    return slower(result, max(1.0, float(_rates(limits, result, rates).max())))
+
+
+def _window(limits: PathLimits, rates: FloatArray) -> float:
+    with np.errstate(invalid='ignore'):
+        windows = 2.0 * limits.share * limits.dynamics.arm.limits.effort / rates
+    finite = windows[np.isfinite(windows) & (windows > 0.0)]
+    return float(np.clip(finite.max(initial=_SHORTEST_WINDOW), *_WINDOWS))
+
+
+def _excess_of_speed(
+    limits: PathLimits, result: JointTrajectory, rates: FloatArray,
+) -> FloatArray:
+    """Return by which factors (k,) σ̇² is too large at each point."""
+    motion = TrajectorySegments(result).points
+    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*motion)
+    by_name = limits.ratios(motion.velocity, motion.acceleration, load)
+    velocity = by_name.pop('velocity')
+    excess = np.maximum(velocity.max(axis=1)**2, np.max(list(by_name.values()), axis=(0, 2)))
+    of_rate = _rates(limits, result, rates)**(2.0 / 3.0)
+    excess[1:] = np.maximum(excess[1:], of_rate)
+    excess[:-1] = np.maximum(excess[:-1], of_rate)
+    return np.asarray(excess)
+
+
+def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> FloatArray:
+    """Return the largest rate of an effort without friction, by its limit, on each segment."""
+    segments = TrajectorySegments(result)
+    tau = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*segments.points)
+    steps = np.abs(np.diff(tau, axis=0)) / np.diff(segments.times)[:, np.newaxis]
+    return np.asarray((steps / rates).max(axis=1))
 
 
 def _checked_terms(
@@ -335,11 +408,9 @@ def _sampled(
     return q.reshape(-1, n), v.reshape(-1, n), a.reshape(-1, n)
 
 
-def _as_trajectory(
-    names: tuple[str, ...], grid: PathGrid, x: FloatArray, T: FloatArray,
-) -> JointTrajectory:
-    """Return the nodes as points, without those that are too close to others in time."""
-    speed = np.sqrt(x)
+def _as_trajectory(names: tuple[str, ...], timing: Timing) -> JointTrajectory:
+    """Return the nodes as points."""
+    grid, speed, T = timing
     t = np.concatenate(([0.0], np.cumsum(T)))
     q = np.concatenate((grid.left.q, grid.right.q[-1:]))
     v = np.concatenate((grid.left.tangent, grid.right.tangent[-1:])) * speed[:, np.newaxis]

@@ -6,6 +6,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
@@ -49,6 +50,8 @@ from robot_dynamics_interfaces.srv import (
 )
 
 Handler = Callable[[Any, Any], None]
+PLANNED_RATE = 0.75
+"""Share of `effort_rate_limit` that retimed trajectories use; the rest is for the feedback."""
 SERVICE_QOS = QoSProfile(depth=100)
 """Largest number of waiting requests of all clients; further requests are lost silently."""
 
@@ -169,11 +172,13 @@ class DynamicsServices:
             list(request.trajectory.joint_names) or list(dynamics.arm.joint_names))
         trajectory = trajectory_from_ros(request.trajectory, dynamics.arm.joint_names)
         order = JointOrder(dynamics.arm, names)
-        limits = request.acceleration_limits
+        limits, options = request.acceleration_limits, self._used().options
         result = retime(
             dynamics, trajectory, request.method or 'fastest', request.corner_tolerance,
             order.effort(limits, 'acceleration_limits') if len(limits) else (),
-            request.effort_limit_fraction or self._used().options.effort_limit_fraction)
+            request.effort_limit_fraction or options.effort_limit_fraction,
+            () if request.efforts_may_jump else PLANNED_RATE * np.broadcast_to(
+                options.effort_rate, len(names)))
         message = trajectory_to_ros(_in_order(result.trajectory, order))
         message.header = request.trajectory.header
         response.trajectory = with_efforts(message, order.answer(result.efforts))

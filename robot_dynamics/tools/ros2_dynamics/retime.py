@@ -25,7 +25,8 @@ def answer_retime(client: DynamicsClient, arguments: Namespace) -> Answer:
     response = client.call(RetimeTrajectory, 'retime_trajectory', RetimeTrajectory.Request(
         trajectory=trajectory_to_ros(trajectory), method=arguments.method,
         corner_tolerance=arguments.corner_tolerance, acceleration_limits=limits,
-        effort_limit_fraction=arguments.effort_limit_fraction))
+        effort_limit_fraction=arguments.effort_limit_fraction,
+        efforts_may_jump=arguments.efforts_may_jump))
     points = len(response.trajectory.points)
     shares = Counter(zip(response.limiting_joint, response.limited_quantity)).most_common()
     rows = [[joint, quantity, f'{100.0 * count / points:.1f} %']

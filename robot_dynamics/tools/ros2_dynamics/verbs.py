@@ -128,6 +128,10 @@ def _retime_arguments(parser: argparse.ArgumentParser) -> None:
          metavar='SHARE',
          help='Share of the limits of effort, current and voltage in (0, 1]. The default is the '
               'parameter of the node.')
+    parser.add_argument(
+        '--efforts-may-jump', action='store_true',
+        help='Do not limit the rate of the efforts. The motion is shorter, but the node follows '
+             'it with a larger error.')
 
 
 def _no_arguments(parser: argparse.ArgumentParser) -> None:

@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+A timing of a path whose accelerations do not jump, so that the efforts keep a limit of their rate.
+
+The speed σ̇ along the path is replaced with its mean over a window. The arm stays on the path, σ̈
+changes at most by its largest jump per window, and the motion becomes longer by the window. Rests
+remain rests, because each section between them is averaged alone.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.trajectories.interpolation import position_coefficients
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
+from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
+
+PER_WINDOW, LONGEST_STEP = 8, 0.01
+"""Points of the result per window at least, and the longest time between them [s]."""
+
+
+class Timing(NamedTuple):
+    """When the arm passes the nodes of a grid: σ̇ (m + 1,), and the durations (m,) [s]."""
+
+    grid: PathGrid
+    speed: FloatArray
+    duration: FloatArray
+
+
+class Smoothed(NamedTuple):
+    """
+    A motion, and the part of the path over which σ̇ was averaged at each of its k points.
+
+    `first` and `last` (k,) are numbers of nodes of the grid.
+    """
+
+    trajectory: JointTrajectory
+    first: IntArray
+    last: IntArray
+
+
+def smoothed(names: tuple[str, ...], timing: Timing, window: float) -> Smoothed:
+    """Return the motion with the mean σ̇ over a window [s], with accelerations at all points."""
+    stops = np.flatnonzero(timing.grid.rests)
+    points: list[TrajectoryPoint] = []
+    nodes: list[FloatArray] = []
+    begin = 0.0
+    for first, last in zip(stops[:-1], stops[1:]):
+        t, motion, part = _section(timing, slice(first, last), window)
+        more = slice(1 if points else 0, None)
+        points += [TrajectoryPoint(begin + float(time), *row) for time, *row in zip(
+            t[more], *(values[more] for values in motion))]
+        nodes.append(first + part[:, more])
+        begin += float(t[-1])
+    return Smoothed(JointTrajectory(names, tuple(points)), *np.concatenate(nodes, axis=1))
+
+
+def _section(
+    timing: Timing, rows: slice, window: float,
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
+    """
+    Return times (k,), and position, velocity and acceleration (k, n), from rest to rest.
+
+    The last value are the nodes (2, k) between which σ̇ is averaged.
+    """
+    T, length = timing.duration[rows], timing.grid.length[rows]
+    path = _PathTime(T, length, timing.speed[rows.start:rows.stop + 1])
+    whole = path.t[-1] + window
+    t = np.linspace(
+        0.0, whole, 1 + int(np.ceil(whole / min(window / PER_WINDOW, LONGEST_STEP))))
+    now, before = path.sample(t), path.sample(t - window)
+    integral, sigma, rate = ((a - b) / window for a, b in zip(now, before))
+    left, right = (PathEnd(*(values[rows] for values in end))
+                   for end in (timing.grid.left, timing.grid.right))
+    q, tangent, curvature = _at(length, left, right, integral)
+    v, a = tangent * sigma[:, np.newaxis], (
+        curvature * sigma[:, np.newaxis]**2 + tangent * rate[:, np.newaxis])
+    v[[0, -1]] = a[[0, -1]] = 0.0
+    q[0], q[-1] = left.q[0], right.q[-1]
+    nodes = np.searchsorted(path.t, np.stack((t - window, t)))
+    return t, (q, v, a), np.clip(nodes, 0, len(T))
+
+
+class _PathTime:
+    """σ over time: cubics between nodes, 0 before the start, constant after the end."""
+
+    def __init__(self, T: FloatArray, length: FloatArray, speed: FloatArray) -> None:
+        self.t = np.concatenate(([0.0], np.cumsum(T)))
+        self._sigma = np.concatenate(([0.0], np.cumsum(length)))
+        self._c = position_coefficients(
+            [np.zeros((len(T), 1)), speed[:-1, np.newaxis]],
+            [length[:, np.newaxis], speed[1:, np.newaxis]], T[:, np.newaxis])[:, :4, 0]
+        self._T = T
+        parts = T * (self._sigma[:-1] + self._c @ (1.0 / np.arange(1.0, 5.0)))
+        self._integral = np.concatenate(([0.0], np.cumsum(parts)))
+
+    def sample(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the integral of σ, σ and σ̇, (k,) each."""
+        inside = np.clip(t, 0.0, self.t[-1])
+        i = np.clip(np.searchsorted(self.t, inside, side='right') - 1, 0, len(self._T) - 1)
+        T = self._T[i]
+        p = (inside - self.t[i]) / T
+        c0, c1, c2, c3 = self._c[i].T
+        sigma = self._sigma[i] + c0 + p * (c1 + p * (c2 + p * c3))
+        rate = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
+        integral = self._integral[i] + T * p * (self._sigma[i] + c0 + p * (
+            c1 / 2.0 + p * (c2 / 3.0 + p * c3 / 4.0)))
+        return (integral + self._sigma[-1] * np.maximum(t - self.t[-1], 0.0), sigma,
+                np.where(t == inside, rate, 0.0))
+
+
+def _at(
+    length: FloatArray, left: PathEnd, right: PathEnd, sigma: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return position and its derivatives by σ at lengths (k,), (k, n) each."""
+    along = np.concatenate(([0.0], np.cumsum(length)))
+    i = np.clip(np.searchsorted(along, sigma, side='right') - 1, 0, len(length) - 1)
+    h = length[i][:, np.newaxis]
+    p = np.clip((sigma - along[i])[:, np.newaxis] / h, 0.0, 1.0)
+    way = right.q - left.q
+    c = position_coefficients(
+        [np.zeros_like(way), left.tangent, left.curvature],
+        [way, right.tangent, right.curvature], length[:, np.newaxis])
+    c0, c1, c2, c3, c4, c5 = (c[i, order] for order in range(6))
+    q = left.q[i] + c0 + p * (c1 + p * (c2 + p * (c3 + p * (c4 + p * c5))))
+    first = c1 + p * (2 * c2 + p * (3 * c3 + p * (4 * c4 + p * 5 * c5)))
+    second = 2 * c2 + p * (6 * c3 + p * (12 * c4 + p * 20 * c5))
+    return q, first / h, second / h**2
