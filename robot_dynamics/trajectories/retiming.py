@@ -381,31 +381,26 @@ def _excesses(
     speed = np.sqrt(x)[:, np.newaxis]
     is_steep = limits.dynamics.arm.friction.steep_below.any() and not is_first
     phases = np.linspace(0.0, 1.0, 1 + (_PARTS_OF_STEEP_FRICTION if is_steep else _PARTS))
-    q, v, a = _sampled(grid, speed, T[:, np.newaxis], phases)
+    T = T[:, np.newaxis]
+    left, right = grid.left, grid.right
+    v_0, v_1 = left.tangent * speed[:-1], right.tangent * speed[1:]
+    way = right.q - left.q
+    c = position_coefficients([np.zeros_like(way), v_0], [way, v_1], T)
+    p = phases[:, np.newaxis, np.newaxis]
+    c1, c2, c3 = c[:, 1], c[:, 2], c[:, 3]
+    q = left.q + p * (c1 + p * (c2 + p * c3))
+    v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
+    a = (2.0 * c2 + p * 6.0 * c3) / T**2
+    v[0], v[-1] = v_0, v_1
+    q, v, a = (rows.reshape(-1, way.shape[1]) for rows in (q, v, a))
     load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)
     by_name = limits.ratios(v, a, load)
     shape = (len(phases), *grid.sign.shape)
-    velocity = by_name.pop('velocity').reshape(shape).max(axis=(0, 2))
+    ratio = by_name.pop('velocity').reshape(shape).max(axis=(0, 2))
+    peak = np.clip(-c2 / np.where(c3 != 0.0, 3.0 * c3, 1.0), 0.0, 1.0)
+    fastest = np.abs(c1 + peak * (2.0 * c2 + peak * 3.0 * c3)) / T / limits.velocity
     largest = np.max(list(by_name.values()), axis=0).reshape(shape).max(axis=0)
-    return _Excess(largest - 1.0, velocity - 1.0)
-
-
-def _sampled(
-    grid: PathGrid, speed: FloatArray, T: FloatArray, phases: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return position, velocity and acceleration at all phases, ((phases m), n) each."""
-    left, right = grid.left, grid.right
-    way = right.q - left.q
-    c = position_coefficients(
-        [np.zeros_like(way), left.tangent * speed[:-1]], [way, right.tangent * speed[1:]], T)
-    p = phases[:, np.newaxis, np.newaxis]
-    c0, c1, c2, c3 = (c[:, i] for i in range(4))
-    q = left.q + c0 + p * (c1 + p * (c2 + p * c3))
-    v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
-    a = (2.0 * c2 + p * 6.0 * c3) / T**2
-    v[0], v[-1] = left.tangent * speed[:-1], right.tangent * speed[1:]
-    n = way.shape[1]
-    return q.reshape(-1, n), v.reshape(-1, n), a.reshape(-1, n)
+    return _Excess(largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0)
 
 
 def _as_trajectory(names: tuple[str, ...], timing: Timing) -> JointTrajectory:

@@ -22,6 +22,8 @@ from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.references.motion_limits import MotionLimits
+from robot_dynamics.references.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories import (
     efforts_along,
     JointTrajectory,
@@ -261,6 +263,9 @@ def check(dynamics: ArmDynamics, request: JointTrajectory, share: float = 1.0) -
         assert end.velocity == pytest.approx(0.0, abs=1e-12)
         assert end.position == pytest.approx(before.position, abs=1e-9)
     assert distance_from_path(trajectory, request) < 1e-6
+    open_limits = MotionLimits(*np.full((5, dynamics.arm.joint_count), OPEN))
+    followed, slowness = feasible_trajectory(dynamics, trajectory, open_limits, share)
+    assert (followed, slowness) == (trajectory, 1.0)  # the node does not reject it
     slow = slowed_down(dynamics, request, effort_limit_fraction=share)
     assert result.duration <= slow.duration * (1.0 + 1e-4)
     assert largest_ratio(dynamics.arm, slow.trajectory, share) < 1.0 + 1e-4
@@ -388,6 +393,27 @@ def test_repeated_points_and_pauses_do_not_matter() -> None:
     assert twice.duration == pytest.approx(once.duration, rel=1e-6)
 
 
+def test_noise_within_the_tolerance_does_not_matter() -> None:
+    t = np.linspace(0.0, 2.0, 1000)
+    curve = np.stack([np.sin(t), np.cos(t)], axis=1)
+    noisy = curve + 1e-4 * np.random.default_rng(0).normal(size=curve.shape)
+    smooth, noise = (retime(PLANAR, make_trajectory(PLANAR.arm.joint_names, t, q),
+                            corner_tolerance=0.005) for q in (curve, noisy))
+    assert noise.duration == pytest.approx(smooth.duration, rel=0.01)
+    q = sampled(noise.trajectory)[0]
+    assert max(np.linalg.norm(q - one, axis=1).min() for one in noisy[::20]) <= 0.005
+
+
+def test_a_path_rests_where_it_turns_back() -> None:
+    path = make_trajectory(['hinge'], [0, 1, 2], [[0.0], [1.0], [0.5]])
+    with pytest.raises(TrajectoryError, match=r'points\[1\].* is a corner .* by 3.14 rad'):
+        retime(ArmDynamics(hinge()), path)
+    result = retime(ArmDynamics(hinge()), path, corner_tolerance=0.01)
+    expected = sum(2.0 * np.sqrt(way * INERTIA / 2.0) for way in (1.0, 0.5))
+    assert result.duration == pytest.approx(expected, rel=1e-4)
+    assert max(point.position[0] for point in result.trajectory.points) == pytest.approx(1.0)
+
+
 # --- uniform slow-downs --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('duration', [0.2, 0.5])
@@ -477,6 +503,13 @@ def test_a_motion_that_no_limit_bounds_is_rejected() -> None:
         limits, effort=np.full(2, OPEN), velocity=np.array([OPEN, 1.0])))
     with pytest.raises(TrajectoryError, match=r"no limit applies to the motion of \['joi"):
         retime(ArmDynamics(arm), planar(q=[[0.0, 0.3], [1.0, 0.3]]))
+
+
+@pytest.mark.parametrize('quantity', ['velocity', 'effort'])
+def test_a_limit_of_zero_is_rejected(quantity: str) -> None:
+    limits = replace(PLANAR.arm.limits, **{quantity: np.array([1.0, 0.0])})
+    with pytest.raises(TrajectoryError, match=f"the {quantity} limit of 'joint2' is 0"):
+        retime(ArmDynamics(replace(PLANAR.arm, limits=limits)), planar())
 
 
 def test_positions_beyond_limits_are_warnings() -> None:
