@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Retiming with limits of the rate of the efforts: limits, path and rests of the result."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.efforts import efforts_along
+from robot_dynamics.trajectories.goal_limits import motion_excesses
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.path import path_of
+from robot_dynamics.trajectories.quintics import quintic_via_points
+from robot_dynamics.trajectories.retiming import retime
+from robot_dynamics.trajectories.segments import TrajectorySegments
+from robots import JOINTS, robot_urdf
+
+ARMS = ('two_link', 'ur10', 'panda', 'z1')
+
+
+def arm_of(name: str) -> ArmModel:
+    arm = load_arm(default_arm_urdf() if name == 'two_link' else robot_urdf(name),
+                   JOINTS.get(name, ()))
+    limit = arm.limits.effort
+    return arm.with_reflected_inertia(np.where(np.isfinite(limit), limit / 500.0, 0.01))
+
+
+def rates_of(arm: ArmModel) -> np.ndarray:
+    return np.where(np.isfinite(arm.limits.effort), 7.5 * arm.limits.effort, 750.0)
+
+
+def random_path(arm: ArmModel, seed: int, count: int = 4) -> JointTrajectory:
+    rng = np.random.default_rng(seed)
+    low, high = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.0)
+    middle = 0.5 * (low + high)
+    q = np.clip(middle + rng.uniform(-0.8, 0.8, (count, len(middle))), low, high)
+    return make_trajectory(arm.joint_names, np.arange(float(count)), q)
+
+
+def distance_from_path(path: JointTrajectory, corner_tolerance: float, q: np.ndarray) -> float:
+    """Return the largest distance of positions (m, n) from the path, sampled densely."""
+    found = path_of(path, corner_tolerance)
+    k = len(found.coefficients)
+    phases = np.linspace(0.0, 1.0, 4001)
+    samples = found.sample(np.repeat(np.arange(k), len(phases)), np.tile(phases, k))[0]
+    starts, ways = samples[:-1], np.diff(samples, axis=0)
+    largest = 0.0
+    for one in q:
+        near = int(np.argmin(np.linalg.norm(samples - one, axis=1)))
+        rows = slice(max(near - 2, 0), near + 2)
+        way, start = ways[rows], starts[rows]
+        share = np.clip(((one - start) * way).sum(axis=1) / np.maximum(
+            (way * way).sum(axis=1), 1e-300), 0.0, 1.0)
+        gap = np.linalg.norm(start + share[:, None] * way - one, axis=1).min()
+        largest = max(largest, float(gap))
+    return largest
+
+
+@settings(max_examples=12)
+@given(name=st.sampled_from(ARMS), seed=st.integers(0, 10**6), share=st.sampled_from((0.5, 1.0)))
+def test_the_result_keeps_all_limits(name: str, seed: int, share: float) -> None:
+    arm = arm_of(name)
+    dynamics, path, rates = ArmDynamics(arm), random_path(arm, seed), rates_of(arm)
+    result = retime(
+        dynamics, path, corner_tolerance=0.05, effort_limit_fraction=share,
+        effort_rate_limits=rates)
+    efforts = efforts_along(dynamics, result.trajectory)
+    assert efforts.worst_ratio <= share * 1.005
+    assert not [one for one in motion_excesses(arm, result.trajectory) if 'velocity' in one]
+    segments = TrajectorySegments(result.trajectory)
+    rows = np.repeat(np.arange(segments.count), 5)
+    phases = np.tile(np.linspace(0.0, 1.0, 5), segments.count)
+    motion = segments.sample(rows, phases)
+    tau = dynamics.unchecked.rigid_body.inverse_dynamics_batch(*motion)
+    t = segments.time(rows, phases)
+    new = np.diff(t) > 1e-9
+    steps = np.abs(np.diff(tau, axis=0))[new] / np.diff(t)[new][:, None]
+    assert (steps <= 1.25 * rates).all()  # between the points; at them at most 1
+    at_points = np.abs(np.diff(tau[::5], axis=0)) / np.diff(t[::5])[:, None]
+    assert (at_points <= 1.001 * rates).all()
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_the_arm_stays_on_the_path_and_rests_at_its_ends(name: str) -> None:
+    arm = arm_of(name)
+    path = random_path(arm, 5)
+    result = retime(
+        ArmDynamics(arm), path, corner_tolerance=0.05, effort_rate_limits=rates_of(arm)).trajectory
+    segments = TrajectorySegments(result)
+    phases = np.tile([0.0, 0.3, 0.7], segments.count)
+    q = segments.sample(np.repeat(np.arange(segments.count), 3), phases).position
+    assert distance_from_path(path, 0.05, q) < 1e-5
+    first, last = result.points[0], result.points[-1]
+    assert first.position == pytest.approx(path.points[0].position, abs=1e-12)
+    assert last.position == pytest.approx(path.points[-1].position, abs=1e-12)
+    for point in (first, last):
+        assert point.velocity is not None
+        assert point.acceleration is not None
+        assert not point.velocity.any()
+        assert not point.acceleration.any()
+
+
+def test_rests_of_the_request_remain_rests() -> None:
+    arm = arm_of('two_link')
+    zero = [[0.0, 0.0]] * 3
+    points = [[0.0, 0.0], [0.6, -0.4], [0.1, 0.8]]
+    path = make_trajectory(arm.joint_names, [0.0, 1.0, 2.0], points, zero, zero)
+    result = retime(ArmDynamics(arm), path, effort_rate_limits=rates_of(arm)).trajectory
+    gaps = [float(np.abs(point.position - points[1]).max()) for point in result.points]
+    at = int(np.argmin(gaps))
+    velocity = result.points[at].velocity
+    assert gaps[at] < 1e-9
+    assert velocity is not None
+    assert np.abs(velocity).max() < 1e-9
+
+
+def test_lower_rates_and_loads_take_longer() -> None:
+    arm = arm_of('ur10')
+    path, rates = random_path(arm, 3), rates_of(arm)
+
+    def duration(one: ArmModel, factor: float) -> float:
+        return retime(ArmDynamics(one), path, corner_tolerance=0.05,
+                      effort_rate_limits=factor * rates).duration
+
+    fastest = retime(ArmDynamics(arm), path, corner_tolerance=0.05).duration
+    loaded = arm.with_payloads([make_payload('tool0', 5.0, (0.0, 0.0, 0.1), np.eye(3) * 0.02)])
+    assert fastest < duration(arm, 4.0) < duration(arm, 1.0) < duration(arm, 0.25)
+    assert duration(loaded, 1.0) > duration(arm, 1.0)
+
+
+def test_an_executable_motion_costs_a_bounded_time() -> None:
+    """The window of the mean costs time at the start and the end, and at narrow bends."""
+    for name in ARMS:
+        arm = arm_of(name)
+        path = quintic_via_points(arm.joint_names, (0.0, 1.0), [
+            point.position for point in random_path(arm, 1, 2).points])
+        fastest = retime(ArmDynamics(arm), path).duration
+        limited = retime(ArmDynamics(arm), path, effort_rate_limits=rates_of(arm)).duration
+        assert limited - fastest < 0.35
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ([1.0], 'effort_rate_limits has 1 values, expected 2'),
+    ([1.0, 0.0], "effort_rate_limits of 'joint2' is 0"),
+    (float('nan'), 'effort_rate_limits')])
+def test_a_wrong_rate_is_refused_by_name(given: object, words: str) -> None:
+    arm = load_arm(default_arm_urdf())
+    path = quintic_via_points(arm.joint_names, (0.0, 1.0), [[0.0, 0.0], [0.5, 0.5]])
+    with pytest.raises(InvalidInputError, match='effort_rate_limits') as error:
+        retime(ArmDynamics(arm), path, effort_rate_limits=given)  # type: ignore[arg-type]
+    assert words in str(error.value)
