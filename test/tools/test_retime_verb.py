@@ -56,7 +56,7 @@ def motion(tmp_path: Path) -> Path:
 
 def test_the_fastest_timing_is_written(ask: Ask, motion: Path, tmp_path: Path) -> None:
     output = tmp_path / 'faster.yaml'
-    status, out, err = ask(motion, '--output', output)
+    status, out, err = ask(motion, '--output', output, '--efforts-may-jump')
     assert (status, err) == (0, '')
     expected = retime(ARM, read_trajectory(motion, NAMES))
     result = read_trajectory(output, NAMES)
@@ -77,7 +77,8 @@ def test_json(ask: Ask, motion: Path) -> None:
 
 
 def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
-    durations = [json.loads(ask(motion, '--json', *options)[1])['duration'] for options in (
+    durations = [json.loads(ask(
+        motion, '--json', '--efforts-may-jump', *options)[1])['duration'] for options in (
         (), ('--acceleration', '2', '2'), ('--acceleration', 'joint1=1', 'joint2=1'))]
     assert durations == sorted(durations)
     assert durations[2] == pytest.approx(np.sqrt(2.0) * durations[1], rel=1e-3)
