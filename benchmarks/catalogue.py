@@ -16,6 +16,7 @@ from benchmarks import (
     memory,
     payload_estimation,
     peers,
+    plans,
     rate,
     safe_motion,
     simulation,
@@ -39,5 +40,6 @@ BENCHMARKS: dict[str, Callable[[], None]] = {
 LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'safe_motion': safe_motion.main,
     'payload_estimation': payload_estimation.main,
+    'plans': plans.main,
 }
 """Run only when they are named."""

@@ -6,8 +6,8 @@ Random plans with the fastest timing, executed within tolerances: `retime`, then
 
 A plan is a path through random positions, whose corners are smoothed, with the timing of `retime`.
 A run executes it in lock-step with a simulated arm whose efforts act 2 ms late. A third of the
-runs have no disturbance, a third have 42 ms without joint states, and in a third another plan
-replaces the first one at a random time, after which the arm returns to the start of the next plan.
+runs have no disturbance, a third have 42 ms without joint states, and in a third a set-point at the
+start replaces the plan at a random time; a second plan follows from there.
 A run is bad if the last plan has another result than SUCCESSFUL, or a limit is exceeded.
 """
 
@@ -138,8 +138,8 @@ def run(arm: ArmModel, dynamics: ArmDynamics, case: str, seed: int) -> Run:
     return Run(result, bench.error, bench.speed)
 
 
-def main(argv: Sequence[str] = ()) -> int:
-    """Print one row per arm and case; return 1 if a run is bad."""
+def main(argv: Sequence[str] = ()) -> None:
+    """Print one row per arm and case; exit with status 1 if a run is bad."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.plans', description=__doc__)
     parser.add_argument('--arms', nargs='+', default=list(ARMS), metavar='ARM')
     parser.add_argument('--runs', type=int, default=RUNS, help='Runs per arm')
@@ -158,14 +158,17 @@ def main(argv: Sequence[str] = ()) -> int:
             if one.is_bad:
                 print(f'bad: {name}, {case}, seed {seed}: {one}', file=sys.stderr)
         for case, runs in found.items():
+            if not runs:
+                continue
             bad = sum(one.is_bad for one in runs)
             is_bad |= bad > 0
             print(f'| {name} | {case} | {len(runs)} | {bad} | '
                   f'{1e3 * max(one.error for one in runs):.2f} | '
                   f'{max(one.speed for one in runs):.2f} |', flush=True)
     print(f'{time.monotonic() - begin:.0f} s', file=sys.stderr)
-    return int(is_bad)
+    if is_bad:
+        raise SystemExit(1)
 
 
 if __name__ == '__main__':
-    sys.exit(main(sys.argv[1:]))
+    main(sys.argv[1:])

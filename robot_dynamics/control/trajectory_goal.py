@@ -27,7 +27,7 @@ LATEST_START = 0.5
 """[s] by which a goal may end late because the arm is not yet at its first point."""
 NO_SLOWER = 1.001
 """Factor of the duration from which a goal counts as slowed down."""
-MOVED, REST_TIME_NS = 1e-3, 40_000_000
+MOVED, REST_TIME_NS = 5e-4, 20_000_000
 """An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns]."""
 LONGEST_STOP = 5.0
 """[s] after a planned stop within which the arm must be at rest."""
@@ -64,7 +64,7 @@ class Tolerances:
     Tolerances of position [rad] or [m] and velocity [rad/s] or [m/s], (n,) each, ∞ for none.
 
     Path tolerances apply during the motion, goal tolerances at its end, within `goal_time` [s]. A
-    `goal_velocity` of NaN requires rest: less than MOVED in 40 ms.
+    `goal_velocity` of NaN requires rest: less than MOVED in REST_TIME_NS.
     """
 
     path: FloatArray
