@@ -15,7 +15,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.trajectories.path import Path
 
-LEAST_INTERVALS = 600
+LEAST_INTERVALS = 1000
 """Intervals of a path without bends, and of shorter parts between rests in proportion."""
 _SECTION = 24
 _TURN = 0.05

@@ -46,8 +46,8 @@ _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 _WINDOWS, _SHORTEST_WINDOW = (0.01, 0.5), 0.1
 _ROUNDS, _MOST_AT_ONCE = 40, 4.0
-_SHORTEST = 5e-5
-"""Time between two points of the result [s]; rounding of shorter times is noticeable."""
+_SHORTEST, _SHORTEST_FROM_REST = 5e-5, 1.5e-4
+"""Times between two points of the result [s]; rounding of shorter times is noticeable."""
 
 
 class Retiming(NamedTuple):
@@ -315,7 +315,8 @@ def _without_short_intervals(
     for start, end in zip(stops[:-1], stops[1:]):
         last = times[start]
         for i in range(start + 1, end):
-            if min(times[i] - last, times[end] - times[i]) >= _SHORTEST:
+            from_rest = min(times[i] - times[start], times[end] - times[i])
+            if times[i] - last >= _SHORTEST and from_rest >= _SHORTEST_FROM_REST:
                 keep[i], last = True, times[i]
     left, right = terms
     return grid.merged(keep), (
