@@ -29,7 +29,7 @@ from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from robot_dynamics.trajectories.slow_down import largest_ratios, least_slowness, slower
-from robot_dynamics.trajectories.smoothing import smoothed, Timing
+from robot_dynamics.trajectories.smoothing import durations, Timing, within_rates
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
     constraints,
@@ -43,9 +43,6 @@ from robot_dynamics.validation import check_choice, check_scalar, check_vector, 
 METHODS = ('fastest', 'slow_down')
 _PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
-_GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
-_WINDOWS, _SHORTEST_WINDOW = (0.01, 0.5), 0.1
-_ROUNDS, _MOST_AT_ONCE = 40, 4.0
 _SHORTEST, _SHORTEST_FROM_REST = 5e-5, 1.5e-4
 """Times between two points of the result [s]; rounding of shorter times is noticeable."""
 
@@ -123,7 +120,7 @@ def retime(
             limits, trajectory, make_grid(path_of(trajectory, corner_tolerance)))
         timing = _fastest(limits, trajectory, grid, terms)
         if np.isfinite(rates).any():
-            result = _within_rates(limits, names, timing, terms, rates)
+            result = within_rates(limits, names, timing, terms, rates)
         else:
             result = slower(_as_trajectory(names, timing), 1.0)
             result = slower(result, least_slowness(limits, result))
@@ -205,7 +202,7 @@ def _fastest(
         rows = constraints(limits, grid, terms, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
-        T = _durations(grid, x, rise)
+        T = durations(grid, x, rise)
         excess = _excesses(limits, grid, x, T, is_first=passed < 2)
         is_close = np.abs(x - before) <= _CLOSE * x
         known = (is_close[:-1] & is_close[1:]) | exact_at_once
@@ -225,67 +222,6 @@ def _fastest(
             x = np.minimum(x, limits.free_speed(grid))
     _, x, T = best
     return Timing(grid, np.sqrt(x), T)
-
-
-def _within_rates(
-    limits: PathLimits, names: tuple[str, ...], timing: Timing,
-    terms: tuple[PathTerms, PathTerms], rates: FloatArray,
-) -> JointTrajectory:
-    """
-    Return a motion whose efforts without friction keep the limits of their rates (n,).
-
-    In the window of the mean an effort may change by twice its limit. Where the motion exceeds a
-    limit, such as at narrow bends, the path is passed more slowly.
-    """
-    grid, x = timing.grid, np.square(timing.speed)
-    m, n = grid.sign.shape
-    window = _window(limits, rates)
-    caps, rows = velocity_caps(limits, grid, np.zeros(m)), constraints(
-        limits, grid, terms, x, np.zeros(m), np.zeros((m, n)))
-    for _ in range(_ROUNDS):
-        result, first, last = smoothed(names, timing, window)
-        excess = _excess_of_speed(limits, result, rates)
-        if excess.max() <= 1.0 + _CLOSE:
-            break
-        cap = np.full(m + 1, np.inf)
-        for k in np.flatnonzero(excess > 1.0):
-            part = slice(first[k], last[k] + 1)
-            cap[part] = np.minimum(cap[part], x[part] / min(excess[k], _MOST_AT_ONCE))
-        caps = np.minimum(caps, cap)
-        x = fastest_states(rows, caps)
-        timing = Timing(grid, np.sqrt(x), _durations(grid, x, np.zeros(m)))
-    result = slower(result, least_slowness(limits, result))
-    return slower(result, max(1.0, float(_rates(limits, result, rates).max())))
-
-
-def _window(limits: PathLimits, rates: FloatArray) -> float:
-    with np.errstate(invalid='ignore'):
-        windows = 2.0 * limits.share * limits.dynamics.arm.limits.effort / rates
-    finite = windows[np.isfinite(windows) & (windows > 0.0)]
-    return float(np.clip(finite.max(initial=_SHORTEST_WINDOW), *_WINDOWS))
-
-
-def _excess_of_speed(
-    limits: PathLimits, result: JointTrajectory, rates: FloatArray,
-) -> FloatArray:
-    """Return by which factors (k,) σ̇² is too large at each point."""
-    motion = TrajectorySegments(result).points
-    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*motion)
-    by_name = limits.ratios(motion.velocity, motion.acceleration, load)
-    velocity = by_name.pop('velocity')
-    excess = np.maximum(velocity.max(axis=1)**2, np.max(list(by_name.values()), axis=(0, 2)))
-    of_rate = _rates(limits, result, rates)**(2.0 / 3.0)
-    excess[1:] = np.maximum(excess[1:], of_rate)
-    excess[:-1] = np.maximum(excess[:-1], of_rate)
-    return np.asarray(excess)
-
-
-def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> FloatArray:
-    """Return the largest rate of an effort without friction, by its limit, on each segment."""
-    segments = TrajectorySegments(result)
-    tau = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*segments.points)
-    steps = np.abs(np.diff(tau, axis=0)) / np.diff(segments.times)[:, np.newaxis]
-    return np.asarray((steps / rates).max(axis=1))
 
 
 def _checked_terms(
@@ -361,18 +297,6 @@ def _rise(grid: PathGrid, x: FloatArray) -> FloatArray:
     before, after = slope[:-1], slope[1:]
     least = np.where(np.abs(before) < np.abs(after), before, after)
     return np.asarray(np.where(before * after > 0.0, least, 0.0) * grid.length)
-
-
-def _durations(grid: PathGrid, x: FloatArray, rise: FloatArray) -> FloatArray:
-    """Return the durations (m,) [s] of the intervals."""
-    speed = np.sqrt(x)
-    T: FloatArray = 2.0 * grid.length / (speed[:-1] + speed[1:])
-    # The integral of the difference of 1/σ̇ from that with a constant control, by Gauss.
-    for p, weight in zip(_GAUSS, _WEIGHTS):
-        constant = x[:-1] + p * np.diff(x)
-        rising = np.maximum(constant - p * (1.0 - p) * rise * grid.length, 0.25 * constant)
-        T += weight * grid.length * (1.0 / np.sqrt(rising) - 1.0 / np.sqrt(constant))
-    return T
 
 
 def _excesses(
