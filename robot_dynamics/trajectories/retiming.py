@@ -254,6 +254,7 @@ def _without_short_intervals(
             from_rest = min(times[i] - times[start], times[end] - times[i])
             if times[i] - last >= _SHORTEST and from_rest >= _SHORTEST_FROM_REST:
                 keep[i], last = True, times[i]
+        keep[(start + end) // 2] |= not keep[start + 1:end].any()
     left, right = terms
     return grid.merged(keep), (
         left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:])))

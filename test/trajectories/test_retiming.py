@@ -132,6 +132,14 @@ def test_constant_inertia_is_bang_bang(kind: str, velocities: Any) -> None:
     assert set(result.limiting_joint) == {'hinge'}
 
 
+@pytest.mark.parametrize(('way', 'tolerance'), [(1e-7, 0.1), (1e-5, 1e-4), (4.0, 1e-4)])
+def test_ways_of_any_length(way: float, tolerance: float) -> None:
+    path = make_trajectory(['hinge'], [0.0, 5.0], [[0.1], [0.1 + way]])
+    result = retime(ArmDynamics(hinge()), path)
+    assert result.duration == pytest.approx(2.0 * np.sqrt(way * INERTIA / 2.0), rel=tolerance)
+    assert efforts_along(ArmDynamics(hinge()), result.trajectory).worst_ratio < 1.0 + 2e-6
+
+
 def test_velocity_limits_give_a_trapezoid() -> None:
     path = quintic_point_to_point(['hinge'], [0.0], [1.5], 3.0)
     result = retime(ArmDynamics(hinge(velocity=0.8)), path)
