@@ -156,7 +156,8 @@ class Controller:
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
         self._reference.limit(
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
-            options.stream_timeout)
+            options.stream_timeout, lambda limits, q, v: limits.with_braking(
+                self._load.dynamics.rigid_body, scaled, rate, q, v))
         self._gains_of_laws: dict[int, LoopGains] = {}
         for law in (self._own_law, self._stop_law):
             if id(law) not in self._gains_of_laws:

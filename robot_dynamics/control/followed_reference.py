@@ -3,6 +3,8 @@
 
 """The reference of a controller: a trajectory, a stop, or none."""
 
+from collections.abc import Callable
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -23,6 +25,8 @@ from robot_dynamics.trajectories.goal_limits import (
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.validation import LARGEST_VALUE
 
+Brake = Callable[[MotionLimits, FloatArray, FloatArray], MotionLimits]
+"""Returns the limits with the braking that is possible from a position and velocity (n,)."""
 FASTEST_STOP = 2.0
 """Largest velocity from which a stop begins, by the velocity limit."""
 
@@ -41,6 +45,7 @@ class FollowedReference:
                       if kind == 'continuous']
         self._follower = ReferenceGenerator(arm.joint_names, continuous, None)
         self._limits: MotionLimits | None = None
+        self._brake: Brake = lambda limits, q, v: limits
         self.active: ActiveTrajectory | None = None
         """The trajectory or stop that is followed, or None."""
         self.stops_next = False
@@ -48,9 +53,15 @@ class FollowedReference:
         self.slowness = 1.0
         """Factor by which the last trajectory was slowed down."""
 
-    def limit(self, limits: MotionLimits | None, stream_timeout: float) -> None:
-        """Set the limits of motion, which `scale` applies, and the timeout [s] of set-points."""
-        self._limits = limits
+    def limit(
+        self, limits: MotionLimits | None, stream_timeout: float, brake: Brake,
+    ) -> None:
+        """
+        Set the limits of motion, which `scale` applies, and the timeout [s] of set-points.
+
+        `brake` returns limits with the braking that is possible from a state.
+        """
+        self._limits, self._brake = limits, brake
         self._follower.stream_timeout = stream_timeout
 
     def scale(self, scale: float) -> None:
@@ -96,7 +107,11 @@ class FollowedReference:
 
         Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
         """
-        before = self._follower.active
+        before, limits = self._follower.active, self._follower.limits
+        # A planned motion, or a stop from one, may be faster than the limits of references.
+        self._limit_braking(*state[1:], before is not None and (
+            not before.trajectory.is_set_point
+            or limits is not None and limits.brake is not None and state[0] < before.end_ns))
         active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
         late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
         if late_ns > 1e9 * latest:
@@ -107,6 +122,12 @@ class FollowedReference:
         self.active = active
         self.stops_next = False
         self.slowness = slowness
+
+    def _limit_braking(self, q: FloatArray, v: FloatArray, is_local: bool) -> None:
+        """Brake with the limits of the workspace, or with those of the poses of a stop."""
+        if self._follower.limits is not None:
+            limits = replace(self._follower.limits, brake=None)
+            self._follower.limits = self._brake(limits, q, v) if is_local else limits
 
     def clear(self) -> None:
         """Follow nothing."""
@@ -131,8 +152,9 @@ class FollowedReference:
         """
         self.stops_next = False
         fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
-        self._follower.stop(
-            stamp_ns, np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest))
+        q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
+        self._limit_braking(q, v, True)
+        self._follower.stop(stamp_ns, q, v)
         self.active = self._follower.active
 
     def shift_time(self, shift_ns: int) -> None:

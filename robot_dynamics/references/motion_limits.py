@@ -21,6 +21,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.regressor import random_states
+from robot_dynamics.model.unchecked_rigid_body import UncheckedRigidBody
 
 VELOCITY_FRACTION = 0.5
 """Largest reference velocity as a fraction of the limit in the URDF."""
@@ -45,7 +46,9 @@ JERK_TIME = 0.05
 """Shortest time [s] in which a joint reaches its reference acceleration."""
 SLOWEST_FRACTION = 1e-3
 """Smallest acceleration and jerk, as fractions of the values from the two times above."""
-_POSES = 40
+SHORT_STOP = 0.2
+"""[s] that a stop takes at least, if it is shorter than with limits for the whole workspace."""
+_POSES, _STOP_POSES = 40, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +57,8 @@ class MotionLimits:
     Limits of the reference of n joints, each (n,), in rad or m, and s.
 
     `lower` and `upper` limit the position and may be infinite; `velocity`, `acceleration` and
-    `jerk` are positive and finite. With them the reference brakes; it moves with the lower limits
-    of `lowered`.
+    `jerk` are positive and finite. The reference brakes with those of `braking`, and moves with
+    the lower limits of `lowered`.
     """
 
     lower: FloatArray
@@ -66,6 +69,8 @@ class MotionLimits:
 
     scale: float = 1.0
     """Fraction of the velocities at which motions are planned."""
+    brake: tuple[FloatArray, FloatArray] | None = None
+    """Acceleration and jerk (n,) with which the reference brakes, None for those above."""
 
     def slower(self, scale: float) -> 'MotionLimits':
         """Return the limits for motions of 1/scale times the duration, with the same braking."""
@@ -79,12 +84,58 @@ class MotionLimits:
                             s**3 * self.jerk)
 
     @property
+    def braking(self) -> 'MotionLimits':
+        """The limits with which the reference brakes."""
+        if self.brake is None:
+            return self
+        a, jerk = self.brake
+        return replace(self, acceleration=a, jerk=jerk, brake=None)
+
+    def with_braking(
+        self, body: UncheckedRigidBody, effort: FloatArray, effort_rate: FloatArray,
+        q: FloatArray, v: FloatArray,
+    ) -> 'MotionLimits':
+        """
+        Return the limits with the braking that the poses of a stop from (q, v) permit, (n,) each.
+
+        An arm that is weak in some poses brakes slowly with limits for the whole workspace. In a
+        stop gravity counts with its sign. A stop of less than SHORT_STOP has the same limits
+        everywhere.
+        """
+        a, most = self.acceleration, np.abs(v) / SHORT_STOP
+        moves = most > a
+        if not moves.any():
+            return self
+        share, pose = EFFORT_FRACTION, q
+        of_a, of_jerk = np.full_like(a, math.inf), np.full_like(a, math.inf)
+        for _ in range(_STOP_POSES):
+            M, g = np.abs(body.mass_matrix(pose)), body.gravity(pose)
+            free = effort + np.where(moves, np.sign(v) * g, -np.abs(g))
+            free = np.maximum(free, LEAST_FRACTION * effort)
+            of_a = np.minimum(of_a, _shared(M, share * free, most, moves))
+            of_jerk = np.minimum(
+                of_jerk, _shared(M, share * effort_rate, most / JERK_TIME, moves))
+            best = np.maximum(of_a, a)
+            pose = q + 0.5 * v * np.abs(v) / best
+        return replace(self, brake=(best, np.maximum(of_jerk, self.jerk)))
+
+    @property
     def whole(self) -> 'MotionLimits':
         """The limits of a motion that the sender has planned, with less reserve for feedback."""
         share = WHOLE_EFFORT / EFFORT_FRACTION
         return replace(
             self, velocity=WHOLE_FRACTION / VELOCITY_FRACTION * self.velocity,
             acceleration=share * self.acceleration, jerk=share * self.jerk)
+
+
+def _shared(
+    M: FloatArray, available: FloatArray, most: FloatArray, moves: BoolArray,
+) -> FloatArray:
+    """Return x (n,) with |M| x <= available, at most `most`, and 0 at joints that do not move."""
+    with np.errstate(divide='ignore', invalid='ignore'):
+        x = np.where(moves, np.minimum(available / np.diagonal(M), most), 0.0)
+        scale = np.nanmin(available / (M @ x), initial=1.0)
+    return np.asarray(scale * x)
 
 
 class WorkspaceInertia:

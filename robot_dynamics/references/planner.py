@@ -103,7 +103,8 @@ def _bounds(limits: MotionLimits) -> list[Bounds]:
 
 
 def _joints(start: Reference, limits: MotionLimits) -> list[JointPlanner]:
-    full, whole, lowered = (_bounds(each) for each in (limits, limits.whole, limits.lowered))
+    full, whole, lowered = (_bounds(each) for each in (
+        limits.braking, limits.braking.whole, limits.lowered))
     each = zip(limits.lower.tolist(), limits.upper.tolist(), full, whole, lowered)
     return [JointPlanner(state, JointLimits(*values, limits.scale))
             for state, values in zip(_states(start), each)]
