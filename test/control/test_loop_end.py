@@ -111,7 +111,7 @@ def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops() -> No
     assert one.loop.interruption == 'the node was deactivated'
 
 
-@pytest.mark.parametrize('after', [0.05, 0.4])
+@pytest.mark.parametrize('after', [0.05, 0.2])
 def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after: float) -> None:
     one = in_motion()
     with_command(one, 'none')

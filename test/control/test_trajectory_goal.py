@@ -22,9 +22,11 @@ from robot_dynamics.control.trajectory_goal import (
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories.retiming import retime
 
 ARMS = ('two_link', 'ur10', 'panda')
 WAY = 0.3
@@ -109,14 +111,14 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
 
 
 def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
-    arm = smooth_arm('ur10')
+    arm = arm_of('two_link')
     loaded = arm.with_payloads([make_payload(
-        'tool0', 4.0, (0.0, 0.0, 0.1), np.diag((0.01, 0.01, 0.01)))])
-    bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3) - 0.5)
+        'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
+    bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3))
     bench.run(1.0)
     trajectory = plan(bench)
     goal = bench.loop.execute(trajectory, 0, tight(
-        bench, path=np.full(6, np.inf), goal=np.full(6, 1e-3), goal_time=0.5))
+        bench, path=np.full(2, np.inf), goal=np.full(2, 1e-3), goal_time=0.5))
     bench.run(1.9)
     assert goal.result is None
     bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
@@ -300,3 +302,30 @@ def test_preempted_plans_keep_the_limits(name: str) -> None:
     assert result_of(goals[-1]).code is ResultCode.SUCCESSFUL
     assert {result_of(goal).code for goal in goals[:-1]} <= {
         ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
+
+
+@pytest.mark.parametrize(('name', 'longest'), [('xarm7', 0.65), ('panda', 0.5), ('ur10', 0.38)])
+def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> None:
+    """With limits for the whole workspace the stops take up to 0.89, 0.87 and 0.46 s."""
+    arm = smooth_arm(name)
+    dynamics, middle_q = ArmDynamics(arm), middle(arm, 0.3)
+    rng = np.random.default_rng(2)
+    for _ in range(6):
+        way = rng.uniform(-0.8, 0.8, arm.joint_count)
+        ends = [np.clip(q, arm.limits.lower + 0.05, arm.limits.upper - 0.05)
+                for q in (middle_q - way, middle_q + way)]
+        fast = retime(dynamics, make_trajectory(arm.joint_names, [0.0, 1.0], ends),
+                      effort_limit_fraction=0.8,
+                      effort_rate_limits=8.0 * arm.limits.effort).trajectory
+        bench = held(arm, q=ends[0])
+        goal = bench.loop.execute(fast)
+        bench.run(0.5 * fast.duration)
+        bench.loop.cancel(goal)
+        active = bench.loop.controller.trajectory
+        assert active is not None
+        assert 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k < longest
+        trace = bench.run(3.0)
+        assert result_of(goal).is_canceled
+        assert (trace.q >= arm.limits.lower).all()
+        assert (trace.q <= arm.limits.upper).all()
+        assert (np.abs(trace.v) <= 1.05 * arm.limits.velocity).all()

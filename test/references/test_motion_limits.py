@@ -14,13 +14,15 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references import motion_limits
 from robot_dynamics.references.motion_limits import (
     EFFORT_FRACTION,
     LEAST_FRACTION,
+    SHORT_STOP,
     WorkspaceInertia,
 )
-from robots import robot_urdf
+from robots import JOINTS, robot_urdf
 
 ARMS = ('default', 'ur10', 'panda')
 ELSEWHERE = 1.15
@@ -146,3 +148,40 @@ def test_a_load_that_changes_is_within_the_limits_with_both_loads() -> None:
         most = (1.0 + 1e-9) * available(effort, at.gravity)
         assert (at.mass @ both.acceleration <= most)[holds].all()
     assert (both.velocity == empty.motion_limits(effort, rate('default')).velocity).all()
+
+
+# ---------------------------------------------------------------------- braking
+
+@pytest.mark.parametrize('name', ['xarm7', 'panda', 'ur10', 'z1', 'default'])
+def test_a_stop_brakes_with_the_limits_of_its_poses(name: str) -> None:
+    """At its start the effort suffices; joints that stop in 0.2 s anyway keep their limits."""
+    arm = load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name),
+                   JOINTS.get(name, ()))
+    body = ArmDynamics(arm).unchecked.rigid_body
+    effort = np.where(np.isfinite(arm.limits.effort), arm.limits.effort, 100.0)
+    rate = 10.0 * effort
+    limits = WorkspaceInertia(ArmDynamics(arm)).motion_limits(effort, rate)
+    rng = np.random.default_rng(1)
+    low, high = np.maximum(arm.limits.lower, -3.0), np.minimum(arm.limits.upper, 3.0)
+    stronger = 0
+    for _ in range(300):
+        q = rng.uniform(low, high)
+        v = rng.uniform(-1.0, 1.0, len(q)) * 2.0 * limits.velocity * rng.integers(0, 2, len(q))
+        found = limits.with_braking(body, effort, rate, q, v)
+        a, jerk = found.braking.acceleration, found.braking.jerk
+        assert (a >= limits.acceleration).all()
+        assert (jerk >= limits.jerk).all()
+        slow = np.abs(v) <= SHORT_STOP * limits.acceleration
+        assert (a[slow] == limits.acceleration[slow]).all()
+        assert (a <= np.maximum(limits.acceleration, np.abs(v) / SHORT_STOP) * (1 + 1e-12)).all()
+        assert (found.lowered.acceleration == limits.lowered.acceleration).all()
+        moves = a > limits.acceleration
+        stronger += moves.any()
+        if moves.any():  # the others brake at the same time with their own limits at most
+            M, g = np.abs(body.mass_matrix(q)), body.gravity(q)
+            free = effort + np.where(slow, -np.abs(g), np.sign(v) * g)
+            free = np.maximum(free, 0.1 * effort)
+            assert (M[:, moves] @ a[moves] <= 0.5 * free * (1 + 1e-9)).all()
+            assert (M[:, moves] @ np.where(jerk > limits.jerk, jerk, 0.0)[moves] <= (
+                0.5 * rate * (1 + 1e-9))).all()
+    assert stronger > 10
