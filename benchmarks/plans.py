@@ -7,7 +7,9 @@ Random plans with the fastest timing, executed within tolerances: `retime`, then
 A plan is a path through random positions, with rounded corners and the timing of `retime`. A run
 executes it in lock-step with a simulated arm whose efforts act 2 ms late. A third of the runs have
 no disturbance, a third have 42 ms without joint states, and in a third a set-point at the start
-replaces the plan at a random time; a second plan follows from there. A run is bad if the last plan has another result than SUCCESSFUL, or a limit is exceeded.
+replaces the plan at a random time; a second plan follows from there.
+
+A run is bad if the last plan has another result than SUCCESSFUL, or the arm is too fast.
 """
 
 import argparse

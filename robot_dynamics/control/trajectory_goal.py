@@ -117,7 +117,7 @@ def with_given(
 
 
 class Progress(NamedTuple):
-    """A state with its reference: the stamp [ns], q and v (n,), and what was desired."""
+    """A state with its reference: the stamp [ns], and position and velocity (n,)."""
 
     stamp_ns: int
     position: FloatArray

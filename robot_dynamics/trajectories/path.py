@@ -22,7 +22,7 @@ from robot_dynamics.trajectories.segments import TrajectorySegments
 CORNER_ANGLE = 0.35
 """Change of direction [rad] in joint space above which a point is a corner of its path."""
 LINE_DISTANCE = 0.005
-"""Distance [rad] or [m] up to which the spline through points may be beside their lines."""
+"""Distance [rad] or [m] up to which the spline through points may be away from their lines."""
 TURN_BACK = 2.8
 """Change of direction [rad] above which a corner is not rounded: the path rests at the point."""
 STILL = 1e-9

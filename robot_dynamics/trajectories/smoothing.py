@@ -60,8 +60,8 @@ def within_rates(
     """
     Return a motion whose efforts without friction keep the limits of their rates (n,).
 
-    In the window of the mean an effort may change by twice its limit. Where the motion exceeds a
-    limit, such as at narrow bends, the path is passed more slowly.
+    In the window of the mean an effort may change by twice its limit. Parts of the path in which
+    the motion exceeds a limit, such as narrow bends, are passed more slowly.
     """
     grid, x = timing.grid, np.square(timing.speed)
     m, n = grid.sign.shape
