@@ -31,6 +31,8 @@ AT_REST = 1e-8
 """[rad/s] or [m/s], and their rates per second, up to which a joint is at rest."""
 _HULL = 1e-9
 """Tolerance [rad] or [m] of the hull, and [s] of times, for rounding."""
+_SOON = 1e-9
+"""[s] up to which an arrival is as early as possible."""
 _CORRECTION = 0.05
 """Shortest time [s] in which a deviation from a moving target is corrected."""
 _STOPS = 2.0
@@ -236,7 +238,7 @@ def _motions(
     distance: float, v: float, a: float, bounds: Bounds, earliest: float,
 ) -> Iterator[Phases]:
     """Yield the smooth motion of `earliest` [s], and the shortest one of this time or longer."""
-    smooth = smooth_to_rest(distance, v, a, bounds, earliest) if earliest > 0.0 else None
+    smooth = smooth_to_rest(distance, v, a, bounds, earliest) if earliest > _SOON else None
     if smooth is not None:
         yield smooth
     yield to_rest(distance, v, a, bounds, earliest)

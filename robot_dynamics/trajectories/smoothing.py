@@ -29,7 +29,7 @@ from robot_dynamics.trajectories.timing_limits import (
 PER_WINDOW, LONGEST_STEP = 8, 0.01
 """Points of the result per window at least, and the longest time between them [s]."""
 _WINDOWS, _SHORTEST_WINDOW = (0.01, 0.5), 0.1
-_ROUNDS, _MOST_AT_ONCE, _ENOUGH = 40, 4.0, 0.02
+_ROUNDS, _MOST_AT_ONCE, _ENOUGH, _PARTS = 40, 4.0, 0.02, 4
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 
 
@@ -109,9 +109,11 @@ def _excess_of_speed(
 def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> FloatArray:
     """Return the largest rate of an effort without friction, by its limit, on each segment."""
     segments = TrajectorySegments(result)
-    tau = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*segments.points)
-    steps = np.abs(np.diff(tau, axis=0)) / np.diff(segments.times)[:, np.newaxis]
-    return np.asarray((steps / rates).max(axis=1))
+    k, phases = segments.count, np.linspace(0.0, 1.0, _PARTS + 1)
+    motion = segments.sample(np.repeat(np.arange(k), len(phases)), np.tile(phases, k))
+    tau = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*motion)
+    steps = np.abs(np.diff(tau.reshape(k, len(phases), -1), axis=1)).max(axis=1)
+    return np.asarray((_PARTS * steps / np.diff(segments.times)[:, np.newaxis] / rates).max(axis=1))
 
 
 class Smoothed(NamedTuple):

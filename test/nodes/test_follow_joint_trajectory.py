@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 import os
 from pathlib import Path
-import threading
 from typing import Any
 
+from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
 from bounded_waits import wait_until
 from builtin_interfaces.msg import Duration
@@ -18,19 +18,13 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointComponentTolerance, JointTolerance
 import numpy as np
 import pytest
-from rclpy.action import ActionClient
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, TIMEOUT
+from ros_harness import DYNAMICS, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GOAL = [0.4, 0.9]
 Result = FollowJointTrajectory.Result
-
-
-def seconds(t: float) -> Duration:
-    whole, rest = divmod(round(1e9 * t), 1_000_000_000)
-    return Duration(sec=whole, nanosec=rest)
 
 
 def goal_of(
@@ -43,45 +37,6 @@ def goal_of(
             time_from_start=seconds(t))
         for t, q in points])
     return FollowJointTrajectory.Goal(trajectory=trajectory, **more)
-
-
-class Sent:
-    """A goal that a server has accepted."""
-
-    def __init__(self, client: 'Client', goal: FollowJointTrajectory.Goal) -> None:
-        self.feedback: list[Any] = []
-        self._client = client
-        self.handle = client.answer(client.action.send_goal_async(
-            goal, feedback_callback=lambda message: self.feedback.append(message.feedback)))
-        assert self.handle.accepted
-        self._result = self.handle.get_result_async()
-
-    def result(self, timeout: float = TIMEOUT) -> tuple[int, int, str]:
-        """Return the status, the error code and the error string."""
-        found = self._client.answer(self._result, timeout)
-        return found.status, found.result.error_code, found.result.error_string
-
-    def cancel(self) -> None:
-        assert len(self._client.answer(self.handle.cancel_goal_async()).goals_canceling) == 1
-
-
-class Client:
-    """A client of the action of one node."""
-
-    def __init__(self, client: RosClient, namespace: str) -> None:
-        self.namespace = namespace
-        self.action = ActionClient(
-            client.node, FollowJointTrajectory, f'{namespace}/dynamics/follow_joint_trajectory')
-        assert self.action.wait_for_server(LONG)
-
-    def answer(self, future: Any, timeout: float = TIMEOUT) -> Any:
-        done = threading.Event()
-        future.add_done_callback(lambda _: done.set())
-        assert done.wait(timeout), f'no answer in {timeout:g} s'
-        return future.result()
-
-    def send(self, goal: FollowJointTrajectory.Goal) -> Sent:
-        return Sent(self, goal)
 
 
 @contextmanager

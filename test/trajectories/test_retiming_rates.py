@@ -81,9 +81,7 @@ def test_the_result_keeps_all_limits(name: str, seed: int, share: float) -> None
     t = segments.time(rows, phases)
     new = np.diff(t) > 1e-9
     steps = np.abs(np.diff(tau, axis=0))[new] / np.diff(t)[new][:, None]
-    assert (steps <= 1.25 * rates).all()  # between the points; at them at most 1
-    at_points = np.abs(np.diff(tau[::5], axis=0)) / np.diff(t[::5])[:, None]
-    assert (at_points <= 1.001 * rates).all()
+    assert (steps <= 1.02 * rates).all()
 
 
 @pytest.mark.parametrize('name', ARMS)

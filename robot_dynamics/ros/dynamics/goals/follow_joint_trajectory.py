@@ -11,11 +11,13 @@ reason. An invalid goal does not disturb the motion.
 from collections.abc import Callable, Generator
 from dataclasses import replace
 import math
+import threading
 import time
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
@@ -49,6 +51,8 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 FEEDBACK_PERIOD = 0.05
 """[s]"""
+RESULT_TIMEOUT = 60
+"""[s] for which a result is kept; rclpy keeps those of many goals for 900 s."""
 LAST_REQUEST = 0.2
 """[s] after the end of a goal in which its client asks for the result."""
 
@@ -72,6 +76,8 @@ class FollowJointTrajectoryServer:
         self._node, self._path, self._input, self._values = node, path, accepted, values
         self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
         self._open, self._ended_at = 0, -math.inf
+        self._lock = threading.Lock()
+        """Protects the three above: an executor may have several threads."""
         self._type = action_type()
         self._server: _GuardedServer | None = None
         if self._type is None:
@@ -79,12 +85,14 @@ class FollowJointTrajectoryServer:
                 '~/follow_joint_trajectory is not offered: control_msgs is not installed '
                 '(ros-jazzy-control-msgs)')
             return
-        self._feedback = node.create_timer(FEEDBACK_PERIOD, self._publish_feedback)
+        self._feedback = node.create_timer(  # simulated time may be paused
+            FEEDBACK_PERIOD, self._publish_feedback,
+            clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._feedback.cancel()
         self._ended = node.create_guard_condition(self._look)
         self._server = _GuardedServer(
             node, self._type, '~/follow_joint_trajectory', self._execute,
-            goal_callback=self._take, cancel_callback=self._cancel)
+            goal_callback=self._take, cancel_callback=self._cancel, result_timeout=RESULT_TIMEOUT)
 
     @property
     def is_busy(self) -> bool:
@@ -102,7 +110,8 @@ class FollowJointTrajectoryServer:
 
     async def _take(self, request: Any) -> GoalResponse:
         """Accept a goal, as soon as its client can receive all answers (`answer_delivery`)."""
-        self._open += 1
+        with self._lock:
+            self._open += 1
         self._feedback.reset()  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
@@ -120,8 +129,9 @@ class FollowJointTrajectoryServer:
         try:
             return await self._executed(handle)
         finally:
-            self._open -= 1
-            self._ended_at = time.monotonic()
+            with self._lock:
+                self._open -= 1
+                self._ended_at = time.monotonic()
 
     async def _executed(self, handle: ServerGoalHandle) -> Any:
         if handle.is_cancel_requested:
@@ -134,7 +144,8 @@ class FollowJointTrajectoryServer:
             handle.abort()
             return self._result(_code_of(error), describe_error(error))
         done = Future()
-        self._running.append((handle, goal, done))
+        with self._lock:
+            self._running.append((handle, goal, done))
         if goal.result is not None:
             self._ended.trigger()
         await done
@@ -176,21 +187,22 @@ class FollowJointTrajectoryServer:
     def _look(self) -> None:
         """Stop for goals that are cancelled, and report the goals that have ended."""
         loop, waiting = self._path.loop, []
-        for handle, goal, done in self._running:
-            if goal.result is not None and not (
-                    goal.result.is_canceled and not handle.is_cancel_requested):
-                done.set_result(None)
-                continue
-            waiting.append((handle, goal, done))
-            if handle.is_cancel_requested and loop is not None:
-                loop.cancel(goal)
-        self._running = waiting
-        if not self._open:
-            self._feedback.cancel()
+        with self._lock:
+            for handle, goal, done in self._running:
+                if goal.result is not None and not (
+                        goal.result.is_canceled and not handle.is_cancel_requested):
+                    done.set_result(None)
+                    continue
+                waiting.append((handle, goal, done))
+                if handle.is_cancel_requested and loop is not None:
+                    loop.cancel(goal)
+            self._running = waiting
+            if not self._open:
+                self._feedback.cancel()
 
     def _publish_feedback(self) -> None:
         self._look()
-        for handle, goal, _ in self._running:
+        for handle, goal, _ in list(self._running):
             if goal.progress is not None:
                 handle.publish_feedback(self._as_feedback(goal.progress))
 
