@@ -113,7 +113,8 @@ def _rates(limits: PathLimits, result: JointTrajectory, rates: FloatArray) -> Fl
     motion = segments.sample(np.repeat(np.arange(k), len(phases)), np.tile(phases, k))
     tau = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(*motion)
     steps = np.abs(np.diff(tau.reshape(k, len(phases), -1), axis=1)).max(axis=1)
-    return np.asarray((_PARTS * steps / np.diff(segments.times)[:, np.newaxis] / rates).max(axis=1))
+    T = np.diff(segments.times)[:, np.newaxis]
+    return np.asarray((_PARTS * steps / T / rates).max(axis=1))
 
 
 class Smoothed(NamedTuple):

@@ -295,3 +295,12 @@ def test_durations_are_close_to_those_of_the_oracle(ruckig: Any, count: int) -> 
 def can_brake(case: Case) -> bool:
     """Return whether all joints can stop with the limits with which the oracle plans."""
     return all(joint.earliest_stop()[1] is joint.full for joint in case.joints())
+
+
+@pytest.mark.parametrize('arrival', [5e-324, 1e-300, 1e-12, 1e-9])
+def test_an_arrival_at_once_is_the_earliest_one(arrival: float) -> None:
+    ones = np.ones(1)
+    limits = MotionLimits(-10.0 * ones, 10.0 * ones, ones, 5.0 * ones, 90.0 * ones)
+    start = Reference(0.0 * ones, 0.9 * ones, 0.0 * ones)
+    plan, earliest = (plan_to_goal(start, -ones, limits, T) for T in (arrival, 0.0))
+    assert plan.duration == pytest.approx(earliest.duration)
