@@ -10,7 +10,6 @@ extra `report`, a report has only the static figures.
 """
 
 from collections.abc import Sequence
-from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +30,8 @@ MAX_POINTS = 6000
 ROW_HEIGHT, LEGEND_HEIGHT, LEFT = 200, 30, 75
 """[pixel]"""
 FONT = '12px'
+WITHOUT_BOKEH = (
+    'The figures zoom if the library Bokeh is installed: python -m pip install bokeh')
 USE = ('Drag over a time span to zoom all figures to it. The tools on the right move, zoom and '
        'reset the figures, and save one as a picture; a click on a legend entry hides its line. '
        'In print, the figures are static.')
@@ -51,14 +52,13 @@ def zoomable_figures(
     Return figures with a row per joint and a column per panel, and a common time axis.
 
     `static` is the static counterpart as PNG, which print shows, and `what` describes it.
-    Without Bokeh the result is that image, with the command that installs Bokeh.
+    Without Bokeh the result is that image, with a command that installs Bokeh.
     """
     image = html_page.image(static, what)
     try:
         span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
-    except MissingDependencyError as error:
-        reason = escape(str(error))
-        return Zoomable('', f'{image}<p>{reason[0].upper()}{reason[1:]}</p>')
+    except MissingDependencyError:  # whose message has a path of this machine
+        return Zoomable('', f'{image}<p>{WITHOUT_BOKEH}</p>')
     rows = []
     for row, name in enumerate(joint_names):
         prismatic = joint_kinds[row] == 'prismatic'

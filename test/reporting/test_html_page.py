@@ -3,6 +3,7 @@
 
 """The frame of every HTML report, and its figures with and without Bokeh."""
 
+from pathlib import Path
 import re
 import sys
 
@@ -55,6 +56,12 @@ def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
     assert found.head == ''
     assert found.figures.startswith('<div class="static wide"><img alt="what"')
     assert 'install bokeh' in found.figures
+    assert sys.executable not in found.figures  # no report contains a path of its machine
+
+
+def test_the_plain_setup_installs_what_reports_zoom_with():
+    plain = Path(__file__).parents[2] / 'requirements' / 'python.txt'
+    assert re.search(r'^bokeh', plain.read_text(encoding='utf-8'), re.MULTILINE)
 
 
 def test_the_figures_contain_their_script_units_and_boundary():
