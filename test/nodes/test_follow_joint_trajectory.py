@@ -132,7 +132,7 @@ def test_tolerances_that_the_arm_exceeds_abort_the_goal(client: RosClient) -> No
 
 
 def test_a_cancelled_goal_ends_at_rest(client: RosClient) -> None:
-    with served(client, '/cancels', lock_step=False) as (server, _), \
+    with served(client, '/cancels', real_time_factor=1.0) as (server, _), \
             client.collect(JointState, '/cancels/joint_states') as states:
         sent = server.send(goal_of((0.0, START), (3.0, GOAL)))
         wait_until(lambda: any(
