@@ -59,9 +59,9 @@ class PathGrid(NamedTuple):
             self.sign[last], self.rests[keep])
 
 
-def make_grid(path: Path, fineness: float = 1.0) -> PathGrid:
-    """Return a grid with about `fineness` times the usual number of intervals."""
-    piece, start, end, rests = _with_ramps(path, *_intervals(path, fineness))
+def make_grid(path: Path) -> PathGrid:
+    """Return the grid of a path."""
+    piece, start, end, rests = _with_ramps(path, *_intervals(path))
     middle = 0.5 * (start + end)
     half = 0.5 * (end - start)
     m = len(piece)
@@ -88,7 +88,7 @@ def _end(
     return PathEnd(q, tangent, curvature)
 
 
-def _intervals(path: Path, fineness: float) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
+def _intervals(path: Path) -> tuple[IntArray, FloatArray, FloatArray, BoolArray]:
     """Return the piece, the phases of both ends, and the nodes at rest, of each interval."""
     k = len(path.coefficients)
     samples = max(4, -(-_SAMPLES // k))
@@ -99,7 +99,7 @@ def _intervals(path: Path, fineness: float) -> tuple[IntArray, FloatArray, Float
     direction = v / np.maximum(speed, 1e-300)[:, np.newaxis]
     turn = np.linalg.norm(np.diff(direction, axis=0, append=direction[-1:]), axis=1)
     turn.reshape(k, samples)[:, -1][path.rests[1:]] = 0.0
-    density = _density(speed / samples, turn, path.rests, fineness).reshape(k, samples)
+    density = _density(speed / samples, turn, path.rests).reshape(k, samples)
     counts = np.maximum(np.rint(density.sum(axis=1)), 1.0)
     index = np.concatenate((np.zeros((k, 1)), np.cumsum(density, axis=1)), axis=1)
     index *= (counts / index[:, -1])[:, np.newaxis]
@@ -141,7 +141,7 @@ def _with_ramps(
 
 
 def _density(
-    step: FloatArray, turn: FloatArray, rests: BoolArray, fineness: float,
+    step: FloatArray, turn: FloatArray, rests: BoolArray,
 ) -> FloatArray:
     """Return the number of intervals per sample of the path."""
     along = np.concatenate(([0.0], np.cumsum(step)))
@@ -154,4 +154,4 @@ def _density(
     time = step / np.sqrt(np.clip(distance, 1e-12 * span, _CAP * span))
     per_section = np.bincount(section, time)
     share = np.maximum(LEAST_INTERVALS * per_section / per_section.sum(), _SECTION)
-    return np.asarray(fineness * (time * (share / per_section)[section] + turn / _TURN))
+    return np.asarray(time * (share / per_section)[section] + turn / _TURN)
