@@ -74,6 +74,7 @@ FEED_FORWARD = 'feed_forward'
 MODES = {
     'gravity_compensation': ('gravity_compensation', COMMAND_TOPIC),
     'trajectory': ('computed_torque', COMMAND_TOPIC),
+    'hand_guiding': ('hand_guiding', COMMAND_TOPIC),
     'joint_impedance': ('joint_impedance', COMMAND_TOPIC),
     FEED_FORWARD: ('computed_torque', FEED_FORWARD)}
 """The parameter `command`, and the topic at whose message counting ends."""

@@ -30,6 +30,7 @@ from robot_dynamics.control.laws.control_law import (
     load_law,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.hand_guiding import HandGuiding
 from robot_dynamics.control.laws.joint_impedance import JointImpedance
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
@@ -48,6 +49,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 LAWS: dict[str, LawFactory] = {
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,
+    'hand_guiding': HandGuiding,
     'joint_impedance': JointImpedance,
 }
 """The control laws of this package, by the values of the parameter `command`."""
@@ -107,6 +109,8 @@ class Controller:
         """The stop at a first state, which the second state replaces."""
         self.has_lost_velocity = False
         """Whether a reference has ended because states have no velocity; the reader resets it."""
+        self.force_feedback: FloatArray | None = None
+        """External effort of a follower (n,), which `hand_guiding` lets feel, or None."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self._options = options
@@ -190,7 +194,9 @@ class Controller:
         """Scale gains and references to the bandwidth that states and oscillations allow."""
         law = self._law_with_reference
         self._reference.scale(self._gains.reference_scale)
-        law.scale_gains(self._gains.scale * self.adaptation.scale)
+        scale = self._gains.scale * self.adaptation.scale
+        for each in (law, self._law_at_rest):
+            each.scale_gains(scale)
         self.adaptation.apply(law)
 
     # ------------------------------------------------------------------ references
@@ -223,7 +229,7 @@ class Controller:
         """Return the last state; raise TrajectoryError if no reference can start from it."""
         if not self._follows:
             names = [name for name in command_modes()
-                     if name not in ('gravity_compensation', NO_COMMAND)]
+                     if name not in ('gravity_compensation', 'hand_guiding', NO_COMMAND)]
             raise TrajectoryError(
                 f'command is {self._options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')
@@ -425,7 +431,9 @@ class Controller:
             law = self._law_with_reference
             if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
                 q_ahead = q + gains.lag * v
-        state = LawInput(load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback)
+        state = LawInput(
+            load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback,
+            self.force_feedback)
         answer, options, drive = law(state), self._options, self.arm.drive
         self._followed = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds

@@ -27,6 +27,7 @@ from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffort
 from robot_dynamics.control.controller import Controller, NO_COMMAND, Prepared
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.laws.guiding import make_guiding
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -72,6 +73,8 @@ AT_REST, SLOW = 0.002, 0.03
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped, and its velocity then."""
 REST_TIME_NS = 100_000_000
 """[ns]"""
+FEEDBACK_TIME = 0.05
+"""[s] for which a force feedback is felt without a newer one."""
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
 FROZEN_RECOVERY = 25
@@ -124,6 +127,8 @@ class ControlLoop:
         """The goal that is executed, or None."""
         self.interruption = ''
         """Reason why the last reference ended early, until the next reference."""
+        self._feedback_until = math.inf
+        """Steady time [s] until which the force feedback counts."""
         self.notice = ''
         """Message for the operator; the caller that logs it sets it to an empty string."""
         self.restarts: Counter[str] = Counter()
@@ -152,7 +157,8 @@ class ControlLoop:
         rates = default_effort_rates(arm)
         defaults: dict[str, Any] = {
             'gains': make_gains(arm.joint_names),
-            'impedance': make_impedance(arm.joint_names, arm.limits.effort), 'effort_rate': (
+            'impedance': make_impedance(arm.joint_names, arm.limits.effort),
+            'guiding': make_guiding(arm), 'effort_rate': (
                 rates if arm.drive is None else arm.drive.scale * rates),
             'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
             'estimates_velocity': True, 'checks_goals': True}
@@ -270,6 +276,12 @@ class ControlLoop:
             self.stream.arrived(trajectory.is_set_point, self._steady)
             self.interruption = ''
 
+    def set_force_feedback(self, external: FloatArray, now: float) -> None:
+        """Let `hand_guiding` feel the external effort (n,) of a follower for FEEDBACK_TIME."""
+        with self.lock:
+            self.controller.force_feedback = external
+            self._feedback_until = now + FEEDBACK_TIME
+
     def end_goal(self, reason: str) -> None:
         """End the goal that is executed, if there is one."""
         with self.lock:
@@ -354,6 +366,8 @@ class ControlLoop:
             clock_ns = stamp_ns if clock_ns is None else clock_ns
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
+            if now > self._feedback_until:
+                self.controller.force_feedback, self._feedback_until = None, math.inf
             try:
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)

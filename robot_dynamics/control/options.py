@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.error_feedback import Gains
+from robot_dynamics.control.laws.guiding import Guiding
 from robot_dynamics.control.laws.impedance import Impedance
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
@@ -63,6 +64,8 @@ class ControllerOptions:
     """Clip positions beyond the limits instead of rejecting them."""
     impedance: Impedance | None = None
     """Stiffness and damping ratio of the law `joint_impedance`, which requires them."""
+    guiding: Guiding | None = None
+    """Options of the law `hand_guiding`, which requires them."""
     drive_stiffness: FloatArray | None = None
     """k_p (n,) [N·m/rad] or [N/m] of drives that move the arm with `FeedForward`."""
 

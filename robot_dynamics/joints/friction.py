@@ -192,12 +192,25 @@ class JointFriction:
         if self.is_viscous:
             return np.asarray(self.viscous * v + pull)
         offset = stiffness * error / self.tracking_width
-        effort = pull + self._joint_effort(
-            v, share * _tracking_sign(v / SMOOTHING_VELOCITY, offset))
+        direction = gear = share * _tracking_sign(v / SMOOTHING_VELOCITY, offset)
+        if self.has_gear_terms:
+            gear = share * _tracking_sign(v / self.sigmoid_velocity, offset)
+        return pull + self.directed_effort(v, direction, gear, load)
+
+    def directed_effort(
+        self, v: FloatArray, direction: FloatArray, gear_direction: FloatArray,
+        load: FloatArray | float = 0.0,
+    ) -> FloatArray:
+        """
+        Return the friction (n,) at a velocity v whose dry parts have these directions.
+
+        `direction` (n,) in [-1, 1] is that of dry friction, `gear_direction` that of friction of
+        gears and drives.
+        """
+        effort = self._joint_effort(v, direction)
         if not self.has_gear_terms:
             return effort
-        sign = share * _tracking_sign(v / self.sigmoid_velocity, offset)
-        return effort + (self._gear_size(load) * sign + self.effort_bias)
+        return effort + (self._gear_size(load) * gear_direction + self.effort_bias)
 
     @cached_property
     def tracking_width(self) -> FloatArray:

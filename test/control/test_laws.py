@@ -21,6 +21,7 @@ from robot_dynamics.control.laws.control_law import (
     LawOutput,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
+from robot_dynamics.control.laws.guiding import make_guiding
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
@@ -39,7 +40,7 @@ STATES = 40
 
 IMPEDANCE = page_law()['impedance']
 ALL = {**LAWS, 'impedance': IMPEDANCE}
-FOLLOWS = {name: name != 'gravity_compensation' for name in ALL}
+FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name in ALL}
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +61,7 @@ def make(arm: ArmModel, name: str, **options: object) -> Controller:
     gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
     impedance = make_impedance(arm.joint_names, arm.limits.effort)
     return Controller(arm, ControllerOptions(
-        gains, command=name, impedance=impedance, **options))  # type: ignore[arg-type]
+        gains, command=name, impedance=impedance, guiding=make_guiding(arm), **options))  # type: ignore[arg-type]
 
 
 def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:

@@ -11,6 +11,8 @@ from robot_dynamics.control.laws.control_law import (
     LawOutput,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.laws.guiding import Guiding, make_guiding
+from robot_dynamics.control.laws.hand_guiding import HandGuiding
 from robot_dynamics.control.laws.impedance import Impedance, make_impedance
 from robot_dynamics.control.laws.joint_impedance import JointImpedance
 
@@ -20,10 +22,13 @@ __all__ = [
     'ErrorFeedback',
     'Gains',
     'GravityCompensation',
+    'Guiding',
+    'HandGuiding',
     'Impedance',
     'JointImpedance',
     'LawInput',
     'LawOutput',
     'make_gains',
+    'make_guiding',
     'make_impedance',
 ]

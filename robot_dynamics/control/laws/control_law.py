@@ -44,6 +44,8 @@ class LawInput(NamedTuple):
     q_ahead: FloatArray
     trajectory: ActiveTrajectory | None
     feedback: ErrorFeedback
+    force_feedback: FloatArray | None = None
+    """External effort of a follower (n,) [N·m] or [N], None without one."""
 
     @property
     def gravity(self) -> FloatArray:

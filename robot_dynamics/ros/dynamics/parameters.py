@@ -15,6 +15,13 @@ from robot_dynamics.control.laws.error_feedback import (
     per_joint,
 )
 from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
+from robot_dynamics.control.laws.guiding import (
+    DEFAULT_FEEDBACK_GAIN,
+    DEFAULT_SHARE,
+    LARGEST_FEEDBACK_GAIN,
+    LARGEST_SHARE,
+    make_guiding,
+)
 from robot_dynamics.control.laws.impedance import LEAST_DAMPING_RATIO, make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -132,7 +139,8 @@ SPECS = (
     text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
         'computed_torque and joint_impedance stop the arm from the first joint state and hold it; '
-        'gravity_compensation does not hold it. Other packages may add laws.'),
+        'gravity_compensation does not hold it, hand_guiding lets it be moved by hand. Other '
+        'packages may add laws.'),
         choices=command_modes()),
     numbers('gains.natural_frequency', 0.0, 1e4, (
         'Natural frequency [rad/s] of the tracking error; one value for all joints or one per '
@@ -157,6 +165,15 @@ SPECS = (
         'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
         'impedance.damping_ratio; one value for all joints or one per joint. At least half of the '
         'critical damping acts.')),
+    numbers('hand_guiding.friction_share', 0.0, LARGEST_SHARE, (
+        'Share of friction that hand_guiding compensates; one value for all joints or one per '
+        'joint.'), default=[DEFAULT_SHARE]),
+    numbers('hand_guiding.speed', 0.0, 1e8, (
+        'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint; one value for all joints '
+        'or one per joint. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
+    numbers('hand_guiding.feedback_gain', 0.0, LARGEST_FEEDBACK_GAIN, (
+        'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for all '
+        'joints or one per joint.'), default=[DEFAULT_FEEDBACK_GAIN]),
     flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
         'false, the arm can oscillate.')),
@@ -198,12 +215,13 @@ SPECS = (
 )
 GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd')
 IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio', 'impedance.damping')
+GUIDING = ('hand_guiding.friction_share', 'hand_guiding.speed', 'hand_guiding.feedback_gain')
 
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
     for name in (
-            *GAINS, *IMPEDANCE, 'drive.stiffness', 'following_error_limit',
+            *GAINS, *IMPEDANCE, *GUIDING, 'drive.stiffness', 'following_error_limit',
             'external_effort_limit', 'goal.path_tolerance', 'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
@@ -218,6 +236,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         clips_positions=values['infeasible_trajectory'] == 'clip',
         impedance=make_impedance(
             arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
+        guiding=make_guiding(arm, *(values[name] for name in GUIDING)),
         drive_stiffness=optional_values('drive.stiffness', values, arm))
 
 

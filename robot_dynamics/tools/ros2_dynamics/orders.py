@@ -13,6 +13,7 @@ EFFECTS = {
     'none': 'a moving arm stops first; the effort is then ramped to zero',
     'gravity_compensation': 'the arm can be moved by hand, and is not held',
     'computed_torque': 'the arm stops and is held',
+    'hand_guiding': 'the arm can be moved by hand, and friction holds it',
     'joint_impedance': 'the arm stops, and springs hold it'}
 """What a node does after the change to a law of this package."""
 

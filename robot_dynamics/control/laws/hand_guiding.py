@@ -1,0 +1,144 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Hand guiding: the arm weighs nothing, its joints turn easily, and neither too fast nor too far.
+
+τ = g(q) + α τ_f + M(q) K_d (q̇_a − q̇) + f. q̇_a is the velocity q̇ within the bounds
+
+    max(−q̇_max, −β (q − q_lower)) <= q̇_a <= min(q̇_max, β (q_upper − q)), β = K_p/K_d
+
+so that a joint which is too fast is braked, and comes to its position limit as slowly as the
+feedback K_p e + K_d ė would bring it there; at rest beyond the limit the effort is that of a
+spring, M K_p e, and a joint that returns receives no energy of it. K_p and K_d are those of
+computed torque, scaled by rate and noise of the joint states.
+
+Compensation of dry friction at the measured velocity is negative damping, and where friction
+yields before it slides it feeds a vibration (`JointFriction.tracking_effort`). The direction z of
+the compensation therefore follows the way of the joint: dz = dq / w − (v_d / w) z dt, within ±1,
+with the width w of the compensation at rest. Slower than v_d it is less than full, and at rest it
+fades, so that the whole dry friction holds the arm. In motion at least MASS_ERROR of gravity
+remains of dry friction, as far as the share exceeds LEAST_SHARE.
+"""
+
+from functools import partial
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.force_feedback import ForceFeedback
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm_dynamics import EffortTerms
+
+FULL_SPEED = 0.05
+"""v_d [rad/s] or [m/s]."""
+SLOWNESS = 0.02
+"""Time constant [s] of the velocity at which viscous friction is compensated."""
+MASS_ERROR, LEAST_SHARE = 0.07, 0.42
+WALL_WIDTH = 0.02
+"""[rad] or [m] before a position limit at which a joint comes to rest."""
+LONGEST_STEP = 0.1
+"""[s] between two states after which the motion between them is unknown."""
+
+
+class HandGuiding(ControlLaw):
+    """The law τ = g + α τ_f + M K_d (q̇_a − q̇) + f, without a reference."""
+
+    follows = False
+
+    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
+        """Raise InvalidInputError if the options contain no guiding."""
+        if options.guiding is None:
+            raise InvalidInputError(
+                'guiding is not given, expected that of make_guiding for hand_guiding')
+        self._guiding, self._gains = options.guiding, feedback.gains
+        self._lower, self._upper = (
+            self._guiding.lower + WALL_WIDTH, self._guiding.upper - WALL_WIDTH)
+        self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
+        self._last: tuple[int, FloatArray] | None = None
+        self._z = self._v = np.zeros(len(self._lower))
+        self._zero = np.zeros(len(self._lower))
+
+    def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return K_p and K_d, which act at a limit."""
+        return np.diag(self._gains.kp), np.diag(self._gains.kd)
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        """Return the effort; without a velocity, g(q)."""
+        gravity, zero = state.gravity, self._zero
+        moved, dt = self._moved(state)
+        v, dynamics, friction, remaining, f = state.v, state.dynamics, zero, zero, zero
+        if v is None or dt == 0.0:
+            return LawOutput(gravity, partial(
+                self._terms, state, gravity, zero, zero, zero), zero, False, gravity)
+        if not dynamics.is_frictionless:
+            friction, remaining = self._friction(state, gravity, moved, dt)
+        a = self._braking(state.q, v, moved / dt)
+        effort = gravity + friction
+        if a.any():
+            effort = effort + dynamics.rigid_body.mass_matrix(state.q) @ a
+        if state.force_feedback is None:
+            self._feedback.restart()
+        else:
+            f = self._feedback.effort(state.force_feedback, moved, self._v, dt, remaining)
+            effort = effort + f
+        return LawOutput(
+            effort, partial(self._terms, state, gravity, a, friction, f), friction, False,
+            gravity)
+
+    def _moved(self, state: LawInput) -> tuple[FloatArray, float]:
+        """Return how far the joints have moved since the last state (n,), and in which time."""
+        last, self._last = self._last, (state.stamp_ns, state.q)
+        dt = 0.0 if last is None else 1e-9 * (state.stamp_ns - last[0])
+        if last is None or not 0.0 < dt <= LONGEST_STEP:
+            self._z = self._v = self._zero
+            self._feedback.restart()
+            return self._zero, 0.0
+        moved = state.feedback.position_error(state.q, last[1])
+        self._v = self._v + (moved - self._v * dt) / (SLOWNESS + dt)
+        return moved, dt
+
+    def _friction(
+        self, state: LawInput, gravity: FloatArray, moved: FloatArray, dt: float,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
+        friction, alpha = state.dynamics.friction, self._guiding.friction_share
+        w = friction.tracking_width
+        self._z = np.clip(
+            self._z + moved / w - np.minimum(FULL_SPEED * dt / w, 1.0) * self._z, -1.0, 1.0)
+        dry = np.maximum(friction.at_rest.static, 1e-9)
+        spare = 1.0 - MASS_ERROR * np.abs(gravity) / dry
+        share = np.minimum(alpha, np.maximum(spare, LEAST_SHARE))
+        direction = np.divide(
+            share, alpha, out=np.zeros_like(alpha), where=alpha > 0.0) * self._z
+        compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
+        return compensation, (1.0 - share) * dry
+
+    def _braking(self, q: FloatArray, v: FloatArray, mean: FloatArray) -> FloatArray:
+        """
+        Return the acceleration (n,) of joints that are too fast.
+
+        The velocity is the smaller one of v and the mean since the last state, because a wrong
+        sign would drive the joint.
+        """
+        s, most = self.scale, self._guiding.speed
+        beta = s * self._gains.ratio
+        v = np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)
+        allowed = np.minimum(np.maximum(
+            v, np.maximum(-most, beta * (self._lower - q))), np.minimum(
+                most, beta * (self._upper - q)))
+        return np.asarray(s * self._gains.kd * (allowed - v))
+
+    def _terms(
+        self, state: LawInput, gravity: FloatArray, a: FloatArray, friction: FloatArray,
+        f: FloatArray,
+    ) -> EffortTerms:
+        """Return the terms; braking and the force feedback are part of the term `inertial`."""
+        if f.any():
+            a = a + np.linalg.solve(state.dynamics.rigid_body.mass_matrix(state.q), f)
+        v = state.v if state.v is not None else self._zero
+        terms = equation_terms(state.dynamics, state.q, self._zero, a, friction, gravity)
+        return terms._replace(
+            kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, v))

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What two arms of a teleoperation send each other: set-points, and the force of the follower."""
+
+from collections.abc import Sequence
+import time
+
+import numpy as np
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.validation import check_vector, LARGEST_VALUE
+from sensor_msgs.msg import JointState
+
+NEWEST_ONLY = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Matches publishers of joint states, reliable or not; older messages are of no use."""
+DEVIATIONS = 2.0
+"""Standard deviations by which the force of a follower is reduced: they may be none."""
+
+
+class Teleoperation:
+    """Passes ~/set_point and ~/force_feedback to the loop of a control path."""
+
+    def __init__(
+        self, node: GuardedCallbacks, path: ControlPath, trajectories: TrajectoryInput,
+    ) -> None:
+        """Subscribe on a node; set-points count as goals of `trajectories`."""
+        self._node, self._path, self._trajectories = node, path, trajectories
+        self._deviation: FloatArray | None = None
+        for topic, callback, refuse in (
+                ('~/set_point', self._follow, trajectories.refuse),
+                ('~/force_feedback', self._feel, self._refuse),
+                ('~/force_feedback_deviation', self._take_deviation, self._refuse)):
+            node.create_subscription(JointState, topic, callback, NEWEST_ONLY, refuse=refuse)
+
+    def _follow(self, message: JointState) -> None:
+        """Follow a set-point, or count and log why it is rejected."""
+        try:
+            loop = self._path.loop
+            if loop is None:
+                raise InvalidInputError('no model yet: no set-point can be followed')
+            names = loop.controller.arm.joint_names
+            trajectory = make_trajectory(
+                names, [0.0], [_values(names, message, 'position')],
+                [_values(names, message, 'velocity')] if len(message.velocity) else [], [], names)
+            loop.follow(trajectory)
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self._trajectories.refuse(error)
+            return
+        self._trajectories.accept(loop, trajectory)
+
+    def _feel(self, message: JointState) -> None:
+        try:
+            effort = self._efforts(message)
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self._refuse(error)
+            return
+        deviation, loop = self._deviation, self._path.loop
+        if deviation is not None and len(deviation) == len(effort):
+            effort = np.sign(effort) * np.maximum(np.abs(effort) - DEVIATIONS * deviation, 0.0)
+        if loop is not None:
+            loop.set_force_feedback(effort, time.monotonic())
+
+    def _take_deviation(self, message: JointState) -> None:
+        try:
+            self._deviation = np.abs(self._efforts(message))
+        except Exception as error:  # an exception here would end the spin of rclpy
+            self._refuse(error)
+
+    def _efforts(self, message: JointState) -> FloatArray:
+        loop = self._path.loop
+        if loop is None:
+            raise InvalidInputError('no model yet: no force can be felt')
+        return _values(loop.controller.arm.joint_names, message, 'effort')
+
+    def _refuse(self, error: Exception) -> None:
+        self._node.get_logger().error(
+            f'Rejected a force: {describe_error(error)}', throttle_duration_sec=LOG_PERIOD)
+
+
+def _values(joint_names: Sequence[str], message: JointState, field: str) -> FloatArray:
+    """Return the values (n,) of these joints; raise InvalidInputError. Others are ignored."""
+    values, names = getattr(message, field), message.name
+    if len(values) != len(names):
+        raise InvalidInputError(
+            f'{field} has {len(values)} values, expected {len(names)} as name has')
+    missing = [name for name in joint_names if name not in names]
+    if missing:
+        raise InvalidInputError(
+            f'name leaves out {missing}, expected every joint of {list(joint_names)}')
+    return check_vector(
+        field, [values[names.index(name)] for name in joint_names], len(joint_names), joint_names,
+        LARGEST_VALUE)
