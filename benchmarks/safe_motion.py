@@ -36,6 +36,7 @@ from benchmarks.safe_motion_cases import (
     TRAJECTORY,
 )
 from benchmarks.safe_motion_disturbances import DISTURBANCES
+from benchmarks.safe_motion_hand import HAND_GUIDING
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import (
@@ -55,9 +56,14 @@ from robot_dynamics.reporting.figures import (
 QUICK = 20
 """`--quick` without a number runs one case of this many."""
 NONE = 'none'
-SLOWEST_OF_DRIVES = 100
-"""[Hz] of joint states: the steps of slower commands are ripples of the velocity of a drive."""
-COMMANDS = ('computed_torque', 'joint_impedance', FEED_FORWARD)
+FAST_ONLY, SLOWEST = (FEED_FORWARD, HAND_GUIDING), 100
+"""
+Modes that need joint states at least at this rate [Hz].
+
+Steps of slower commands are ripples of the velocity of a drive; late gravity compensation is
+unstable without feedback.
+"""
+COMMANDS = ('computed_torque', 'joint_impedance', HAND_GUIDING, FEED_FORWARD)
 SHOWN = 10
 """Bad runs that are listed."""
 STYLES = dict(zip(ARMS, (
@@ -84,8 +90,8 @@ def main(argv: Sequence[str] = ()) -> None:
         cases += all_cases(arms, arguments.kinds)[::arguments.quick]
     cases = [case._replace(
         has_velocity=not arguments.positions_only, command=arguments.command) for case in cases]
-    if arguments.command == FEED_FORWARD:
-        cases = [case for case in cases if case.rate >= SLOWEST_OF_DRIVES]
+    if arguments.command in FAST_ONLY:
+        cases = [case for case in cases if case.rate >= SLOWEST]
     start = time.perf_counter()
     runs = run_all(cases, arguments.jobs)
     _print_report(runs, time.perf_counter() - start, arguments.jobs)

@@ -24,6 +24,8 @@ A run is bad for one of these reasons:
   not know, have no such verdict. After a push this distance is the width
   in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an
   unknown load that causes a fault ends the motion;
+- hand guiding: a person moves the arm (`safe_motion_hand`) and may pass a goal; the arm need not
+  arrive, and an unknown load may take it past a limit;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
 - false alarm: the check of the velocities doubts true velocities;
@@ -37,6 +39,7 @@ from typing import NamedTuple
 from benchmarks.safe_motion_cases import Case, PERIODS, PUSH
 from benchmarks.safe_motion_disturbances import scene_of, static_sag
 from benchmarks.safe_motion_gearbox import GearedPlant, SLOWEST
+from benchmarks.safe_motion_hand import HAND_GUIDING
 from benchmarks.safe_motion_scene import Scene, STEP, Trace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -141,8 +144,11 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     rates = {period: rate for rate, period in PERIODS.items()}
     margin = NOISE_MARGINS[rates[scene.longest_period]] if case.noisy else NO_MARGIN
     judged, q, last = trace.is_judged, trace.q, trace.q[-JUDGED:]
-    is_measured = ~scene.loop.consistency.frozen
-    amplitude = float(np.ptp(last, axis=0)[is_measured].max(initial=0.0))
+    is_measured, is_guided = ~scene.loop.consistency.frozen, case.command == HAND_GUIDING
+    amplitudes = np.ptp(last, axis=0)
+    if is_guided:  # a released arm may move on, but not to and fro
+        amplitudes = np.abs(np.diff(last, axis=0)).sum(axis=0) - amplitudes
+    amplitude = float(amplitudes[is_measured].max(initial=0.0))
     excess, way = _overshoot(scene, trace)
     free_way = STEP * (PERIODS[case.rate] + case.delay) * scene.start_speed
     allowed = margin.overshoot + free_way + np.maximum(OVERSHOOT_FRACTION * way, OVERSHOOT)
@@ -160,7 +166,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
     is_geared = isinstance(scene.plant, GearedPlant)
     must_arrive = goal is not None and case.motion != PUSH and not is_geared and not (
-        is_pushed and PUSHED.intersection(trace.faults))
+        is_guided or is_pushed and PUSHED.intersection(trace.faults))
     farthest = DISTANCE if scene.push is None else max(DISTANCE, UNKNOWN_WIDTH)
     is_true, is_past = scene.velocities_are_true, (
         (q > limits.upper + sag) | (q < limits.lower - sag))
@@ -168,9 +174,10 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         case.rate >= SLOWEST and not scene.plant.is_calm)
     return Outcome(
         oscillates=trace.diverges or vibrates or amplitude > AMPLITUDE + margin.amplitude,
-        overshoots=bool(is_true and not is_pushed and (excess > allowed).any()),
+        overshoots=bool(
+            is_true and not is_pushed and not is_guided and (excess > allowed).any()),
         too_fast=bool((speed > fastest * limits.velocity + margin.velocity).any()),
-        past_limit=bool(is_past[judged].any()),
+        past_limit=bool(is_past[judged].any() and not (is_guided and scene.has_unknown_load)),
         misses=must_arrive and (trace.diverges or not trace.follows or distance > farthest),
         leaves_hull=trace.hull_excess > HULL_TOLERANCE,
         false_alarm=is_true and bool(trace.doubt),

@@ -24,6 +24,7 @@ from benchmarks.safe_motion_cases import (
     PUSH,
     PUSH_END,
 )
+from benchmarks.safe_motion_hand import Hand, HAND_GUIDING
 from benchmarks.safe_motion_plant import Plant
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -168,6 +169,7 @@ class Scene:
             FloatArray, FloatArray | None]] = lambda q, v: (q, v)
         """Returns the measured state."""
         self.push = motion.push
+        self._hand = Hand(arm, motion.start) if case.command == HAND_GUIDING else None
         self.effort: FloatArray | None = None
         """The effort that acts; None: brakes hold the arm."""
         self.goal: FloatArray | None = motion.goal
@@ -224,6 +226,9 @@ class Scene:
 
     def send(self, trajectory: JointTrajectory) -> bool:
         """Send a trajectory to the loop; return whether the loop follows it."""
+        if self._hand is not None:
+            self._hand.follow(trajectory, self.time, self.plant.q)
+            return True
         before = self.state
         try:
             self.loop.follow(trajectory)
@@ -288,7 +293,10 @@ class Scene:
             if self.effort is not None:
                 effort = self.effort if self.effort.ndim == 1 or self.drives is None else (
                     self.drives.effort(self.effort, plant.q, plant.v))
-                plant.step(effort + (0.0 if push is None else push.effort), STEP)
+                others = np.zeros_like(effort) if push is None else push.effort
+                if self._hand is not None:
+                    others = others + self._hand.effort(self.time, plant.q, plant.v)
+                plant.step(effort + others, STEP)
             states.append((plant.q, plant.v))
             self._is_pushed = push is not None
             judged.append(push is None and not self._has_released() and (
@@ -391,7 +399,8 @@ class Scene:
 
     def _has_ended(self) -> bool:
         """Return whether the reference is at its end."""
-        if self.time < self.quiet_after + ENTRY or self._actions:
+        if self.time < self.quiet_after + ENTRY or self._actions or (
+                self._hand is not None and not self._hand.has_released):
             return False
         reference = self.loop.reference
         if reference is None:

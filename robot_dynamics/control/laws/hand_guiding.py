@@ -6,7 +6,7 @@ Hand guiding: the arm weighs nothing, its joints turn easily, and neither too fa
 
 τ = g(q) + α τ_f + M(q) K_d (q̇_a − q̇) + f. q̇_a is the velocity q̇ within the bounds
 
-    max(−q̇_max, −β (q − q_lower)) <= q̇_a <= min(q̇_max, β (q_upper − q)), β = K_p/K_d
+    max(−q̇_max, −β (q − q_lower)) <= q̇_a <= min(q̇_max, β (q_upper − q)),  β = K_p/K_d
 
 so that a joint which is too fast is braked, and comes to its position limit as slowly as the
 feedback K_p e + K_d ė would bring it there; at rest beyond the limit the effort is that of a
@@ -37,8 +37,11 @@ FULL_SPEED = 0.05
 SLOWNESS = 0.02
 """Time constant [s] of the velocity at which viscous friction is compensated."""
 MASS_ERROR, LEAST_SHARE = 0.07, 0.42
-WALL_WIDTH = 0.02
-"""[rad] or [m] before a position limit at which a joint comes to rest."""
+DAMPING = 1.0
+"""[1/s] of joints without known dry friction: they come to rest too."""
+WALL_PUSH, LARGEST_WALL = 10.0, 0.1
+"""A push at this acceleration of the joint [rad/s²] is held within a position limit, if the effort
+begins less than this distance [rad] before it."""
 LONGEST_STEP = 0.1
 """[s] between two states after which the motion between them is unknown."""
 
@@ -54,12 +57,10 @@ class HandGuiding(ControlLaw):
             raise InvalidInputError(
                 'guiding is not given, expected that of make_guiding for hand_guiding')
         self._guiding, self._gains = options.guiding, feedback.gains
-        self._lower, self._upper = (
-            self._guiding.lower + WALL_WIDTH, self._guiding.upper - WALL_WIDTH)
         self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
         self._last: tuple[int, FloatArray] | None = None
-        self._z = self._v = np.zeros(len(self._lower))
-        self._zero = np.zeros(len(self._lower))
+        self._zero = np.zeros(len(self._gains.kp))
+        self._z = self._v = self._zero
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return K_p and K_d, which act at a limit."""
@@ -75,7 +76,7 @@ class HandGuiding(ControlLaw):
                 self._terms, state, gravity, zero, zero, zero), zero, False, gravity)
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt)
-        a = self._braking(state.q, v, moved / dt)
+        a = self._braking(state, v, moved / dt)
         effort = gravity + friction
         if a.any():
             effort = effort + dynamics.rigid_body.mass_matrix(state.q) @ a
@@ -116,20 +117,23 @@ class HandGuiding(ControlLaw):
         compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
         return compensation, (1.0 - share) * dry
 
-    def _braking(self, q: FloatArray, v: FloatArray, mean: FloatArray) -> FloatArray:
+    def _braking(self, state: LawInput, v: FloatArray, mean: FloatArray) -> FloatArray:
         """
-        Return the acceleration (n,) of joints that are too fast.
+        Return the acceleration (n,) of joints that are too fast, or have no friction.
 
         The velocity is the smaller one of v and the mean since the last state, because a wrong
         sign would drive the joint.
         """
-        s, most = self.scale, self._guiding.speed
-        beta = s * self._gains.ratio
+        q, s, most = state.q, self.scale, self._guiding.speed
+        beta, lower, upper = s * self._gains.ratio, self._guiding.lower, self._guiding.upper
+        with np.errstate(divide='ignore'):
+            wall = np.minimum(WALL_PUSH / (s * s * self._gains.kp), LARGEST_WALL)
         v = np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)
         allowed = np.minimum(np.maximum(
-            v, np.maximum(-most, beta * (self._lower - q))), np.minimum(
-                most, beta * (self._upper - q)))
-        return np.asarray(s * self._gains.kd * (allowed - v))
+            v, np.maximum(-most, beta * (lower + wall - q))), np.minimum(
+                most, beta * (upper - wall - q)))
+        damping = np.where(state.dynamics.friction.at_rest.static > 0.0, 0.0, DAMPING)
+        return np.asarray(s * self._gains.kd * (allowed - v) - damping * v)
 
     def _terms(
         self, state: LawInput, gravity: FloatArray, a: FloatArray, friction: FloatArray,
