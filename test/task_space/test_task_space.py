@@ -121,7 +121,7 @@ def singular_positions(rng: np.random.Generator, count: int, n: int) -> Array:
 
 
 def assert_laws(state: TaskSpaceState, rng: np.random.Generator) -> None:
-    """Check what holds at any rank, for many states."""
+    """Check the laws that hold at any rank, for many states."""
     quantities = {name: getattr(state, name) for name in (
         'inverse_inertia', 'inertia', 'dynamic_inverse', 'gravity_force', 'coriolis_force',
         'directions', 'translation_singular_values', 'rotation_singular_values',

@@ -104,10 +104,10 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
             [[name, *row] for name, *row in zip(names, *motors.values())]))
     blocks.append(_in_words(energies))
     blocks += warning_lines(response.warnings)
-    optional = {'effort_deviation': deviation, **motors}
+    optional = {'effort_deviation': deviation, **derivatives, **motors}
     return Answer({
         'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
-        'terms': terms, **energies, **derivatives, **{key: value for key, value in optional.items() if value},
+        'terms': terms, **energies, **{key: value for key, value in optional.items() if value},
         'warnings': list(response.warnings)}, '\n\n'.join(blocks))
 
 
