@@ -146,7 +146,7 @@ def test_discrete_model_against_differences_of_the_simulation(robot):
 
 
 def test_discrete_model_with_smooth_dry_friction():
-    """At low velocities, where the smooth sign is steep, against differences of the integrated motion."""
+    """At low velocities, where the smooth sign is steep."""
     rng, T = np.random.default_rng(10), 0.0005
     arm = loaded_arm('ur5', rng)
     derivatives = ArmDerivatives(arm)

@@ -7,8 +7,10 @@ from collections.abc import Callable
 
 from engine_cases import Case, description, ENGINES, make_case, with_other_relations, with_payloads
 from engines import Array
+from hypothesis import given
 import numpy as np
 import pytest
+from random_trees import laws, random_cases
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -97,6 +99,34 @@ def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Ar
     force = state.inertia @ acceleration + state.coriolis_force + state.gravity_force
     scale = np.abs(state.inertia).max() * np.abs(acceleration).max()
     assert np.abs(force - F).max() <= TOLERANCE * max(scale, 1.0)
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+def test_locked_joints_and_another_order(engine):
+    """A lift and an arm, without the gripper and the head, from the wrist to the base."""
+    joints = [*(f'arm_{i}_joint' for i in range(7, 0, -1)), 'torso_lift_joint']
+    case = make_case(engine, description('tiago_no_hand'), joints=joints)
+    task = TaskSpace(case.arm, 'arm_7_link', POINT)
+    for q, v, _, _ in case.states(10):
+        state = task.at(q, v)
+        point, rotation, J, bias = case.reference.point_motion(q, v, 'arm_7_link', POINT)
+        assert_near(state.translation, point, 'translation')
+        assert_near(state.rotation, rotation, 'rotation')
+        assert_near(state.jacobian, J, 'J')
+        assert_near(state.bias_acceleration, bias, 'bias')
+        assert_near(state.mass_matrix, case.reference.mass_matrix(q), 'M')
+        assert_equation_of_motion(state, case, q, v)
+
+
+@laws
+@given(case=random_cases)
+def test_laws_on_random_trees(case):
+    """Mimics of mimics, locked joints, branches, and any number of joints."""
+    rng, n = case.rng, case.arm.joint_count
+    for link in (rng.choice(case.arm.link_names), far_link(case.arm)):
+        state = TaskSpace(case.arm, str(link), rng.normal(size=3)).batch(
+            singular_positions(rng, 20, n), rng.normal(size=(20, n)))
+        assert_laws(state, rng)
 
 
 @pytest.mark.parametrize('reference', REFERENCES)

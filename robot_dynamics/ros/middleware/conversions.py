@@ -160,7 +160,11 @@ TASK_SPACE_ARRAYS = (
 def add_task_space(
     response: TaskSpace.Response, states: TaskSpaceState, order: JointOrder,
 ) -> None:
-    """Append many states to a response, with the joints in the order of a request."""
+    """
+    Append many states to a response, with the joints in the order of a request.
+
+    The margin of a joint without limits is LARGEST_VALUE, because numbers in messages are finite.
+    """
     for translation, rotation in zip(states.translation, states.rotation):
         x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
         response.pose.append(Pose(
@@ -170,7 +174,7 @@ def add_task_space(
     kept = np.arange(6) < states.rank[:, np.newaxis]
     arrays = {
         'jacobian': order.answer(states.jacobian), 'dynamic_inverse': inverse,
-        'position_margin': order.answer(states.position_margin),
+        'position_margin': np.minimum(order.answer(states.position_margin), LARGEST_VALUE),
         'lost_directions': states.directions[~kept],
         **{name: getattr(states, name) for name in TASK_SPACE_ARRAYS}}
     for name, values in arrays.items():

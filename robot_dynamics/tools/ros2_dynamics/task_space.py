@@ -14,6 +14,7 @@ from robot_dynamics.reporting.text_table import matrix_table, text_table
 from robot_dynamics.tools.ros2_dynamics.answers import Answer, Units, warning_lines
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics.validation import LARGEST_VALUE
 from robot_dynamics_interfaces.srv import TaskSpace
 from sensor_msgs.msg import JointState
 
@@ -21,7 +22,7 @@ AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
 MATRICES = {'jacobian': (6, -1), 'inverse_inertia': (6, 6), 'inertia': (6, 6),
             'dynamic_inverse': (-1, 6), 'lost_directions': (-1, 6)}
 VECTORS = ('bias_acceleration', 'gravity_force', 'coriolis_force', 'translation_singular_values',
-           'rotation_singular_values', 'position_margin')
+           'rotation_singular_values')
 SCALARS = ('rank', 'translation_manipulability', 'rotation_manipulability')
 
 
@@ -48,6 +49,8 @@ def answer_task_space(client: DynamicsClient, arguments: Namespace) -> Answer:
         **{name: list(getattr(response, name)) for name in VECTORS},
         **{name: getattr(response, name)[0] for name in SCALARS},
         'warnings': list(response.warnings)}
+    data['position_margin'] = [
+        margin if margin < LARGEST_VALUE else None for margin in response.position_margin]
     units = Units.of(names, {} if arguments.json else client.joint_kinds())
     return Answer(data, '\n\n'.join([*_blocks(data, units), *warning_lines(response.warnings)]))
 
@@ -71,7 +74,8 @@ def _blocks(data: dict[str, Any], units: Units) -> list[str]:
         'Singular values of the Jacobian\n' + text_table(
             ['', 'largest', '', 'smallest', 'manipulability'], singular, left_columns=1),
         'Distance to the nearest position limit\n' + units.table(
-            names, {f'margin [{units.position}]': data['position_margin']})]
+            names, {f'margin [{units.position}]': [
+                'no limit' if margin is None else margin for margin in data['position_margin']]})]
     if rank < 6:
         blocks.append(f'Rank {rank} of 6. Lost directions\n' + text_table(
             AXES, data['lost_directions'], left_columns=0))
