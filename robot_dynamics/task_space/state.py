@@ -185,8 +185,8 @@ class TaskSpaceState:
         q = self.joint_position.reshape(-1, n)
         smallest = np.linalg.eigvalsh(self.mass_matrix.reshape(-1, n, n))[:, 0]
         return InvalidInputError(
-            f'the mass matrix at position {q[int(np.argmin(smallest))].tolist()} is singular, '
-            'expected every joint to move some mass or inertia')
+            f'the mass matrix at position {q[int(np.argmin(smallest))].tolist()} is not positive '
+            'definite, expected every joint to move some mass or inertia')
 
 
 def _three_singular_values(half: FloatArray) -> FloatArray:

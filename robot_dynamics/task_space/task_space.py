@@ -86,7 +86,7 @@ class TaskSpace:
     def unchecked(self, q: FloatArray, v: FloatArray) -> TaskSpaceState:
         """Return the state of `at` for finite float64 arrays (n,), for control loops."""
         limits = self.arm.limits
-        return TaskSpaceState(q, limits.lower, limits.upper, *self._terms(q, v))
+        return TaskSpaceState(q.copy(), limits.lower, limits.upper, *self._terms(q, v))
 
     def unchecked_batch(self, q: FloatArray, v: FloatArray) -> TaskSpaceState:
         """Return the states of `batch` for finite float64 arrays (samples, n)."""
@@ -97,7 +97,7 @@ class TaskSpace:
             for array, value in zip(terms, self._terms(q[i], v[i])):
                 array[i] = value
         limits = self.arm.limits
-        return TaskSpaceState(q, limits.lower, limits.upper, *terms)
+        return TaskSpaceState(q.copy(), limits.lower, limits.upper, *terms)
 
     def _terms(self, q: FloatArray, v: FloatArray) -> tuple[FloatArray, ...]:
         """Return pose, J, J̇ q̇, M, g and C q̇ at one state."""

@@ -304,7 +304,8 @@ def trajectories(
 @st.composite
 def inverse_dynamics(draw: Draw, arm: ArmModel) -> InverseDynamics.Request:
     return InverseDynamics.Request(
-        **draw(motions(arm)), external_wrenches=draw(wrench_lists(arm)))
+        **draw(motions(arm)), external_wrenches=draw(wrench_lists(arm)),
+        include_derivatives=draw(st.booleans()))
 
 
 @st.composite

@@ -190,6 +190,18 @@ def test_a_hundred_thousand_poses_with_exact_singularities(robot, link, count, s
     assert_laws(state, rng)
 
 
+def test_every_distance_to_a_singularity():
+    """The wrist of an arm from 1 rad to 1e-18 rad of its singularity, and exactly in it."""
+    q = np.tile([0.3, -1.0, 1.2, 0.4, 0.0, 0.5], (20, 1))
+    q[:19, 4] = 10.0 ** -np.arange(19)
+    state = TaskSpace(load_arm(robot_urdf('ur5')), 'tool0').batch(q, np.ones_like(q))
+    assert (np.diff(state.rank) <= 0).all()
+    assert (state.rank[0], state.rank[-1]) == (6, 5)
+    assert_laws(state, np.random.default_rng(7))
+    np.testing.assert_allclose(np.abs(state.directions[-1, 5]) @ np.abs(
+        state.directions[15, 5]), 1.0, atol=1e-6)
+
+
 def test_no_joint_moves_the_base():
     arm = load_arm(robot_urdf('ur5'))
     state = TaskSpace(arm, 'base_link').batch(np.zeros((3, 6)), np.ones((3, 6)))
@@ -297,5 +309,5 @@ MASSLESS = """<robot name="massless">
 def test_a_joint_without_mass_is_named():
     task = TaskSpace(load_arm(MASSLESS), 'lower')
     assert task.at((0.0, 0.0)).jacobian.shape == (6, 2)
-    assert 'mass matrix at position [0.0, 0.0] is singular' in rejected(
+    assert 'mass matrix at position [0.0, 0.0] is not positive definite' in rejected(
         lambda: task.batch(np.zeros((2, 2))).inertia)
