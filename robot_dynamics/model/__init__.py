@@ -6,6 +6,7 @@
 from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, EffortTerms, RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
@@ -13,6 +14,7 @@ from robot_dynamics.model.regressor import TorqueRegressor
 
 __all__ = [
     'arm_from_parameters',
+    'ArmDerivatives',
     'ArmDynamics',
     'ArmModel',
     'EffortTerms',

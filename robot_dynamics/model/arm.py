@@ -87,6 +87,10 @@ class JointCoordinates:
         """Efforts at the actuated joints, (n,) or (samples, n), for efforts at all joints."""
         return tau if self.is_identity else tau @ self.G
 
+    def jacobian(self, J: FloatArray) -> FloatArray:
+        """J G: a Jacobian (k, m) over all joints of the tree, over the actuated joints (k, n)."""
+        return J if self.is_identity else J @ self.G
+
     def form(self, A: FloatArray) -> FloatArray:
         """Gᵀ A G: a matrix over all joints of the tree mapped to the actuated joints."""
         return A if self.is_identity else self.G.T @ A @ self.G

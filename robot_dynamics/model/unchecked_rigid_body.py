@@ -69,7 +69,7 @@ class UncheckedRigidBody:
         q_tree, v_tree, a_tree = x.position(q), x.rate(v), x.rate(a)
         if not wrenches:
             return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree))
-        forces = self._joint_forces(wrenches)
+        forces = self.joint_forces(wrenches)
         return x.effort(pin.rnea(self._model, self._data, q_tree, v_tree, a_tree, forces))
 
     def gravity(self, q: FloatArray) -> FloatArray:
@@ -90,7 +90,7 @@ class UncheckedRigidBody:
         if not wrenches:
             return np.zeros(self.arm.joint_count)
         x, zero = self._x, self._zero
-        forces = self._joint_forces(wrenches)
+        forces = self.joint_forces(wrenches)
         return x.effort(pin.rnea(
             self._weightless, self._data, x.position(q), zero, zero, forces))
 
@@ -215,7 +215,7 @@ class UncheckedRigidBody:
             # a permutation orders efforts like rates
             arguments = (self._model, self._data, x.position(q), x.rate(v), x.rate(tau))
             return np.asarray(x.effort(
-                pin.aba(*arguments, self._joint_forces(wrenches)) if wrenches else
+                pin.aba(*arguments, self.joint_forces(wrenches)) if wrenches else
                 pin.aba(*arguments)))
         rest = tau - self.nonlinear(q, v) - self.external(q, wrenches)
         try:
@@ -241,7 +241,7 @@ class UncheckedRigidBody:
         moving = np.array([compute(model, data, row) for row in self._x.position(q)])
         return np.asarray(moving + self._base_energy)
 
-    def _joint_forces(self, wrenches: Wrenches) -> pin.StdVec_Force:
+    def joint_forces(self, wrenches: Wrenches) -> pin.StdVec_Force:
         """Return the sum of the wrenches on each joint's bodies, in that joint's frame."""
         forces = [pin.Force.Zero() for _ in range(self._model.njoints)]
         for wrench in wrenches:

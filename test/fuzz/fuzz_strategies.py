@@ -21,9 +21,10 @@ from fuzz_arms import (
     MIMIC_MULTIPLIER,
     MIMIC_OFFSET,
 )
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from geometry_msgs.msg import InertiaStamped, Point, WrenchStamped
 from hypothesis import strategies as st
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.task_space import REFERENCES
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,
@@ -31,6 +32,7 @@ from robot_dynamics_interfaces.srv import (
     InverseDynamicsTrajectory,
     ManipulatorEquation,
     SetPayload,
+    TaskSpace,
 )
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -302,7 +304,8 @@ def trajectories(
 @st.composite
 def inverse_dynamics(draw: Draw, arm: ArmModel) -> InverseDynamics.Request:
     return InverseDynamics.Request(
-        **draw(motions(arm)), external_wrenches=draw(wrench_lists(arm)))
+        **draw(motions(arm)), external_wrenches=draw(wrench_lists(arm)),
+        include_derivatives=draw(st.booleans()))
 
 
 @st.composite
@@ -330,6 +333,17 @@ def manipulator_equation(draw: Draw, arm: ArmModel) -> ManipulatorEquation.Reque
     motion = draw(motions(arm))
     del motion['acceleration']
     return ManipulatorEquation.Request(**motion, include_christoffel=draw(st.booleans()))
+
+
+@st.composite
+def task_space(draw: Draw, arm: ArmModel) -> TaskSpace.Request:
+    motion = draw(motions(arm, draw(st.integers(1, 5))))
+    del motion['acceleration']
+    x, y, z = (draw(mostly(small_numbers, wild_numbers, 0.97)) for _ in range(3))
+    return TaskSpace.Request(
+        **motion, frame=draw(mostly(st.sampled_from(arm.link_names), wild_texts, 0.95)),
+        point=Point(x=x, y=y, z=z),
+        reference=draw(mostly(st.sampled_from(('', *REFERENCES)), wild_texts, 0.95)))
 
 
 @st.composite

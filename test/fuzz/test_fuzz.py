@@ -158,6 +158,7 @@ TARGETS = (
     service('inverse_dynamics_trajectory', draw.inverse_dynamics_trajectory, 4_000),
     service('forward_dynamics', draw.forward_dynamics, 5_000),
     service('manipulator_equation', draw.manipulator_equation, 4_000),
+    service('task_space', draw.task_space, 4_000),
     service('set_payload', draw.set_payload, 4_000),
     Target('set_payload of simulated_arm', st.tuples(draw.set_payload(ARMS[0], 0.0)),
            lambda nodes: nodes.ask_simulated_arm, 2_000),

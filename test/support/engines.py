@@ -33,6 +33,19 @@ class Wrench(NamedTuple):
     torque: Array
 
 
+class PointMotion(NamedTuple):
+    """
+    Translation (3,), rotation (3, 3), J (6, n) and J̇ q̇ (6,) of a point of a link.
+
+    Linear first, along the axes of the base frame.
+    """
+
+    translation: Array
+    rotation: Array
+    jacobian: Array
+    bias: Array
+
+
 def load(module: str, wheel: str) -> Any:
     """Return the module of an engine; without it, skip the test (or fail it, see `missing`)."""
     try:
@@ -79,6 +92,10 @@ class Engine(ABC):
 
     @abstractmethod
     def mass_matrix(self, q: Array) -> Array: ...
+
+    @abstractmethod
+    def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
+        """Return the motion of a point, which is given in the frame of its link."""
 
     def gravity(self, q: Array) -> Array:
         return self.inverse_dynamics(q, 0.0 * q, 0.0 * q)
@@ -176,6 +193,18 @@ class MujocoEngine(Engine):
             self.mj.mj_mulM(self.model, data, row, unit)
         return M[np.ix_(self.velocity, self.velocity)]
 
+    def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
+        data, body, n = self._set(q, v), self.model.body(link).id, self.model.nv
+        self.mj.mj_forward(self.model, data)
+        rotation = data.xmat[body].reshape(3, 3).copy()
+        place = data.xpos[body] + rotation @ point
+        J, J_dot = np.zeros((2, 3, n)), np.zeros((2, 3, n))
+        self.mj.mj_jac(self.model, data, J[0], J[1], place, body)
+        self.mj.mj_jacDot(self.model, data, J_dot[0], J_dot[1], place, body)
+        return PointMotion(
+            place, rotation, J.reshape(6, n)[:, self.velocity],
+            J_dot.reshape(6, n)[:, self.velocity] @ v)
+
     def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
         data = self._set(q)
         self.mj.mj_forward(self.model, data)
@@ -270,6 +299,17 @@ class DrakeEngine(Engine):
         M = self.plant.CalcMassMatrix(self._set(q))
         return np.asarray(M[np.ix_(self.velocity, self.velocity)])
 
+    def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
+        context, frame = self._set(q, v), self._body(link).body_frame()
+        pose = self.plant.EvalBodyPoseInWorld(context, self._body(link))
+        world, wrt = self.plant.world_frame(), self.tree.JacobianWrtVariable.kV
+        J = self.plant.CalcJacobianSpatialVelocity(context, wrt, frame, point, world, world)
+        bias = self.plant.CalcBiasSpatialAcceleration(context, wrt, frame, point, world, world)
+        return PointMotion(
+            pose.multiply(point), pose.rotation().matrix(),
+            np.roll(J, 3, axis=0)[:, self.velocity],
+            np.concatenate([bias.translational(), bias.rotational()]))
+
     def kinetic_energy(self, q: Array, v: Array) -> float:
         return float(self.plant.CalcKineticEnergy(self._set(q, v)))
 
@@ -304,6 +344,10 @@ class Projected:
 
     def mass_matrix(self, q: Array) -> Array:
         return self.G.T @ self.engine.mass_matrix(self.tree(q)) @ self.G
+
+    def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
+        motion = self.engine.point_motion(self.tree(q), self.G @ v, link, point)
+        return motion._replace(jacobian=motion.jacobian @ self.G)
 
     def coriolis(self, q: Array, v: Array) -> Array:
         return self.G.T @ self.engine.coriolis(self.tree(q), self.G @ v)

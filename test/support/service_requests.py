@@ -6,7 +6,7 @@
 import math
 from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Point, WrenchStamped
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import (
@@ -18,6 +18,7 @@ from robot_dynamics_interfaces.srv import (
     ManipulatorEquation,
     RetimeTrajectory,
     SetPayload,
+    TaskSpace,
 )
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -29,6 +30,7 @@ SERVICES: dict[str, Any] = {
     'retime_trajectory': RetimeTrajectory,
     'forward_dynamics': ForwardDynamics,
     'manipulator_equation': ManipulatorEquation,
+    'task_space': TaskSpace,
     'set_payload': SetPayload,
     'estimate_payload': EstimatePayload,
 }
@@ -85,6 +87,17 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
      r'velocity\[0\]\[1\] \(joint2\) is -1e\+10'),
     ('manipulator_equation', {'position': [0.0, 1e300]}, r'position\[1\] \(joint2\) is 1e\+300'),
     ('forward_dynamics', {'position': Q, 'effort': [1e300, 0.0]}, r'effort\[0\] \(joint1\) is 1e'),
+    ('task_space', {'position': Q}, "frame is '', expected one of the links"),
+    ('task_space', {'position': Q, 'frame': 'hand'},
+     r"frame is 'hand', expected one of the links \[.*'tool0'\]"),
+    ('task_space', {'position': Q, 'frame': 'tool0', 'reference': 'world'},
+     r"reference is 'world', expected one of \['base_aligned', 'local'\]"),
+    ('task_space', {'position': Q, 'frame': 'tool0', 'point': Point(y=NAN)},
+     r'point\[1\] \(y\) is nan'),
+    ('task_space', {'frame': 'tool0'}, 'position has 0 values, expected samples'),
+    ('task_space', {'position': [1.0] * 3, 'frame': 'tool0'}, 'position has 3 values, expected'),
+    ('task_space', {'position': Q, 'velocity': [1.0] * 4, 'frame': 'tool0'},
+     'velocity has 2 samples, expected 1'),
     ('set_payload', {'payload': payload_to_ros(make_payload('hand', 1.0))},
      r"payload\.header\.frame_id is 'hand'"),
     ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),

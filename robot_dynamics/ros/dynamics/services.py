@@ -13,11 +13,13 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.ros.dynamics.payload_estimation import estimate_to_ros, PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.middleware.conversions import (
+    add_task_space,
     floats_to_ros,
     payload_to_ros,
     stamp_to_ros,
@@ -28,6 +30,7 @@ from robot_dynamics.ros.middleware.conversions import (
     wrenches_from_ros,
 )
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.task_space.task_space import TaskSpace as TaskSpaceOfPoint
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
@@ -47,11 +50,14 @@ from robot_dynamics_interfaces.srv import (
     ManipulatorEquation,
     RetimeTrajectory,
     SetPayload,
+    TaskSpace,
 )
 
 Handler = Callable[[Any, Any], None]
 PLANNED_RATE = 0.75
 """Share of `effort_rate_limit` that retimed trajectories use; the rest is for the feedback."""
+_PART = 1000
+"""Number of samples of task space that are computed together, to bound the memory."""
 SERVICE_QOS = QoSProfile(depth=100)
 """Largest number of waiting requests of all clients; further requests are lost silently."""
 
@@ -81,6 +87,7 @@ class DynamicsServices:
         offer(RetimeTrajectory, 'retime_trajectory', self._retime)
         offer(ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
         offer(ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
+        offer(TaskSpace, 'task_space', self._task_space)
         offer(SetPayload, 'set_payload', self._set_payload)
         offer(EstimatePayload, 'estimate_payload', self._estimate_payload)
 
@@ -126,6 +133,11 @@ class DynamicsServices:
         response.warnings = [
             *limit_warnings(dynamics.arm, q, v, terms.effort),
             *_fill_motors(response, order, dynamics.arm, terms.effort, v, a)]
+        if request.include_derivatives:
+            by = ArmDerivatives(dynamics.arm).inverse_dynamics(q, v, a, wrenches)
+            for name in ('position', 'velocity', 'acceleration'):
+                setattr(response, f'effort_{name}_derivative', floats_to_ros(
+                    order.answer_form(getattr(by, name))))
 
     def _batch(
         self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
@@ -225,6 +237,23 @@ class DynamicsServices:
         response.kinetic_energy = body.kinetic_energy(q, v)
         response.potential_energy = body.potential_energy(q)
         response.warnings = limit_warnings(dynamics.arm, q, v)
+
+    def _task_space(self, request: TaskSpace.Request, response: TaskSpace.Response) -> None:
+        arm, point = self._dynamics().arm, request.point
+        task = TaskSpaceOfPoint(
+            arm, request.frame, (point.x, point.y, point.z), request.reference or 'base_aligned')
+        order = JointOrder(arm, request.joint_names)
+        q = order.positions(request.position)
+        if not len(q):
+            raise InvalidInputError(
+                f'position has 0 values, expected samples × {len(order.names)} joints '
+                f'({list(order.names)}), row by row')
+        v = order.rates(request.velocity, len(q), 'velocity')
+        response.joint_names = list(order.names)
+        for i in range(0, len(q), _PART):
+            states = task.unchecked_batch(q[i:i + _PART], v[i:i + _PART])
+            add_task_space(response, states, order)
+        response.warnings = limit_warnings(arm, q, v)
 
     def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)

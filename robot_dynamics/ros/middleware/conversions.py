@@ -12,17 +12,20 @@ from array import array
 from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import InertiaStamped, Vector3, WrenchStamped
+from geometry_msgs.msg import InertiaStamped, Point, Pose, Quaternion, Vector3, WrenchStamped
 import numpy as np
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import EffortTerms
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.task_space.state import TaskSpaceState
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 from robot_dynamics_interfaces.msg import DynamicsTerms
+from robot_dynamics_interfaces.srv import TaskSpace
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -145,3 +148,35 @@ def with_efforts(message: JointTrajectoryMsg, efforts: FloatArray) -> JointTraje
     for point, effort in zip(message.points, efforts):
         point.effort = floats_to_ros(effort)
     return message
+
+
+TASK_SPACE_ARRAYS = (
+    'bias_acceleration', 'inverse_inertia', 'inertia', 'gravity_force', 'coriolis_force',
+    'translation_singular_values', 'rotation_singular_values', 'translation_manipulability',
+    'rotation_manipulability')
+"""Fields of TaskSpace that are no arrays over joints, with the names of TaskSpaceState."""
+
+
+def add_task_space(
+    response: TaskSpace.Response, states: TaskSpaceState, order: JointOrder,
+) -> None:
+    """
+    Append many states to a response, with the joints in the order of a request.
+
+    The margin of a joint without limits is LARGEST_VALUE, because numbers in messages are finite.
+    """
+    for translation, rotation in zip(states.translation, states.rotation):
+        x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
+        response.pose.append(Pose(
+            position=Point(**dict(zip('xyz', translation.tolist()))),
+            orientation=Quaternion(x=x, y=y, z=z, w=w)))
+    inverse = np.swapaxes(order.answer(np.swapaxes(states.dynamic_inverse, 1, 2)), 1, 2)
+    kept = np.arange(6) < states.rank[:, np.newaxis]
+    arrays = {
+        'jacobian': order.answer(states.jacobian), 'dynamic_inverse': inverse,
+        'position_margin': np.minimum(order.answer(states.position_margin), LARGEST_VALUE),
+        'lost_directions': states.directions[~kept],
+        **{name: getattr(states, name) for name in TASK_SPACE_ARRAYS}}
+    for name, values in arrays.items():
+        getattr(response, name).extend(floats_to_ros(values))
+    response.rank.extend(states.rank.tolist())

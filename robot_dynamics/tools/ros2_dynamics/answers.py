@@ -28,6 +28,7 @@ TERMS = ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort')
 MOTORS = {
     'motor_current': 'current [A]', 'motor_voltage': 'voltage [V]',
     'current_ratio': 'of its limit', 'voltage_ratio': 'of its limit'}
+DERIVATIVES = {f'effort_{by}_derivative': by for by in ('position', 'velocity', 'acceleration')}
 LEVELS = {
     DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warning', DiagnosticStatus.ERROR: 'ERROR',
     DiagnosticStatus.STALE: 'stale'}
@@ -78,7 +79,7 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
     """Return the efforts of a motion."""
     names, motion = _motion(client, arguments, ('position', 'velocity', 'acceleration'))
     response = client.call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
-        joint_names=names, **motion))
+        joint_names=names, include_derivatives=arguments.derivatives, **motion))
     terms = {name: list(getattr(response.terms, name)) for name in TERMS}
     motors = {field: list(getattr(response, field)) for field in MOTORS}
     units = Units.of(names, {} if arguments.json else client.joint_kinds())
@@ -91,13 +92,19 @@ def answer_inverse(client: DynamicsClient, arguments: Namespace) -> Answer:
         heading = f'deviation [{units.effort}]'
         blocks.append('Standard deviation of a measured effort, by model and noise\n'
                       + units.table(names, {heading: deviation}))
+    derivatives = {}
+    if arguments.derivatives:
+        for field, by in DERIVATIVES.items():
+            D = np.reshape(getattr(response, field), (len(names), -1))
+            derivatives[field] = D.tolist()
+            blocks.append(f'Derivative of the efforts by {by}\n{matrix_table("", names, D)}')
     if motors['motor_current']:
         blocks.append('Motors\n' + text_table(
             ['joint', *MOTORS.values()],
             [[name, *row] for name, *row in zip(names, *motors.values())]))
     blocks.append(_in_words(energies))
     blocks += warning_lines(response.warnings)
-    optional = {'effort_deviation': deviation, **motors}
+    optional = {'effort_deviation': deviation, **derivatives, **motors}
     return Answer({
         'node': client.name, 'joint_names': names, **motion, 'effort': list(response.effort),
         'terms': terms, **energies, **{key: value for key, value in optional.items() if value},

@@ -58,6 +58,10 @@ class EquationVerb(VerbExtension):
     """M(q), C(q, v), g(q), friction and energies at a state."""
 
 
+class TaskSpaceVerb(VerbExtension):
+    """Pose, Jacobian, inertia and forces at a point of a link."""
+
+
 class CheckVerb(VerbExtension):
     """Whether the model of the node is fit to compute with."""
 

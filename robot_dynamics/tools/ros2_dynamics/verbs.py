@@ -42,6 +42,9 @@ def _inverse_arguments(parser: argparse.ArgumentParser) -> None:
     _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
     _add_joints(
         parser, '-a', '--acceleration', 'accelerations [rad/s²] or [m/s²] (default: 0)')
+    parser.add_argument(
+        '-d', '--derivatives', action='store_true',
+        help='Print the derivatives of the efforts by position, velocity and acceleration.')
 
 
 def _equation_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,6 +52,20 @@ def _equation_arguments(parser: argparse.ArgumentParser) -> None:
     _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
     parser.add_argument(
         '-c', '--christoffel', action='store_true', help='the Christoffel symbols c_ijk too')
+
+
+def _task_space_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_links, 'frame', metavar='FRAME', help='Name of a link')
+    _add(parser, complete_joints, 'position', nargs='*', metavar='POSITION',
+         help='Positions [rad] or [m]: a number for each joint in order, or JOINT=NUMBER. The '
+              'default is the measured position.')
+    _add_joints(parser, '-v', '--velocity', 'velocities [rad/s] or [m/s] (default: 0)')
+    _add(parser, complete_nothing, '--point', nargs=3, type=float, default=[0.0] * 3,
+         metavar=('X', 'Y', 'Z'),
+         help='Point in the frame of the link [m]. The default is its origin.')
+    _add(parser, complete_nothing, '--reference', default='base_aligned', metavar='AXES',
+         help='Axes of velocities and forces: base_aligned, those of the base frame, or local, '
+              'those of the link. The default is base_aligned.')
 
 
 def _check_arguments(parser: argparse.ArgumentParser) -> None:
@@ -195,6 +212,9 @@ VERBS: Mapping[str, Verb] = {
         'Which efforts a motion takes, split by term', _inverse_arguments, 'answers'),
     'equation': Verb(
         'M(q), C(q, v), g(q), friction and energies at a state', _equation_arguments, 'answers'),
+    'task_space': Verb(
+        'Pose, Jacobian, inertia and forces at a point of a link', _task_space_arguments,
+        'task_space'),
     'check': Verb(
         'Whether the model of the node is fit to compute with', _check_arguments, 'answers'),
     'payload': Verb(

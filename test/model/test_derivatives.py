@@ -1,0 +1,219 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Derivatives against central differences of the dynamics, and the discrete model in a loop."""
+
+from collections.abc import Callable
+import math
+
+from engine_cases import with_other_relations
+import numpy as np
+import numpy.typing as npt
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction_terms import smooth_sign
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.derivatives import ArmDerivatives
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robots import robot_urdf
+
+Array = npt.NDArray[np.float64]
+TOLERANCE = 1e-6
+ROBOTS = (
+    'default', 'ur3', 'ur5', 'ur10', 'kinova', 'panda', 'xarm7', 'z1', 'so100', 'talos_left_arm',
+    'baxter', 'tiago_no_hand', 'pr2')
+"""Mimic joints: panda, baxter and pr2, here with other relations; prismatic joints: three."""
+
+
+def loaded_arm(robot: str, rng: np.random.Generator) -> ArmModel:
+    """Return an arm with payload, rotors, and all terms of friction."""
+    urdf = robot_urdf(robot)
+    if robot in ('panda', 'baxter', 'pr2'):
+        urdf = with_other_relations(urdf, rng)
+    arm = load_arm(urdf)
+    n = arm.joint_count
+    friction = make_friction(
+        arm.joint_names, rng.uniform(0.1, 5.0, n), rng.uniform(0.1, 5.0, n),
+        rng.uniform(5.0, 8.0, n), rng.uniform(0.02, 0.2, n), rng.uniform(-0.1, 0.1, n),
+        sigmoid=rng.uniform(0.1, 3.0, n), sigmoid_velocity=rng.uniform(0.01, 0.3, n),
+        load_coefficient=rng.uniform(0.0, 0.3, n), effort_bias=rng.normal(size=n))
+    load = make_payload(arm.link_names[-1], 0.9, (0.1, 0.0, 0.05), np.diag([0.01, 0.02, 0.015]))
+    return arm.with_friction(friction).with_payloads([load]).with_reflected_inertia(
+        rng.uniform(0.0, 0.5, n))
+
+
+def differences(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -> Array:
+    """Return the central differences (m, n) of a function by x (n,), fourth order."""
+    columns = []
+    for e in np.eye(len(x)) * h:
+        one, two = (function(x + k * e) - function(x - k * e) for k in (1, 2))
+        columns.append((8.0 * one - two) / (12.0 * h))
+    return np.array(columns).T
+
+
+def assert_near(actual: Array, expected: Array, what: str) -> None:
+    error = np.abs(actual - expected).max() / np.abs(expected).max()
+    assert error <= TOLERANCE, f'{what}: {error:.1e}'
+
+
+def smooth_effort(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:
+    dynamics = ArmDynamics(arm)
+
+    def effort(q: Array, v: Array, a: Array) -> Array:
+        load = dynamics.rigid_body.inverse_dynamics(q, v, a, wrenches)
+        return load + dynamics.friction_effort(v, load, smooth=True)
+
+    return effort
+
+
+def smooth_acceleration(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:
+    dynamics = ArmDynamics(arm)
+
+    def acceleration(q: Array, v: Array, tau: Array) -> Array:
+        load = arm.friction.load_behind(v, tau, smooth_sign(v, SMOOTHING_VELOCITY))
+        return dynamics.rigid_body.forward_dynamics(q, v, load, wrenches)
+
+    return acceleration
+
+
+def random_wrenches(arm: ArmModel, rng: np.random.Generator) -> list[ExternalWrench]:
+    return [ExternalWrench(str(link), rng.normal(size=3) * 20.0, rng.normal(size=3) * 5.0)
+            for link in rng.choice(arm.link_names, 2)]
+
+
+def assert_derivatives(
+    arm: ArmModel, q: Array, v: Array, a: Array, wrenches: list[ExternalWrench],
+) -> None:
+    """Compare the derivatives at a state with central differences."""
+    derivatives, effort = ArmDerivatives(arm), smooth_effort(arm, wrenches)
+    by = derivatives.inverse_dynamics(q, v, a, wrenches)
+    np.testing.assert_allclose(by.effort, effort(q, v, a), rtol=1e-9, atol=1e-9)
+    assert_near(by.position, differences(lambda x: effort(x, v, a), q), 'tau by q')
+    assert_near(by.velocity, differences(lambda x: effort(q, x, a), v), 'tau by v')
+    assert_near(by.acceleration, differences(lambda x: effort(q, v, x), a), 'tau by a')
+    tau, motion = by.effort, smooth_acceleration(arm, wrenches)
+    found = derivatives.forward_dynamics(q, v, tau, wrenches)
+    np.testing.assert_allclose(found.acceleration, a, atol=1e-6)
+    assert_near(found.position, differences(lambda x: motion(x, v, tau), q), 'a by q')
+    assert_near(found.velocity, differences(lambda x: motion(q, x, tau), v), 'a by v')
+    assert_near(found.effort, differences(lambda x: motion(q, v, x), tau, 1e-4), 'a by tau')
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_derivatives_are_those_of_central_differences(robot):
+    rng = np.random.default_rng(8)
+    arm = loaded_arm(robot, rng)
+    n = arm.joint_count
+    for speed in (1.0, SMOOTHING_VELOCITY):
+        for wrenches in ([], random_wrenches(arm, rng)):
+            assert_derivatives(
+                arm, rng.uniform(-2.0, 2.0, n), rng.normal(size=n) * speed, rng.normal(size=n),
+                wrenches)
+
+
+def test_without_friction_the_last_derivative_is_the_mass_matrix():
+    arm = load_arm(robot_urdf('panda'))
+    q, rest = np.full(8, 0.3), np.zeros(8)
+    by = ArmDerivatives(arm).inverse_dynamics(q, rest, rest)
+    M = ArmDynamics(arm).mass_matrix(q)
+    np.testing.assert_allclose(by.acceleration, M, rtol=1e-12, atol=1e-14)
+    inverse = ArmDerivatives(arm).forward_dynamics(q, rest, rest).effort
+    np.testing.assert_allclose(inverse @ M, np.eye(8), atol=1e-9)
+
+
+@pytest.mark.parametrize('robot', ['default', 'ur5', 'panda', 'xarm7'])
+def test_discrete_model_against_differences_of_the_simulation(robot):
+    rng, T = np.random.default_rng(9), 0.004
+    arm = load_arm(robot_urdf(robot))
+    n = arm.joint_count
+    arm = arm.with_friction(make_friction(arm.joint_names, rng.uniform(0.1, 1.0, n)))
+    arm = arm.with_reflected_inertia(0.1)
+    x, tau = rng.normal(size=2 * n), rng.normal(size=n) * 5.0
+
+    def simulated(x: Array, tau: Array) -> Array:
+        simulation = ArmSimulation(arm, x[:n], x[n:], max_step=T / 8.0)
+        simulation.release()
+        return np.concatenate(simulation.step(tau, T))
+
+    model = ArmDerivatives(arm).discrete(x[:n], x[n:], tau, T)
+    np.testing.assert_allclose(model.state, simulated(x, tau), atol=1e-9)
+    assert_near(model.A, differences(lambda at: simulated(at, tau), x, 1e-4), 'A')
+    assert_near(model.B, differences(lambda at: simulated(x, at), tau, 1e-2), 'B')
+
+
+def test_discrete_model_with_smooth_dry_friction():
+    """At low velocities, where the smooth sign is steep."""
+    rng, T = np.random.default_rng(10), 0.0005
+    arm = loaded_arm('ur5', rng)
+    derivatives = ArmDerivatives(arm)
+    x = np.concatenate([rng.normal(size=6), rng.normal(size=6) * SMOOTHING_VELOCITY])
+    tau = ArmDynamics(arm).gravity(x[:6])
+
+    def moved(x: Array, tau: Array) -> Array:
+        return derivatives.discrete(x[:6], x[6:], tau, T).state
+
+    model = derivatives.discrete(x[:6], x[6:], tau, T)
+    assert_near(model.A, differences(lambda at: moved(at, tau), x, 1e-5), 'A')
+    assert_near(model.B, differences(lambda at: moved(x, at), tau, 1e-3), 'B')
+
+
+def test_at_an_equilibrium_the_discrete_model_is_that_of_zero_order_hold():
+    linalg = pytest.importorskip('scipy.linalg')
+    arm, T = load_arm(robot_urdf('default')), 0.01
+    derivatives = ArmDerivatives(arm)
+    rest = np.zeros(2)
+    by = derivatives.forward_dynamics(rest, rest, rest)
+    assert not by.acceleration.any()
+    continuous = np.zeros((6, 6))
+    continuous[:2, 2:4] = np.eye(2)
+    continuous[2:4] = np.hstack([by.position, by.velocity, by.effort])
+    expected = linalg.expm(continuous * T)
+    model = derivatives.discrete(rest, rest, rest, T)
+    np.testing.assert_allclose(model.A, expected[:4, :4], rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(model.B, expected[:4, 4:], rtol=1e-8, atol=1e-9)
+
+
+@pytest.mark.parametrize(('friction', 'push'), [(0.0, 4.0), (0.3, 4.0)])
+def test_lqr_holds_the_two_link_arm_upright(friction, push):
+    """A push of 0.2 s; without feedback the arm falls."""
+    linalg, T = pytest.importorskip('scipy.linalg'), 0.005
+    arm = load_arm(robot_urdf('default'))
+    arm = arm.with_friction(make_friction(arm.joint_names, 0.1, friction))
+    rest = np.zeros(2)
+    A, B = ArmDerivatives(arm, smoothing_velocity=1.0).discrete(rest, rest, rest, T)[1:]
+    Q, R = np.diag([100.0, 100.0, 1.0, 1.0]), 0.01 * np.eye(2)
+    P = linalg.solve_discrete_are(A, B, Q, R)
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    assert np.abs(np.linalg.eigvals(A)).max() > 1.0
+    assert np.abs(np.linalg.eigvals(A - B @ K)).max() < 1.0
+
+    def fallen(K: Array) -> tuple[float, float]:
+        simulation, largest = ArmSimulation(arm, (0.05, -0.05)), 0.0
+        simulation.release()
+        for k in range(600):
+            wrench = ExternalWrench('tool0', np.array([push, 0.0, 0.0]), np.zeros(3))
+            q, v = simulation.state
+            simulation.step(-K @ np.concatenate([q, v]), T, [wrench] if 200 <= k < 240 else [])
+            largest = max(largest, float(np.abs(simulation.q).max()))
+        return largest, float(np.abs(simulation.q).max())
+
+    largest, last = fallen(K)
+    assert largest < 0.1
+    assert last < 1e-3 + 0.02 * friction
+    assert fallen(np.zeros((2, 4)))[0] > math.pi / 2
+
+
+def test_invalid_input_is_named():
+    arm = load_arm(robot_urdf('default'))
+    derivatives, rest = ArmDerivatives(arm), (0.0, 0.0)
+    for call, words in (
+            (lambda: ArmDerivatives(arm, 0.0), 'smoothing_velocity is 0, expected a number > 0'),
+            (lambda: derivatives.inverse_dynamics((0.0,), rest, rest), 'q has 1 values'),
+            (lambda: derivatives.forward_dynamics(rest, rest, (0.0, math.nan)), r'tau\[1\]'),
+            (lambda: derivatives.discrete(rest, rest, rest, -1.0), 'period is -1')):
+        with pytest.raises(InvalidInputError, match=words):
+            call()

@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A linear-quadratic regulator from the discrete model holds `simulated_arm` upright."""
+
+from geometry_msgs.msg import WrenchStamped
+from lock_stepped_arm import lock_stepped, LockStepped
+import numpy as np
+import pytest
+from robot_dynamics.model import ArmDerivatives, load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import RosClient
+
+RATE = 200.0
+FORCE = 5.0
+"""[N]"""
+MOST_STEPS = 3000
+
+
+def lqr_gain() -> np.ndarray:
+    solve = pytest.importorskip('scipy.linalg').solve_discrete_are
+    rest = np.zeros(2)
+    _, A, B = ArmDerivatives(load_arm(default_arm_urdf())).discrete(rest, rest, rest, 1.0 / RATE)
+    Q, R = np.diag([100.0, 100.0, 1.0, 1.0]), 0.01 * np.eye(2)
+    P = solve(A, B, Q, R)
+    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+
+
+def step(arm: LockStepped, K: np.ndarray) -> float:
+    """Make one step with the feedback; return the largest angle [rad]."""
+    x = np.concatenate([arm.state.position, arm.state.velocity])
+    return float(np.abs(arm.step((-K @ x).tolist()).position).max())
+
+
+def steps_until(arm: LockStepped, K: np.ndarray, least: float, most: float) -> list[float]:
+    """Make steps until the largest angle is in an interval; return all of them."""
+    angles = []
+    for _ in range(MOST_STEPS):
+        angles.append(step(arm, K))
+        if least <= angles[-1] <= most:
+            return angles
+    pytest.fail(f'the largest angle is {angles[-1]} after {MOST_STEPS} steps')
+
+
+def push(force: float) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.frame_id = 'tool0'
+    message.wrench.force.x = force
+    return message
+
+
+def test_the_arm_returns_upright_after_a_push(client: RosClient) -> None:
+    K = lqr_gain()
+    with lock_stepped(client, '/upright', initial_position=[0.2, -0.1], rate=RATE) as arm:
+        wrenches = client.publisher(WrenchStamped, '/upright/simulated_arm/external_wrench')
+        steps_until(arm, K, 0.0, 1e-4)
+        wrenches.publish(push(FORCE))
+        steps_until(arm, K, 0.005, 0.2)
+        held = max(step(arm, K) for _ in range(200))  # under the constant force
+        wrenches.publish(push(0.0))
+        left = steps_until(arm, K, 0.0, 1e-4)
+        assert held < 0.2
+        assert max(left) < 0.2
+
+
+def test_without_feedback_the_arm_falls(client: RosClient) -> None:
+    with lock_stepped(client, '/falling', initial_position=[0.2, -0.1], rate=RATE) as arm:
+        steps_until(arm, np.zeros((2, 4)), 1.5, np.inf)

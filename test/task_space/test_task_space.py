@@ -1,0 +1,313 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Task space against MuJoCo and Drake, its laws at a rank loss, and its errors."""
+
+from collections.abc import Callable
+
+from engine_cases import Case, description, ENGINES, make_case, with_other_relations, with_payloads
+from engines import Array
+from hypothesis import given
+import numpy as np
+import pytest
+from random_trees import laws, random_cases
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.actuator import make_actuators
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.planar.urdf import planar_arm_urdf
+from robot_dynamics.task_space import REFERENCES, TaskSpace, TaskSpaceState
+from robots import robot_urdf
+
+TOLERANCE = 1e-9
+ROBOTS = (
+    'default', 'ur5', 'ur10', 'kinova', 'panda', 'xarm7', 'z1', 'so100', 'baxter',
+    'tiago_no_hand', 'talos_full_v2', 'pr2')
+"""Two to 45 joints; panda and tiago_no_hand with prismatic joints, four with mimic joints."""
+POINT = np.array([0.05, -0.1, 0.2])
+
+
+def assert_near(actual: Array, expected: Array, what: str) -> None:
+    scale = np.abs(expected).max(initial=0.0)
+    error = np.abs(actual - expected).max(initial=0.0)
+    assert error <= TOLERANCE * (scale if scale > 1e-9 else 1.0), f'{what}: {error:.1e}, {scale}'
+
+
+def far_link(arm: ArmModel) -> str:
+    """Return a link that most joints move."""
+    v = np.ones(arm.joint_count)
+    moved = [np.count_nonzero(TaskSpace(arm, link).at(v).jacobian.any(axis=0))
+             for link in arm.link_names]
+    return arm.link_names[int(np.argmax(moved))]
+
+
+def loaded_case(engine: str, robot: str) -> tuple[Case, ArmModel, Array]:
+    """Return the case of a robot with payload, its arm with rotors as well, and their inertia."""
+    urdf = description(robot)
+    if robot == 'talos_full_v2':
+        urdf = with_other_relations(urdf, np.random.default_rng(1))
+    arm = load_arm(urdf)
+    load = make_payload(far_link(arm), 1.3, (0.1, 0.02, -0.05), np.diag([0.01, 0.02, 0.015]))
+    case = make_case(engine, urdf, theirs=with_payloads(urdf, [load]))
+    rotors = np.random.default_rng(2).uniform(0.0, 0.4, arm.joint_count)
+    return case, case.arm.with_payloads([load]).with_reflected_inertia(rotors), np.diag(rotors)
+
+
+def in_link_axes(rotation: Array, J: Array, bias: Array, v: Array) -> tuple[Array, Array]:
+    """Return J and J̇ q̇ with components along the axes of the link: d(Rᵀ v) = Rᵀ a − ω × v."""
+    turned = np.kron(np.eye(2), rotation.T)
+    twist = turned @ J @ v
+    omega = twist[3:]
+    return turned @ J, turned @ bias - np.concatenate(
+        [np.cross(omega, twist[:3]), np.cross(omega, omega)])
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+@pytest.mark.parametrize('engine', ENGINES)
+def test_every_quantity_of_an_engine(engine, robot):
+    case, arm, rotors = loaded_case(engine, robot)
+    link, theirs = far_link(arm), case.reference
+    for reference in REFERENCES:
+        task = TaskSpace(arm, link, POINT, reference)
+        for q, v, _, _ in case.states(10):
+            state = task.at(q, v)
+            point, rotation, J, bias = theirs.point_motion(q, v, link, POINT)
+            if reference == 'local':
+                J, bias = in_link_axes(rotation, J, bias, v)
+            M = theirs.mass_matrix(q) + rotors
+            assert_near(state.translation, point, 'translation')
+            assert_near(state.rotation, rotation, 'rotation')
+            assert_near(state.jacobian, J, 'J')
+            assert_near(state.bias_acceleration, bias, 'bias')
+            assert_near(state.mass_matrix, M, 'M')
+            assert_near(state.joint_gravity, theirs.gravity(q), 'g')
+            assert_near(state.joint_coriolis, theirs.coriolis(q, v), 'C v')
+            assert_near(state.inverse_inertia, J @ np.linalg.solve(M, J.T), 'inverse of inertia')
+            assert_equation_of_motion(state, case, q, v)
+
+
+def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Array) -> None:
+    """Compare the acceleration under Jᵀ F, with M, C q̇ and g of the engine, with Λ v̇ + μ + p."""
+    if state.rank < 6:
+        return
+    F = case.rng.normal(size=6) * 10.0
+    M = state.mass_matrix
+    a = np.linalg.solve(
+        M, state.jacobian.T @ F - case.reference.coriolis(q, v) - case.reference.gravity(q))
+    acceleration = state.jacobian @ a + state.bias_acceleration
+    force = state.inertia @ acceleration + state.coriolis_force + state.gravity_force
+    scale = np.abs(state.inertia).max() * np.abs(acceleration).max()
+    assert np.abs(force - F).max() <= TOLERANCE * max(scale, 1.0)
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+def test_locked_joints_and_another_order(engine):
+    """A lift and an arm, without the gripper and the head, from the wrist to the base."""
+    joints = [*(f'arm_{i}_joint' for i in range(7, 0, -1)), 'torso_lift_joint']
+    case = make_case(engine, description('tiago_no_hand'), joints=joints)
+    task = TaskSpace(case.arm, 'arm_7_link', POINT)
+    for q, v, _, _ in case.states(10):
+        state = task.at(q, v)
+        point, rotation, J, bias = case.reference.point_motion(q, v, 'arm_7_link', POINT)
+        assert_near(state.translation, point, 'translation')
+        assert_near(state.rotation, rotation, 'rotation')
+        assert_near(state.jacobian, J, 'J')
+        assert_near(state.bias_acceleration, bias, 'bias')
+        assert_near(state.mass_matrix, case.reference.mass_matrix(q), 'M')
+        assert_equation_of_motion(state, case, q, v)
+
+
+@laws
+@given(case=random_cases)
+def test_laws_on_random_trees(case):
+    """Mimics of mimics, locked joints, branches, and any number of joints."""
+    rng, n = case.rng, case.arm.joint_count
+    for link in (rng.choice(case.arm.link_names), far_link(case.arm)):
+        state = TaskSpace(case.arm, str(link), rng.normal(size=3)).batch(
+            singular_positions(rng, 20, n), rng.normal(size=(20, n)))
+        assert_laws(state, rng)
+
+
+@pytest.mark.parametrize('reference', REFERENCES)
+def test_bias_is_the_derivative_of_the_velocity(reference):
+    """At a constant joint velocity, also with a mimic joint and prismatic fingers."""
+    arm = load_arm(robot_urdf('panda'))
+    task = TaskSpace(arm, 'panda_leftfinger', POINT, reference)
+    rng, h = np.random.default_rng(3), 1e-5
+    for q, v in zip(rng.normal(size=(20, 8)), rng.normal(size=(20, 8))):
+        ahead, behind = (task.at(q + step * v).jacobian @ v for step in (h, -h))
+        numeric = (ahead - behind) / (2 * h)
+        np.testing.assert_allclose(task.at(q, v).bias_acceleration, numeric, atol=1e-8)
+
+
+def singular_positions(rng: np.random.Generator, count: int, n: int) -> Array:
+    """Return random positions (count, n), half of them with many exact right angles."""
+    q = rng.uniform(-np.pi, np.pi, (count, n))
+    right = 0.5 * np.pi * rng.integers(-2, 3, (count, n))
+    turned = rng.random((count, n)) < 0.7
+    turned[count // 2:] = False
+    return np.where(turned, right, q)
+
+
+def assert_laws(state: TaskSpaceState, rng: np.random.Generator) -> None:
+    """Check the laws that hold at any rank, for many states."""
+    quantities = {name: getattr(state, name) for name in (
+        'inverse_inertia', 'inertia', 'dynamic_inverse', 'gravity_force', 'coriolis_force',
+        'directions', 'translation_singular_values', 'rotation_singular_values',
+        'translation_manipulability', 'rotation_manipulability', 'position_margin')}
+    for name, value in quantities.items():
+        assert not np.isnan(value).any(), name
+    J, inverse = state.jacobian, state.dynamic_inverse
+    kept = np.arange(6) < state.rank[:, np.newaxis]
+    U = np.swapaxes(state.directions, 1, 2)
+    range_projection = (U * kept[:, np.newaxis]) @ np.swapaxes(U, 1, 2)
+    np.testing.assert_allclose(J @ inverse, range_projection, atol=1e-8)
+    np.testing.assert_allclose(J @ inverse @ J, J, atol=1e-8)
+    # lost directions: no joint motion moves the point along them
+    np.testing.assert_allclose(
+        (U * ~kept[:, np.newaxis]).swapaxes(1, 2) @ J, np.zeros_like(J), atol=1e-7)
+    # an effort Jᵀ F is the force F, without the part that nothing transmits
+    F = rng.normal(size=(len(J), 6, 1))
+    force = inverse.swapaxes(1, 2) @ J.swapaxes(1, 2) @ F
+    np.testing.assert_allclose(force, range_projection @ F, atol=1e-8)
+    # what gravity leaves to the null space accelerates nothing in the task
+    rest = state.joint_gravity[..., np.newaxis] - (
+        J.swapaxes(1, 2) @ state.gravity_force[..., np.newaxis])
+    acceleration = J @ np.linalg.solve(state.mass_matrix, rest)
+    free = J @ np.linalg.solve(state.mass_matrix, state.joint_gravity[..., np.newaxis])
+    assert np.abs(acceleration).max() <= 1e-6 * np.abs(free).max()
+
+
+@pytest.mark.parametrize(('robot', 'link', 'count', 'singular'), [
+    ('ur5', 'tool0', 50_000, 15_000), ('panda', 'panda_link8', 30_000, 100),
+    ('default', 'link2', 10_000, 10_000), ('tiago_no_hand', 'wrist_ft_tool_link', 10_000, 100)])
+def test_a_hundred_thousand_poses_with_exact_singularities(robot, link, count, singular):
+    arm, rng = load_arm(robot_urdf(robot)), np.random.default_rng(4)
+    q = singular_positions(rng, count, arm.joint_count)
+    state = TaskSpace(arm, link).batch(q, rng.normal(size=q.shape))
+    assert (state.rank < 6).sum() >= singular
+    assert_laws(state, rng)
+
+
+def test_every_distance_to_a_singularity():
+    """The wrist of an arm from 1 rad to 1e-18 rad of its singularity, and exactly in it."""
+    q = np.tile([0.3, -1.0, 1.2, 0.4, 0.0, 0.5], (20, 1))
+    q[:19, 4] = 10.0 ** -np.arange(19)
+    state = TaskSpace(load_arm(robot_urdf('ur5')), 'tool0').batch(q, np.ones_like(q))
+    assert (np.diff(state.rank) <= 0).all()
+    assert (state.rank[0], state.rank[-1]) == (6, 5)
+    assert_laws(state, np.random.default_rng(7))
+    np.testing.assert_allclose(np.abs(state.directions[-1, 5]) @ np.abs(
+        state.directions[15, 5]), 1.0, atol=1e-6)
+
+
+def test_no_joint_moves_the_base():
+    arm = load_arm(robot_urdf('ur5'))
+    state = TaskSpace(arm, 'base_link').batch(np.zeros((3, 6)), np.ones((3, 6)))
+    assert (state.rank == 0).all()
+    assert not state.inertia.any()
+    assert_laws(state, np.random.default_rng(5))
+
+
+def test_planar_arm_in_closed_form():
+    """The end of the two-link arm: the force of gravity of a load at the end is its weight."""
+    arm = load_arm(robot_urdf('default'))
+    load = make_payload('link2', 1e-3, (0.0, 0.0, 0.8))
+    bare, loaded = RigidBody(arm), RigidBody(arm.with_payloads([load]))
+    q = (0.7, 0.4)
+    state = TaskSpace(arm, 'link2', (0.0, 0.0, 0.8)).at(q)
+    weight = state.dynamic_inverse.T @ (loaded.gravity(q) - bare.gravity(q))
+    lost = state.lost_directions
+    assert lost.shape == (4, 6)
+    expected = np.array([0.0, 0.0, 9.81e-3, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(weight, expected - lost.T @ lost @ expected, atol=1e-12)
+
+
+@pytest.mark.parametrize('n', [1, 2, 3, 4, 5])
+def test_fewer_than_six_joints(n):
+    ones = [1.0] * n
+    arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * n, [0.1] * n))
+    rng = np.random.default_rng(n)
+    state = TaskSpace(arm, arm.link_names[-1], POINT).batch(
+        singular_positions(rng, 200, n), rng.normal(size=(200, n)))
+    assert (state.rank <= min(n, 3)).all()
+    assert_laws(state, rng)
+
+
+def test_one_state_and_many_are_equal():
+    arm = load_arm(robot_urdf('panda'))
+    task, rng = TaskSpace(arm, 'panda_link8', POINT), np.random.default_rng(6)
+    q, v = rng.normal(size=(5, 8)), rng.normal(size=(5, 8))
+    many = task.batch(q, v)
+    for i in range(5):
+        one = task.at(q[i], v[i])
+        for name in ('jacobian', 'bias_acceleration', 'inertia', 'gravity_force', 'rank',
+                     'coriolis_force', 'rotation_manipulability', 'position_margin'):
+            np.testing.assert_allclose(
+                getattr(one, name), getattr(many, name)[i], rtol=1e-9, atol=1e-12)
+    assert task.batch(np.zeros((0, 8))).inertia.shape == (0, 6, 6)
+    assert not task.at(q[0]).joint_coriolis.any()
+
+
+def test_manipulability_and_margins():
+    arm = load_arm(robot_urdf('panda'))
+    q = np.full(8, 0.02)
+    state = TaskSpace(arm, 'panda_link8').at(q)
+    for half, value in ((state.jacobian[:3], state.translation_manipulability),
+                        (state.jacobian[3:], state.rotation_manipulability)):
+        np.testing.assert_allclose(value, np.sqrt(np.linalg.det(half @ half.T)), rtol=1e-6)
+    margin = np.minimum(q - arm.limits.lower, arm.limits.upper - q)
+    assert state.position_margin == pytest.approx(margin)
+    assert state.position_margin[3] < 0.0  # the elbow of this arm cannot be stretched
+
+
+def test_motors_and_payload_are_in_the_inertia():
+    arm = load_arm(robot_urdf('ur5'))
+    motors = make_actuators(arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-4])
+    q = np.full(6, 0.5)
+    light = TaskSpace(arm, 'tool0').at(q).inertia
+    heavy = TaskSpace(arm.with_actuators(motors), 'tool0').at(q).inertia
+    assert np.linalg.eigvalsh(heavy - light).min() > 0.0
+
+
+def rejected(call: Callable[[], object]) -> str:
+    with pytest.raises(InvalidInputError) as info:
+        call()
+    return str(info.value)
+
+
+def test_invalid_input_is_named():
+    arm = load_arm(robot_urdf('ur5'))
+    task = TaskSpace(arm, 'tool0')
+    message = rejected(lambda: TaskSpace(arm, 'tool1'))
+    assert "frame is 'tool1'" in message
+    assert "'tool0'" in message
+    message = rejected(lambda: TaskSpace(arm, 'tool0', reference='world'))
+    assert "reference is 'world'" in message
+    assert "['base_aligned', 'local']" in message
+    assert 'point[1] (y) is nan' in rejected(lambda: TaskSpace(arm, 'tool0', (0, np.nan, 0)))
+    assert 'position has 5 values, expected 6' in rejected(lambda: task.at([0.0] * 5))
+    assert 'velocity has 2 samples, expected 3' in rejected(
+        lambda: task.batch(np.zeros((3, 6)), np.zeros((2, 6))))
+    message = rejected(lambda: task.batch(np.zeros((3, 6))).lost_directions)
+    assert 'one state' in message
+
+
+MASSLESS = """<robot name="massless">
+<link name="base"/>
+<link name="upper"><inertial><mass value="1"/><origin xyz="0 0 0.5"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"/>
+<joint name="joint1" type="continuous"><parent link="base"/><child link="upper"/>
+<axis xyz="0 1 0"/></joint>
+<joint name="joint2" type="continuous"><parent link="upper"/><child link="lower"/>
+<origin xyz="0 0 1"/><axis xyz="0 1 0"/></joint>
+</robot>"""
+
+
+def test_a_joint_without_mass_is_named():
+    task = TaskSpace(load_arm(MASSLESS), 'lower')
+    assert task.at((0.0, 0.0)).jacobian.shape == (6, 2)
+    assert 'mass matrix at position [0.0, 0.0] is not positive definite' in rejected(
+        lambda: task.batch(np.zeros((2, 2))).inertia)

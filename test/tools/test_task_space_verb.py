@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`ros2 dynamics task_space` and `inverse --derivatives`: output, JSON, and bad arguments."""
+
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+import json
+import re
+
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.derivatives import ArmDerivatives
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.task_space import TaskSpace
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
+from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT
+
+ARM = load_arm(default_arm_urdf())
+Q, V = [0.785398, 0.523599], [0.5, 0.3]
+Ask = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture(scope='module')
+def dynamics_client() -> Iterator[DynamicsClient]:
+    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})), \
+            DynamicsClient('dynamics', TIMEOUT) as client:
+        yield client
+
+
+@pytest.fixture
+def ask(capsys: pytest.CaptureFixture[str], dynamics_client: DynamicsClient) -> Ask:
+    """Return a function that runs a verb: exit status, output, error output."""
+    def ask(*words: object) -> tuple[int, str, str]:
+        arguments = make_parser().parse_args(list(map(str, words)))
+        status = run(arguments.verb, arguments, lambda *_: nullcontext(dynamics_client))
+        return status, *capsys.readouterr()
+
+    return ask
+
+
+def test_json_is_that_of_the_library(ask: Ask) -> None:
+    status, out, _ = ask(
+        'task_space', 'link2', *Q, '-v', *V, '--point', 0.1, 0, 0.8, '--reference', 'local',
+        '--json')
+    assert status == 0
+    data = json.loads(out)
+    expected = TaskSpace(ARM, 'link2', (0.1, 0.0, 0.8), 'local').at(Q, V)
+    for name in ('translation', 'jacobian', 'bias_acceleration', 'inertia', 'inverse_inertia',
+                 'dynamic_inverse', 'gravity_force', 'coriolis_force', 'rank',
+                 'translation_singular_values', 'rotation_manipulability'):
+        np.testing.assert_allclose(data[name], getattr(expected, name), atol=1e-9)
+    assert np.shape(data['lost_directions']) == (4, 6)
+    assert data['position_margin'] == [None, None]
+    assert 'Infinity' not in out
+
+
+def test_tables_have_units_and_the_lost_directions(ask: Ask) -> None:
+    status, out, _ = ask('task_space', 'tool0', *Q, '--velocity', *V)
+    assert status == 0
+    assert 'tool0, point (0.0000, 0.0000, 0.0000) m, axes base_aligned' in out
+    assert 'position (1.4798, 0.0000, 0.9142) m' in out
+    assert 'Inertia Λ [kg, kg·m, kg·m²], the pseudo-inverse of Λ⁻¹' in out
+    assert re.search(r'joint2 +no limit\n', out)
+    assert 'Rank 2 of 6. Lost directions' in out
+
+
+def test_without_a_position_it_is_the_measured_one(ask: Ask) -> None:
+    status, out, _ = ask('task_space', 'tool0', '--json')
+    assert status == 0
+    assert json.loads(out)['translation'] == pytest.approx([0.0, 0.0, 1.8], abs=1e-3)
+
+
+def test_derivatives(ask: Ask) -> None:
+    status, out, _ = ask('inverse', *Q, '--velocity', *V, '--derivatives', '--json')
+    data, by = json.loads(out), ArmDerivatives(ARM).inverse_dynamics(Q, V, [0.0, 0.0])
+    assert status == 0
+    for name in ('position', 'velocity', 'acceleration'):
+        np.testing.assert_allclose(
+            data[f'effort_{name}_derivative'], getattr(by, name), atol=1e-9)
+    text = ask('inverse', *Q, '--derivatives')[1]
+    assert 'Derivative of the efforts by position\n' in text
+    assert 'effort_position_derivative' not in json.loads(ask('inverse', *Q, '--json')[1])
+
+
+@pytest.mark.parametrize(('words', 'reason'), [
+    (['tool1', *Q], "frame is 'tool1', expected one of the links ['base_link', 'link1'"),
+    (['tool0', *Q, '--reference', 'world'], "reference is 'world', expected one of"),
+    (['tool0', 0.1], 'position has 1 value, expected 2: joint1, joint2'),
+])
+def test_bad_arguments_are_rejected_by_name(ask: Ask, words: list[object], reason: str) -> None:
+    status, out, err = ask('task_space', *words)
+    assert (status, out) == (2, '')
+    assert reason in err
