@@ -28,7 +28,7 @@ from robot_dynamics.trajectories.path import path_of
 from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
 from robot_dynamics.trajectories.segments import TrajectorySegments
-from robot_dynamics.trajectories.slow_down import largest_ratios, least_slowness, slower
+from robot_dynamics.trajectories.slow_down import largest_ratios, slower, within_limits
 from robot_dynamics.trajectories.smoothing import durations, Timing, within_rates
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
@@ -122,8 +122,7 @@ def retime(
         if np.isfinite(rates).any():
             result = within_rates(limits, names, timing, terms, rates)
         else:
-            result = slower(_as_trajectory(names, timing), 1.0)
-            result = slower(result, least_slowness(limits, result))
+            result = within_limits(limits, slower(_as_trajectory(names, timing), 1.0))
     return _answer(limits, result, before)
 
 
@@ -181,7 +180,7 @@ def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajec
                 "'slow_down': without them the velocity jumps; use the method 'fastest'")
     if len(trajectory.points) < 2:
         raise TrajectoryError('points has 1 point, expected at least 2: a path')
-    return slower(trajectory, least_slowness(limits, trajectory))
+    return within_limits(limits, trajectory)
 
 
 def _fastest(
@@ -196,7 +195,8 @@ def _fastest(
     best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     exact_at_once = not limits.depend_on_speed()
     if not exact_at_once:
-        start = np.minimum(velocity_caps(limits, grid, of_velocity), limits.free_speed(grid))
+        free_speed = limits.free_speed(grid)
+        start = np.minimum(velocity_caps(limits, grid, of_velocity), free_speed)
         x = np.where(start < UNBOUNDED, _START * start, 0.0)
     for passed in range(_PASSES):
         rows = constraints(limits, grid, terms, x, rise, margins)
@@ -218,8 +218,8 @@ def _fastest(
         if is_steady and largest < (_EXCESS if exact_at_once else _EXCESS_OF_TANGENTS):
             break
         rise = _rise(grid, x) if passed < 4 else rise
-        if passed < 2:
-            x = np.minimum(x, limits.free_speed(grid))
+        if passed < 2 and not exact_at_once:
+            x = np.minimum(x, free_speed)
     _, x, T = best
     return Timing(grid, np.sqrt(x), T)
 
@@ -306,26 +306,33 @@ def _excesses(
     """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
     speed = np.sqrt(x)[:, np.newaxis]
     is_steep = limits.dynamics.arm.friction.steep_below.any() and not is_first
-    phases = np.linspace(0.0, 1.0, 1 + (_PARTS_OF_STEEP_FRICTION if is_steep else _PARTS))
     T = T[:, np.newaxis]
     left, right = grid.left, grid.right
     v_0, v_1 = left.tangent * speed[:-1], right.tangent * speed[1:]
     way = right.q - left.q
-    c = position_coefficients([np.zeros_like(way), v_0], [way, v_1], T)
-    p = phases[:, np.newaxis, np.newaxis]
-    c1, c2, c3 = c[:, 1], c[:, 2], c[:, 3]
-    q = left.q + p * (c1 + p * (c2 + p * c3))
-    v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
-    a = (2.0 * c2 + p * 6.0 * c3) / T**2
-    v[0], v[-1] = v_0, v_1
-    q, v, a = (rows.reshape(-1, way.shape[1]) for rows in (q, v, a))
-    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)
+    _, c1, c2, c3, *_ = np.moveaxis(
+        position_coefficients([np.zeros_like(way), v_0], [way, v_1], T), 1, 0)
+
+    def motion(phases: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        p = phases[:, np.newaxis, np.newaxis]
+        v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
+        v[0], v[-1] = v_0, v_1
+        return left.q + p * (c1 + p * (c2 + p * c3)), v, (2.0 * c2 + p * 6.0 * c3) / T**2
+
+    phases = np.array([0.0, 0.5, 1.0])
+    q, v, a = motion(phases)
+    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(
+        *(rows.reshape(-1, way.shape[1]) for rows in (q, v, a))).reshape(q.shape)
+    if is_steep:  # the effort of the rigid bodies is smooth: a parabola
+        phases = np.linspace(0.0, 1.0, 1 + _PARTS_OF_STEEP_FRICTION)
+        parabola = np.linalg.solve(np.vander([0.0, 0.5, 1.0], 3).T, np.vander(phases, 3).T).T
+        _, v, a = motion(phases)
+        load = np.tensordot(parabola, load, 1)
     by_name = limits.ratios(v, a, load)
-    shape = (len(phases), *grid.sign.shape)
-    ratio = by_name.pop('velocity').reshape(shape).max(axis=(0, 2))
+    ratio = by_name.pop('velocity').max(axis=(0, 2))
     peak = np.clip(-c2 / np.where(c3 != 0.0, 3.0 * c3, 1.0), 0.0, 1.0)
     fastest = np.abs(c1 + peak * (2.0 * c2 + peak * 3.0 * c3)) / T / limits.velocity
-    largest = np.max(list(by_name.values()), axis=0).reshape(shape).max(axis=0)
+    largest = np.maximum.reduce(list(by_name.values())).max(axis=0)
     return _Excess(largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0)
 
 
