@@ -41,7 +41,7 @@ from robot_dynamics.trajectories.timing_limits import (
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
+_PASSES, _EXACT, _EXACT_BY_TANGENTS, _CLOSE, _START = 10, 4e-5, 1e-4, 0.02, 0.5
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _SHORTEST, _SHORTEST_FROM_REST = 5e-5, 1.5e-4
 """Times between two points of the result [s]; rounding of shorter times is noticeable."""
@@ -116,9 +116,9 @@ def retime(
     if method == 'slow_down':
         result = _slowed_down(limits, trajectory)
     else:
-        grid, terms = _without_short_intervals(
+        grid, terms, x = _without_short_intervals(
             limits, trajectory, make_grid(path_of(trajectory, corner_tolerance)))
-        timing = _fastest(limits, trajectory, grid, terms)
+        timing = _fastest(limits, trajectory, grid, terms, x)
         if np.isfinite(rates).any():
             result = within_rates(limits, names, timing, terms, rates)
         else:
@@ -185,19 +185,18 @@ def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajec
 
 def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-    terms: tuple[PathTerms, PathTerms],
+    terms: tuple[PathTerms, PathTerms], x: FloatArray,
 ) -> Timing:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
-    x, rise = np.zeros(m + 1), np.zeros(m)
     duration = 0.0
-    best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     exact_at_once = not limits.depend_on_speed()
     if not exact_at_once:
         free_speed = limits.free_speed(grid)
-        start = np.minimum(velocity_caps(limits, grid, of_velocity), free_speed)
-        x = np.where(start < UNBOUNDED, _START * start, 0.0)
+        x = _START * np.minimum(x, free_speed)
+    rise = _rise(grid, x)
+    best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     for passed in range(_PASSES):
         rows = constraints(limits, grid, terms, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
@@ -213,9 +212,8 @@ def _fastest(
         slowed_down = float(T.sum()) * (1.0 + largest)
         if slowed_down < best[0]:
             best = slowed_down, x, T
-        is_steady = abs(float(T.sum()) - duration) < _CONVERGED * duration
-        duration = float(T.sum())
-        if is_steady and largest < (_EXCESS if exact_at_once else _EXCESS_OF_TANGENTS):
+        change, duration = abs(float(T.sum()) - duration), float(T.sum())
+        if max(change / duration, largest) < (_EXACT if exact_at_once else _EXACT_BY_TANGENTS):
             break
         rise = _rise(grid, x) if passed < 4 else rise
         if passed < 2 and not exact_at_once:
@@ -235,7 +233,7 @@ def _checked_terms(
 
 def _without_short_intervals(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-) -> tuple[PathGrid, tuple[PathTerms, PathTerms]]:
+) -> tuple[PathGrid, tuple[PathTerms, PathTerms], FloatArray]:
     """Return the grid without nodes that would follow others in less than _SHORTEST."""
     m, n = grid.sign.shape
     terms = _checked_terms(limits, trajectory, grid)
@@ -257,7 +255,7 @@ def _without_short_intervals(
         keep[(start + end) // 2] |= not keep[start + 1:end].any()
     left, right = terms
     return grid.merged(keep), (
-        left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:])))
+        left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:]))), x[keep]
 
 
 def _check_states(

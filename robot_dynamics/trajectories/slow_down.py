@@ -21,7 +21,7 @@ from robot_dynamics.trajectories.timing_limits import PathLimits
 
 SLOWEST = 1e4
 """Largest factor."""
-_TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 8_000, 4
+_TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 5_000, 4
 _EXACT, _ROUNDING, _TARGET, _STEP = 1e-7, 1e-4, 1.0 - 3e-6, 2e-5
 
 
