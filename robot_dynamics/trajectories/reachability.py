@@ -144,12 +144,14 @@ def _best_ends(
 
 def _argmax(lines: _Lines, high: FloatArray) -> FloatArray:
     """Return where in [0, high] the smallest of the lines is largest, by cutting planes."""
-    rows = np.arange(len(high))
-    _, left, rise = _at(lines, np.zeros_like(high), rows)
-    _, right, fall = _at(lines, high, rows)
-    best = np.where(rise > 0.0, 0.0, high)
-    rows = np.flatnonzero((rise <= 0.0) & (fall > 0.0))
-    left, rise, right, fall = left[rows], rise[rows], right[rows], fall[rows]
+    best = high.copy()
+    _, right, fall = _at(lines, high, np.arange(len(high)))
+    rows = np.flatnonzero(fall > 0.0)
+    _, left, rise = _at(lines, np.zeros(len(rows)), rows)
+    best[rows[rise > 0.0]] = 0.0
+    inside = rise <= 0.0
+    rows, left, rise = rows[inside], left[inside], rise[inside]
+    right, fall = right[rows], fall[rows]
     for _ in range(_CUTS):
         if not len(rows):
             break
