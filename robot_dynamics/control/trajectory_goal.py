@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.safety.supervisor import Fault, FOLLOWING_ERROR
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
@@ -154,9 +155,12 @@ class TrajectoryGoal:
     def end_if_replaced(self, reason: str) -> None:
         """End the goal if the controller follows something else, because of `reason`."""
         if self.result is None and _followed(self._controller) is not self._trajectory:
-            code = ResultCode.PATH_TOLERANCE_VIOLATED if 'following_error' in reason else (
-                ResultCode.INVALID_GOAL)
-            self.end(code, reason or 'another reference has replaced it')
+            self.end(ResultCode.INVALID_GOAL, reason or 'another reference has replaced it')
+
+    def fail(self, fault: Fault) -> None:
+        """End the goal by a fault; too large a following error is a violation of the path."""
+        self.end(ResultCode.PATH_TOLERANCE_VIOLATED if fault.name == FOLLOWING_ERROR else (
+            ResultCode.INVALID_GOAL), str(fault))
 
     def cancel(self) -> None:
         """Stop the arm; the goal ends when it is at rest."""

@@ -195,6 +195,8 @@ def _fastest(
     if not exact_at_once:
         free_speed = limits.free_speed(grid)
         x = _START * np.minimum(x, free_speed)
+        rows = constraints(limits, grid, terms, x, _rise(grid, x), margins)
+        x = np.minimum(fastest_states(rows, velocity_caps(limits, grid, of_velocity)), free_speed)
     rise = _rise(grid, x)
     best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     for passed in range(_PASSES):
@@ -202,7 +204,7 @@ def _fastest(
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = durations(grid, x, rise)
-        excess = _excesses(limits, grid, x, T, is_first=passed < 2)
+        excess = _excesses(limits, grid, x, T, is_first=passed == 0)
         is_close = np.abs(x - before) <= _CLOSE * x
         known = (is_close[:-1] & is_close[1:]) | exact_at_once
         margins = np.where(
@@ -215,8 +217,8 @@ def _fastest(
         change, duration = abs(float(T.sum()) - duration), float(T.sum())
         if max(change / duration, largest) < (_EXACT if exact_at_once else _EXACT_BY_TANGENTS):
             break
-        rise = _rise(grid, x) if passed < 4 else rise
-        if passed < 2 and not exact_at_once:
+        rise = _rise(grid, x) if passed < 3 else rise
+        if passed == 0 and not exact_at_once:
             x = np.minimum(x, free_speed)
     _, x, T = best
     return Timing(grid, np.sqrt(x), T)
@@ -319,8 +321,9 @@ def _excesses(
 
     phases = np.array([0.0, 0.5, 1.0])
     q, v, a = motion(phases)
+    flat = -1, way.shape[1]
     load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(
-        *(rows.reshape(-1, way.shape[1]) for rows in (q, v, a))).reshape(q.shape)
+        q.reshape(flat), v.reshape(flat), a.reshape(flat)).reshape(q.shape)
     if is_steep:  # the effort of the rigid bodies is smooth: a parabola
         phases = np.linspace(0.0, 1.0, 1 + _PARTS_OF_STEEP_FRICTION)
         parabola = np.linalg.solve(np.vander([0.0, 0.5, 1.0], 3).T, np.vander(phases, 3).T).T

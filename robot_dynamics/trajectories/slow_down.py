@@ -50,7 +50,8 @@ def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
 
 
 def within_limits(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory, slower by the smallest factor, to about 1e-6, of at least 1.
+    """
+    Return the trajectory, slower by the smallest factor, to about 1e-6, of at least 1.
 
     Raises TrajectoryError, naming joint, time and ratio, if no factor up to SLOWEST suffices.
     """

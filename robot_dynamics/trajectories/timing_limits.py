@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
@@ -91,38 +92,44 @@ class PathLimits(NamedTuple):
 
     def bounds(self, v: FloatArray) -> Bounds:
         """Return the bounds at velocities (..., n)."""
-        arm, motors = self.dynamics.arm, self.dynamics.arm.actuators
+        arm = self.dynamics.arm
         direction = np.array([1.0, -1.0]).reshape(2, *np.ones(v.ndim, dtype=np.intp))
-        efforts, rotors, scales = [], [], []
         limit = self.share * arm.limits.effort
-        if np.isfinite(limit).any():
-            efforts, rotors, scales = [direction * limit + 0.0 * v], [0.0 * v], [limit]
-        currents = []
-        if motors is not None and np.isfinite(motors.current_limit).any():
-            most = self.share * motors.current_limit
-            currents.append((direction * most, most))
-        if motors is not None and np.isfinite(motors.voltage_limit).any():
-            with np.errstate(divide='ignore', invalid='ignore'):
-                most = self.share * motors.voltage_limit / motors.resistance
-                back_emf = motors.back_emf_constant * np.abs(motors.gear_ratio) * v
-                current = direction * most - back_emf / motors.resistance
-            currents.append((np.where(np.isfinite(most), current, direction * np.inf), most))
-        for current, most in currents:
-            ratio = np.abs(motors.gear_ratio) * motors.torque_constant
-            with np.errstate(invalid='ignore'):
-                absorbs = current * v < 0.0
-            gain = np.where(absorbs, 1.0 / motors.efficiency, motors.efficiency)
-            efforts.append(ratio * current * gain)
-            rotors.append(gain - 1.0)
-            scales.append(ratio * most)
-        if not efforts:
-            return Bounds(*np.zeros((2, 2, 0, *v.shape)), np.zeros((0, v.shape[-1])))
+        found = [(direction * limit + 0.0 * v, 0.0 * v, limit)] if np.isfinite(limit).any() else []
+        if arm.actuators is not None:
+            found += self._of_motors(arm.actuators, direction, v)
+        if not found:
+            nothing = np.zeros((2, 0, *v.shape))
+            return Bounds(nothing, nothing, np.zeros((0, len(limit))))
+        efforts, rotors, scales = zip(*found)
         effort = np.stack(efforts, axis=1)
         left = arm.friction.load_behind(v, np.where(np.isfinite(effort), effort, 0.0))
         return Bounds(
             np.where(np.isfinite(effort), left, effort),
-            np.stack([np.broadcast_to(one, effort[:, 0].shape) for one in rotors], axis=1),
+            np.stack([np.broadcast_to(one, efforts[0].shape) for one in rotors], axis=1),
             np.array(scales))
+
+    def _of_motors(
+        self, motors: Actuators, direction: FloatArray, v: FloatArray,
+    ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return efforts with friction and `rotor`, (2, ..., n), and `scale` of each bound."""
+        kinds = []
+        if np.isfinite(motors.current_limit).any():
+            most = self.share * motors.current_limit
+            kinds.append((direction * most, most))
+        if np.isfinite(motors.voltage_limit).any():
+            with np.errstate(divide='ignore', invalid='ignore'):
+                most = self.share * motors.voltage_limit / motors.resistance
+                back_emf = motors.back_emf_constant * np.abs(motors.gear_ratio) * v
+                current = direction * most - back_emf / motors.resistance
+            kinds.append((np.where(np.isfinite(most), current, direction * np.inf), most))
+        ratio, found = np.abs(motors.gear_ratio) * motors.torque_constant, []
+        for current, most in kinds:
+            with np.errstate(invalid='ignore'):
+                absorbs = current * v < 0.0
+            gain = np.where(absorbs, 1.0 / motors.efficiency, motors.efficiency)
+            found.append((ratio * current * gain, gain - 1.0, ratio * most))
+        return found
 
 
 class PathTerms(NamedTuple):

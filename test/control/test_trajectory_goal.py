@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.supervisor import Fault
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TOLERANCE,
     default_tolerances,
@@ -202,6 +203,19 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
     code, message, _ = result_of(goal)
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert message.startswith('fault following_error')
+
+
+@pytest.mark.parametrize(('name', 'code'), [
+    ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
+    ('position_limit', ResultCode.INVALID_GOAL)])
+def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCode) -> None:
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.5)
+    bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
+    assert result_of(goal)[:2] == (
+        code, f'fault {name}: unlike following_error, a message has any words')
+    assert bench.loop.goal is None
 
 
 def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> None:
