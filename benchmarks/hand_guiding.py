@@ -57,7 +57,7 @@ WALL_WAY, WALLS = 0.08, (500.0, 10000.0)
 """[rad] to the wall of the follower, and its stiffness [N·m/rad]."""
 IMPACT, IMPACT_TIME, SET_POINT_PERIOD = 300, 3000, 10
 """[ms]"""
-HAND, SHOWN = 30.0, 1
+HAND, SHOWN = 30.0, 0
 """[1/s²] of the spring in the figure, and its case."""
 LATEST = 20
 """[ms]: largest delay between two arms."""
