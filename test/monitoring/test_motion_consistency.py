@@ -6,6 +6,7 @@
 from collections.abc import Callable
 import itertools
 import math
+import re
 
 from consistency_signals import (
     alarms,
@@ -352,5 +353,16 @@ def test_the_cause_is_named_in_motion_that_reverses(
     q, v = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
     true = t < 1.0 + 1.0 / 24.0  # a reversal
     reason = first_reason(q, np.where(true, v, factor * v), rate)
-    print(reason)
     assert cause in reason
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+def test_the_window_with_the_largest_contradiction_is_described(rate: float) -> None:
+    """A small error of a slow joint needs a long one: 0.15 W > 0.003 + 0.02 W + 0.3 · 0.25 W."""
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    reason = first_reason(0.1 * t, np.where(t < 1.0, 0.1, 0.25), rate)
+    found = re.search('moved by ([0-9.]+) in ([0-9]+) ms: 2.[45] times', reason)
+    assert found
+    moved, window = map(float, found.groups())
+    assert 0.003 / 0.055 < 1e-3 * window < 0.1
+    assert moved == pytest.approx(1e-4 * window, rel=0.1)

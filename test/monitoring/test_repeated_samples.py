@@ -306,3 +306,14 @@ def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder() ->
         one.follow(stamp, np.ones(3, bool), np.zeros(3, int), np.zeros(3), v, lambda: None,
                    steps_of(5e-4, 3))
     assert one.frozen.tolist() == [False, True, False]
+
+
+def test_the_steps_of_an_encoder_are_those_of_its_joint() -> None:
+    """Positions change by 0.5 mrad or not at all; another joint has finer ones."""
+    rows, rng = np.arange(400), np.random.default_rng(0)
+    q = np.stack([5e-4 * (rows // 2 % 2), 1e-6 * rng.standard_normal(400)], axis=1)
+    v = np.stack([np.full(400, 0.01), 1e-6 * rows], axis=1)
+    v[:200, 0] += 1e-6 * rows[:200]
+    q[200:, 0] = q[200, 0]
+    row, _ = next(alarms(consistency(KINDS[:1] * 2), States(rows * SECOND // 200, q, v)))
+    assert row - 200 == pytest.approx(1e3 * 3.0 * 5e-4 / 0.01 / 5.0, abs=1.0)
