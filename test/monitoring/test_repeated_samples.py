@@ -84,6 +84,18 @@ def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -
     assert (np.delete(one.repeats_since_ns, joints) < 0).all()
 
 
+@pytest.mark.parametrize('speed', [0.5, -2.0])
+@pytest.mark.parametrize('late', range(5))
+def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed: float, late: int) -> None:
+    """Also between stored states, which are 5 ms apart; the period is 1 ms."""
+    rows = np.minimum(np.arange(600), 500 + late)[:, None]
+    one = consistency(KINDS[:1])
+    row, _ = next(alarms(one, States(
+        np.arange(600) * SECOND // 1000, 1e-3 * speed * rows, speed * rows**0.0)))
+    assert one.repeats_since_ns == pytest.approx(1e6 * (500 + late), abs=1e3)
+    assert row < 530 + late
+
+
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
 @pytest.mark.parametrize('with_velocity', [True, False])
 def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
