@@ -18,7 +18,7 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 SUBSTEPS = 20
 MICRO_DAMPING = 0.2
@@ -148,10 +148,9 @@ def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, se
     """
     plant = Plant(smooth_arm(name).with_gravity(np.zeros(3)), Case(name, 1000, 0, distance))
     arm = plant.arm
-    simulated = ArmSimulation(arm.with_friction(make_friction(
+    simulated = released(arm.with_friction(make_friction(
         arm.joint_names, plant.viscous.tolist(), plant.coulomb.tolist(),
         presliding_distance=[distance])), plant.q)
-    simulated.release()
     q, moved, last = plant.q.copy(), [], 0.0
     first = plant.coulomb * (np.arange(len(q)) < 1)
     for share, steps in ((0.1, 1500), (0.6, 1500), (1.5, 300), (1.5, 900), (0.0, 3000)):
