@@ -108,7 +108,7 @@ def test_the_offset_of_an_encoder_is_named():
 @pytest.mark.parametrize('seed', range(3))
 def test_the_offset_of_an_encoder_of_a_light_arm_is_named(seed):
     arm, states = load_arm(robot_urdf('ur3')), fourier_motion(ARM, 125.0, 30.0, seed)
-    effort = rigid_effort(changed_arm(arm, 0.15, seed), states, 0.1) + 1.0 * np.tanh(states.v / 0.03)
+    effort = rigid_effort(changed_arm(arm, 0.15, seed), states, 0.1) + np.tanh(states.v / 0.03)
     noise = 0.2 * np.random.default_rng(seed).normal(size=effort.shape)
     read = series_of(arm, states._replace(q=states.q + OFFSET), effort + noise)
     causes = find_contradictions(arm, filter_motion(read)).causes
