@@ -55,7 +55,7 @@ from robot_dynamics.model.regressor import (
 
 TRAIN_FRACTION = 0.6
 STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
-_STATES = 60
+_STATES, _EVERY = 60, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ def identify_recordings(
     usual = solve(grams_of(information.together()), models.choice.structures,
                   models.choice.weights, prior, USUAL_REGULARIZATION)
     ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
-        recording.shown.position for recording in evaluated])[::10])
+        recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
         difference_from_urdf(models.consistent, prior), far_from_urdf(arm.joint_names, ratios),

@@ -99,7 +99,7 @@ def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:
     """
     Return the RMS (n,) of the gravity torque of a fit by that of the URDF, at positions q (m, n).
 
-    It is 1 at joints that bear less than a tenth of the largest torque; `arm` has no payload.
+    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
     """
     rest = np.zeros_like(q)
     Y = TorqueRegressor(arm)(q, rest, rest)
@@ -107,7 +107,7 @@ def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:
                         for phi in (fit.parameters, inertial_parameters(arm)))
     bears = np.maximum(found, described)
     counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
-    return np.divide(found, described, out=np.ones_like(found), where=counts)
+    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
 
 
 def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
