@@ -4,8 +4,9 @@
 """
 Estimates of `dynamics` from measured efforts, computed only while there are subscribers.
 
-`~/external_effort` and `~/residual` are computed after the command is published. Each estimator
-resets when its first subscriber connects. An error in them does not affect the control path.
+`~/external_effort`, `~/external_wrench` and `~/residual` are computed after the command is
+published. Each estimator resets when its first subscriber connects. An error in them does not
+affect the control path.
 The expected standard deviation of an estimate is published on a separate topic, `…_deviation`.
 """
 
@@ -25,6 +26,11 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from robot_dynamics.ros.dynamics.external.live_wrench import (
+    LiveWrench,
+    wrench_estimator,
+    WRENCH_SPECS,
+)
 from robot_dynamics.ros.middleware.cdr_templates import effort_template, SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
@@ -46,6 +52,7 @@ ESTIMATE_SPECS = (
         'low-pass filter with this cut-off frequency.')),
     number('residual_bandwidth', DEFAULT_BANDWIDTH, 0.01, 1000.0, (
         'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.')),
+    *WRENCH_SPECS,
 )
 
 
@@ -64,6 +71,7 @@ class Estimates:
         self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
         self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
+        self.wrench = wrench_estimator(dynamics, self._external, values)
 
     def set_bandwidths(self, values: Values) -> None:
         """Set the bandwidths of the parameters; the estimates continue without a reset."""
@@ -74,6 +82,7 @@ class Estimates:
         """Reset all estimators at the next state."""
         for estimator in self._all:
             estimator.restart()
+        self.wrench.restart()
 
     def joint_effort(
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
@@ -95,6 +104,8 @@ class Estimates:
             else:
                 estimator.restart()
             found.append(estimate)
+        if not wanted[0]:
+            self.wrench.restart()
         return found
 
     @property
@@ -125,6 +136,7 @@ class Estimates:
             self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:
                 estimator.set_dynamics(dynamics)
+            self.wrench.set_dynamics(dynamics)
 
 
 def joint_effort(
@@ -149,9 +161,10 @@ class LiveEstimates:
         self._deviations = (
             node.create_publisher(JointState, '~/external_effort_deviation', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
+        self.wrench = LiveWrench(node)
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
-        self.counts = (*self._counts, *self._deviation_counts)
+        self.counts = (*self._counts, *self._deviation_counts, *self.wrench.counts)
         """Functions that return the number of subscribers of each topic."""
         self.estimates: Estimates | None = None
         """The estimators in use, None without a model."""
@@ -167,11 +180,11 @@ class LiveEstimates:
 
     def set_estimates(self, estimates: Estimates) -> None:
         """Use these estimators from the next state on."""
-        self.estimates, self.is_on = estimates, False
+        self.estimates, self.is_on, self.wrench.estimator = estimates, False, estimates.wrench
 
     def forget(self) -> None:
         """Stop to estimate."""
-        self.estimates = None
+        self.estimates = self.wrench.estimator = None
         self._rest()
 
     def look(
@@ -196,6 +209,7 @@ class LiveEstimates:
     def _has_subscribers(self, estimates: Estimates | None) -> tuple[bool, bool]:
         """Return whether each estimate, or its deviation, has a subscriber."""
         external, residual = (count() > 0 for count in self._counts)
+        external = external or self.wrench.has_subscribers
         if estimates is None or not estimates.has_deviations:
             return external, residual
         of_external, of_residual = (count() > 0 for count in self._deviation_counts)
@@ -235,6 +249,8 @@ class LiveEstimates:
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
+        if found[0] is not None:
+            self.wrench.publish(judgement.stamp, dt)
         if estimates.has_deviations:
             self._publish_deviations(estimates, found, dt, state.stamp)
 
@@ -268,7 +284,8 @@ class LiveEstimates:
             return
         self.is_lacking, self._words = True, f'none: {words}'
         self._node.get_logger().warning(
-            f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
+            f'No ~/external_effort, ~/external_wrench and ~/residual: {words}',
+            throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""
