@@ -59,7 +59,7 @@ class WrenchEstimate(NamedTuple):
 
 
 class _Error(NamedTuple):
-    """An effort (n,), the errors by `EffortDeviation.errors_at` (n, k), and other variance (n,)."""
+    """An effort (n,), the errors by `EffortDeviation.errors_at` (n, k), other variance (n,)."""
 
     effort: FloatArray
     parameters: FloatArray

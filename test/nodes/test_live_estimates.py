@@ -19,7 +19,7 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
-from robot_dynamics_interfaces.msg import WrenchCovariance
+from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
@@ -161,6 +161,35 @@ def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClie
             message = wrenches.wait_for(has_stamp(stamp_to_ros(robot.stamp)))
             assert abs(message.wrench.force.x) < 0.05
             assert abs(message.wrench.torque.y) < 0.05
+
+
+def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
+    """The lift of joint2 exceeds its level; the robot rests, so that the velocity adds nothing."""
+    parameters = {
+        'joints': NAMES, 'contact.effort': [1.0, 2.0], 'contact.effort_per_velocity': [5.0]}
+    with NodeProcess(DYNAMICS, parameters, namespace='/touched') as node, \
+            client.collect(Contact, '/touched/dynamics/contacts') as contacts:
+        robot = Held(client, '/touched')
+        contacts.wait_matched()
+        free = {'effort': GRAVITY.tolist()}
+        robot.say(20, **free)
+        assert not contacts.messages
+        robot.say(30)
+        contact, = contacts.wait_count(1, LONG)
+        assert (contact.joint_name, contact.level) == ('joint2', 2.0)
+        assert contact.effort > 2.0
+        assert contact.message == (
+            f"external effort at 'joint2' is {contact.effort:.3g}, level 2: a contact, or a "
+            'changed payload, a limit stop or stiction')
+        robot.say(100, **free)  # the contact ends
+        robot.say(10)
+        assert len(contacts.wait_count(2, LONG)) == 2
+        client.set_parameters('/touched/dynamics', {'contact.is_fault': True})
+        robot.say(10)
+        node.wait_for_log(
+            r"Fault external_effort: .*'joint2'.* at most 2 \(external_effort_limit or contact")
+        refused, = client.set_parameters('/touched/dynamics', {'contact.effort': [0.0, 0.0]})
+        assert 'contact.is_fault is true without levels' in refused.reason
 
 
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:

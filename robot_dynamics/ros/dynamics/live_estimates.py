@@ -26,6 +26,7 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from robot_dynamics.ros.dynamics.external.live_contacts import CONTACT_SPECS, LiveContacts
 from robot_dynamics.ros.dynamics.external.live_wrench import (
     LiveWrench,
     wrench_estimator,
@@ -53,6 +54,7 @@ ESTIMATE_SPECS = (
     number('residual_bandwidth', DEFAULT_BANDWIDTH, 0.01, 1000.0, (
         'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.')),
     *WRENCH_SPECS,
+    *CONTACT_SPECS,
 )
 
 
@@ -161,10 +163,11 @@ class LiveEstimates:
         self._deviations = (
             node.create_publisher(JointState, '~/external_effort_deviation', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
-        self.wrench = LiveWrench(node)
+        self.wrench, self.contacts = LiveWrench(node), LiveContacts(node)
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
-        self.counts = (*self._counts, *self._deviation_counts, *self.wrench.counts)
+        self.counts = (*self._counts, *self._deviation_counts, *self.wrench.counts,
+                       self.contacts.count)
         """Functions that return the number of subscribers of each topic."""
         self.estimates: Estimates | None = None
         """The estimators in use, None without a model."""
@@ -176,6 +179,8 @@ class LiveEstimates:
         """External effort of the newest state (n,), None if it is not estimated."""
         self.external_limit: FloatArray | None = None
         """Limit of the external effort (n,) [N·m] or [N], infinite for none; None: no limits."""
+        self.limit: FloatArray | None = None
+        """The same at the newest state, with the levels of contacts if they are faults."""
         self._restarts: Counter[str] = Counter()
 
     def set_estimates(self, estimates: Estimates) -> None:
@@ -194,7 +199,8 @@ class LiveEstimates:
         """Take a state whose command is published; `robot_gravity` (n,) is g(q) without a load."""
         estimates = self.estimates
         has_subscribers, has_residual = self._has_subscribers(estimates)
-        is_limited = self.external_limit is not None
+        has_subscribers = has_subscribers or self.contacts.is_on
+        is_limited = self.has_limits
         wanted = has_subscribers or is_limited or self._is_external_wanted(), has_residual
         if estimates is None or not any(wanted):
             self._rest()
@@ -215,11 +221,16 @@ class LiveEstimates:
         of_external, of_residual = (count() > 0 for count in self._deviation_counts)
         return external or of_external, residual or of_residual
 
+    @property
+    def has_limits(self) -> bool:
+        """Whether an external effort can be a fault."""
+        return self.external_limit is not None or self.contacts.is_fault
+
     def excess(self) -> int | None:
         """Return the joint whose external effort exceeds its limit most, None if none does."""
-        if self.external_limit is None or self.external_effort is None:
+        if self.limit is None or self.external_effort is None:
             return None
-        ratio = np.abs(self.external_effort) / self.external_limit
+        ratio = np.abs(self.external_effort) / self.limit
         j = int(np.argmax(ratio))
         return j if ratio[j] > 1.0 else None
 
@@ -245,7 +256,7 @@ class LiveEstimates:
             found = estimates.update(wanted, dt, q, v, effort)
         if not all(estimate is None or all_finite(estimate) for estimate in found):
             raise InvalidInputError('the estimates are not finite')
-        self.external_effort = found[0]
+        self._judge(found[0], v, dt, judgement.stamp)
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
@@ -253,6 +264,17 @@ class LiveEstimates:
             self.wrench.publish(judgement.stamp, dt)
         if estimates.has_deviations:
             self._publish_deviations(estimates, found, dt, state.stamp)
+
+    def _judge(
+        self, effort: FloatArray | None, v: FloatArray, dt: float, stamp_ns: int,
+    ) -> None:
+        """Keep the external effort (n,) and its limits at a velocity, and look for contacts."""
+        self.external_effort, self.limit = effort, self.external_limit
+        levels = self.contacts.fault_levels(v)
+        if levels is not None:
+            self.limit = levels if self.limit is None else np.minimum(self.limit, levels)
+        if effort is not None and self.contacts.is_on:
+            self.contacts.look(stamp_ns, dt, v, effort)
 
     def _publish_deviations(
         self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,
