@@ -27,7 +27,8 @@ from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
-from wrong_arms import model_arm, RATE as LOOP_RATE, true_arm, WrongModel
+from wrong_arms import model_arm, true_arm, WrongModel
+from wrong_arms import RATE as LOOP_RATE
 
 ARMS = 'default', 'ur10', 'panda'
 TEN_MINUTES, HOUR = 600.0, 3600.0
