@@ -152,17 +152,12 @@ class ControlPath:
             self.markers.forget()
             self.command.forget()
 
-    def set_limits(
-        self, state_max_age: float, sample_max_age: float,
-        external_effort: FloatArray | None = None,
-    ) -> None:
+    def set_limits(self, state_max_age: float, sample_max_age: float) -> None:
         """
         Set the largest age of a state and of a joint's sample, both in [s].
 
-        A `sample_max_age` of 0 is half a period of the messages. `external_effort` (n,) is the
-        limit of the external effort [N·m] or [N], None for none.
+        A `sample_max_age` of 0 is half a period of the messages.
         """
-        self.estimates.external_limit = external_effort
         self._state_max_age = state_max_age
         self._sample_max_age = sample_max_age
         served = self._served

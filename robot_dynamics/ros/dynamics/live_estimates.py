@@ -177,10 +177,11 @@ class LiveEstimates:
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """External effort of the newest state (n,), None if it is not estimated."""
-        self.external_limit: FloatArray | None = None
-        """Limit of the external effort (n,) [N·m] or [N], infinite for none; None: no limits."""
+        self._external_limit: FloatArray | None = None
+        self.has_limits = False
+        """Whether an external effort can be a fault."""
         self.limit: FloatArray | None = None
-        """The same at the newest state, with the levels of contacts if they are faults."""
+        """Limit at the newest state (n,) [N·m] or [N], infinite for none; None: no limits."""
         self._restarts: Counter[str] = Counter()
 
     def set_estimates(self, estimates: Estimates) -> None:
@@ -221,10 +222,13 @@ class LiveEstimates:
         of_external, of_residual = (count() > 0 for count in self._deviation_counts)
         return external or of_external, residual or of_residual
 
-    @property
-    def has_limits(self) -> bool:
-        """Whether an external effort can be a fault."""
-        return self.external_limit is not None or self.contacts.is_fault
+    def set_limits(
+        self, external_limit: FloatArray | None, values: Values, arm: ArmModel,
+    ) -> None:
+        """Use this limit of the external effort (n,), None for none, and the contact levels."""
+        self.contacts.set_levels(values, arm)
+        self._external_limit = external_limit
+        self.has_limits = external_limit is not None or self.contacts.is_fault
 
     def excess(self) -> int | None:
         """Return the joint whose external effort exceeds its limit most, None if none does."""
@@ -269,7 +273,7 @@ class LiveEstimates:
         self, effort: FloatArray | None, v: FloatArray, dt: float, stamp_ns: int,
     ) -> None:
         """Keep the external effort (n,) and its limits at a velocity, and look for contacts."""
-        self.external_effort, self.limit = effort, self.external_limit
+        self.external_effort, self.limit = effort, self._external_limit
         levels = self.contacts.fault_levels(v)
         if levels is not None:
             self.limit = levels if self.limit is None else np.minimum(self.limit, levels)

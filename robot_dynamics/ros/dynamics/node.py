@@ -302,10 +302,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _limit_path(self, values: Values, arm: ArmModel) -> None:
         limit = optional_values('external_effort_limit', values, arm)
-        self._path.estimates.contacts.set_levels(values, arm)
-        self._path.set_limits(
-            values['state_max_age'], values['joint_sample_max_age'],
-            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
+        self._path.estimates.set_limits(
+            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf),
+            values, arm)
+        self._path.set_limits(values['state_max_age'], values['joint_sample_max_age'])
 
     # ------------------------------------------------------------------ diagnostics
 

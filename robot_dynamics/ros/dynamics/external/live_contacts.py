@@ -76,7 +76,8 @@ class LiveContacts:
 
     def look(self, stamp_ns: int, dt: float, v: FloatArray, effort: FloatArray) -> None:
         """Publish a contact that begins at a state dt [s] after the previous one."""
-        contact = self._detector.update(dt, v, effort) if self._detector is not None else None
+        detector = self._detector
+        contact = None if detector is None else detector.update(dt, v, effort)
         if contact is not None:
             message = Contact(
                 joint_name=contact.joint, effort=contact.effort, level=contact.level,
