@@ -32,7 +32,7 @@ CONTACT_SPECS = (
 
 
 def contact_levels(values: Values, arm: ArmModel) -> ContactLevels | None:
-    """Return the levels of the parameters, None if there are none; raise InvalidInputError."""
+    """Return the levels of the parameters, None without levels; raise InvalidInputError."""
     names = 'contact.effort', 'contact.effort_per_velocity'
     for name in names:
         check_order_is_given(values, name, arm)
