@@ -47,7 +47,7 @@ class WrenchEstimate(NamedTuple):
     """
     A wrench on a frame, at its origin and in its axes: force [N], then torque [N·m].
 
-    `wrench` is (6,). `covariance` (6, 6) needs an uncertainty of the arm, else it is None. The rows of
+    `wrench` is (6,). `covariance` (6, 6) needs an uncertainty of the arm, else None. The rows of
     `unobservable` (k, 6) are wrenches of the largest expected size in the directions that the
     joint efforts do not determine; the estimate has hardly a part there, and the covariance has
     the expected one.

@@ -86,14 +86,14 @@ def test_the_promise_is_kept_for_an_exponential_tail() -> None:
     """The law that the fit assumes: both sides of the factor."""
     rng, n, rates = np.random.default_rng(0), 7, []
     for _ in range(5):
-        v = np.abs(rng.normal(size=(1200, n)))
+        v = np.abs(rng.normal(size=(6000, n)))
         r = (1.0 + 0.5 * v) * rng.exponential(size=v.shape)
         found = learn_contact_levels(
-            0.5 * np.arange(1200), v, r, [f'j{i}' for i in range(n)], 1.0).levels
+            0.1 * np.arange(6000), v, r, [f'j{i}' for i in range(n)], 1.0).levels
         assert np.median(found.per_velocity / found.effort) == pytest.approx(0.5, abs=0.3)
-        # exceeded with the probability exp(−θ / (1 + v/2)) per sample of 0.5 s
+        # exceeded with the probability exp(−θ / (1 + v/2)) per sample of 0.1 s
         v = np.abs(rng.normal(size=(20000, n)))
-        rates.append(7200.0 * np.exp(-found.at(v) / (1.0 + 0.5 * v)).sum(axis=1).mean())
+        rates.append(36000.0 * np.exp(-found.at(v) / (1.0 + 0.5 * v)).sum(axis=1).mean())
     assert 1.0 / SPREAD < np.median(rates) < SPREAD
 
 

@@ -11,6 +11,7 @@ from lock_step_loop import FIRST_STAMP
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.effort_deviation import make_uncertainty
@@ -105,6 +106,11 @@ class WrongModel:
         """Go to a position."""
         names = self.model.joint_names
         self.loop.follow(make_trajectory(names, [0.0], [q.tolist()], (), (), names))
+
+    @property
+    def is_running(self) -> bool:
+        """Whether there is no fault, such as a push beyond the velocity limit."""
+        return self.loop.supervisor.mode is Mode.RUNNING
 
     def step(self, wrenches: Wrenches = ()) -> Sample:
         """Return the next measured state, after its effort has acted until then."""
