@@ -34,6 +34,7 @@ def levels_from_bags(
     recordings are too short; RecordingError and ModelError.
     """
     found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    offset = 0.0
     bandwidth = float(settings.parameters.get('external_effort_bandwidth', DEFAULT_BANDWIDTH))
     joints = arm_from_urdf(settings.urdf, settings.parameters.get('joints') or ()).joint_names
     for bag in bags:
@@ -42,7 +43,8 @@ def levels_from_bags(
         if missing:
             raise InvalidInputError(f'recording {str(bag)!r} lacks the joints {missing}')
         t, v, r = external_efforts(read.arm, read.series, settings, bandwidth)
-        found.append((t + (found[-1][0][-1] + 10.0 if found else 0.0), v, r))
+        found.append((t + offset, v, r))
+        offset += 10.0 + float(t[-1] if len(t) else 0.0)
     t, v, r = (np.concatenate(each) for each in zip(*found))
     return learn_contact_levels(t, v, r, joints, alarms_per_hour), joints
 

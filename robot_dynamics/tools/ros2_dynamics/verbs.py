@@ -144,7 +144,8 @@ def _retime_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _contact_arguments(parser: argparse.ArgumentParser) -> None:
     add_recordings(parser, None)
-    add_parameters(parser, 'joints, friction, motors, measured_effort, external_effort_bandwidth')
+    add_parameters(parser, (
+        'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
     _add(parser, complete_nothing, '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
          help='Promised false alarms per hour of all joints together. The default is 1.')
     parser.add_argument(
