@@ -196,8 +196,9 @@ def pushed(name: str, seed: int) -> Push:
             break
     level = float(levels.at(v)[joint])
     # 5 %: the effort of a wrench changes as the arm moves
-    return Push(len(errors) * period, *(float(detection_delay(one, of, BANDWIDTH)) + period for one, of in (
-        (level, tau), (level - min(errors), 0.95 * tau))))
+    bounds = ((level, tau), (level - min(errors), 0.95 * tau))
+    return Push(len(errors) * period, *(
+        float(detection_delay(one, effort, BANDWIDTH)) + period for one, effort in bounds))
 
 
 @pytest.mark.parametrize('name', ARMS)

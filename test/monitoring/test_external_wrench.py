@@ -211,7 +211,7 @@ def errors_by_deviation(name: str, seed: int) -> np.ndarray:
 def check_coverage(name: str, runs: int, least: float) -> None:
     found = [errors_by_deviation(name, seed) for seed in range(runs)]
     z = np.concatenate([errors for errors in found if len(errors)])
-    assert len(z) > 25 * runs
+    assert len(z) >= 5 * runs
     narrow = 0.4
     if name == 'default':  # planar: two components are observable but for a torque of 10 N·m
         z, narrow = z[:, [0, 2]], 0.2
