@@ -121,11 +121,18 @@ class EffortDeviation:
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
+        return np.asarray(np.hypot(
+            np.linalg.norm(self.errors_at(q, v, a, load, smooth), axis=1),
+            self._uncertainty.friction(v, self._dynamics.friction.viscous)))
+
+    def errors_at(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
+        """Return `errors` (n, k) at one state, with the arguments of a call."""
         load = None if load is None else load[None]
         X = self.derivatives(q[None], v[None], a[None], load, smooth)[0]
-        return np.asarray(np.hypot(
-            np.linalg.norm(X @ self._uncertainty.root, axis=1),
-            self._uncertainty.friction(v, self._dynamics.friction.viscous)))
+        return np.asarray(X @ self._uncertainty.root)
 
     def prediction(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
