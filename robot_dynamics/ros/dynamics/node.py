@@ -85,8 +85,8 @@ USAGE = NodeUsage(
       'robot_description nor robot_description_file is set.'),
      ('~/joint_trajectory', 'Subscribed, trajectory_msgs/msg/JointTrajectory: the trajectory to '
       'follow; one point is a set-point.'),
-     ('~/set_point', 'Subscribed, sensor_msgs/msg/JointState: a set-point, such as the joint states '
-      'of a leader arm.'),
+     ('~/set_point', 'Subscribed, sensor_msgs/msg/JointState: a set-point, such as the joint '
+      'states of a leader arm.'),
      ('~/force_feedback', 'Subscribed, sensor_msgs/msg/JointState: the external effort of a '
       'follower, which hand_guiding lets feel.'),
      ('~/follow_joint_trajectory', 'Action, control_msgs/action/FollowJointTrajectory, if '
