@@ -12,7 +12,15 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 
 LAW = {'command': 'hand_guiding', 'joints': NAMES, 'hand_guiding.feedback_gain': [0.5]}
@@ -30,7 +38,7 @@ def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client: RosClient) -
         assert states.messages[-1].position == pytest.approx(START, abs=1e-4)
         push = WrenchStamped()
         push.header.frame_id = 'tool0'
-        push.wrench.force.y = 5.0
+        push.wrench.force.z = 5.0
         wrenches = client.publisher(WrenchStamped, '/guided/simulated_arm/external_wrench')
         wrenches.publish(push)
         moved = states.wait_for(
@@ -41,9 +49,10 @@ def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client: RosClient) -
         assert speeds.max() < 2.0
         result, = client.set_parameters('/guided/dynamics', {'command': 'computed_torque'})
         assert result.successful
-        held = states.wait_for(is_at_rest, LONG)
+        wait_until(lambda: is_at_rest(states.messages[-1]), 'rest', LONG)
+        held = states.messages[-1].position
         states.wait_count(len(states.messages) + 200)
-        assert np.abs(np.subtract(states.messages[-1].position, held.position)).max() < 0.05
+        assert states.messages[-1].position == pytest.approx(held, abs=0.01)
 
 
 @pytest.fixture
@@ -77,6 +86,47 @@ def test_a_force_is_felt_and_ends_with_its_messages(
         publisher.publish(JointState(name=NAMES, effort=[1.0, float('nan')]))
         wait_until(lambda: 'effort[1] (joint2) is nan' in guided.log or (
             'name leaves out' in guided.log), 'the refusal', LONG)
+
+
+def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
+    client: RosClient,
+) -> None:
+    """Nodes and remappings are those of leader_and_follower.launch.py."""
+    effort = '/follower/dynamics/external_effort'
+    leader = NodeProcess(DYNAMICS, LAW, namespace='/leader', arguments=(
+        '--ros-args', '-r', f'~/force_feedback:={effort}', '-r',
+        f'~/force_feedback_deviation:={effort}_deviation'))
+    follower = NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/follower', arguments=(
+        '--ros-args', '-r', '~/set_point:=/leader/joint_states'))
+    arms = [NodeProcess(SIMULATED_ARM, {'rate': 250.0, 'initial_position': START}, namespace=name)
+            for name in ('/leader', '/follower')]
+    push = WrenchStamped()
+    push.header.frame_id = 'tool0'
+
+    def error() -> float:
+        at = [one.messages[-1].position for one in (led, followed)]
+        return float(np.abs(np.subtract(*at)).max())
+
+    with client.collect(JointState, '/leader/joint_states') as led, \
+            client.collect(JointState, '/follower/joint_states') as followed, \
+            client.collect(JointState, '/leader/effort_command') as efforts, \
+            running(leader, follower, *arms):
+        for one in (led, followed, efforts):
+            one.wait_count(100)
+        push.wrench.force.z = 3.0
+        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(push)
+        wait_until(lambda: np.abs(np.subtract(led.messages[-1].position, START)).max() > 0.3,
+                   'a motion of the leader', LONG)
+        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(
+            WrenchStamped(header=push.header))
+        wait_until(lambda: is_at_rest(led.messages[-1]) and error() < 0.01, 'the follower', LONG)
+        push.wrench.force.z = 10.0
+        client.publisher(WrenchStamped, '/follower/simulated_arm/external_wrench').publish(push)
+
+        def is_felt() -> bool:
+            at = led.messages[-1].position
+            return bool(np.abs(np.subtract(efforts.messages[-1].effort, ARM.gravity(at))).max() > 1)
+        wait_until(is_felt, 'the push at the leader', LONG)
 
 
 def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client: RosClient) -> None:
