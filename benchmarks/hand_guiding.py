@@ -45,6 +45,8 @@ LINKS = ((1.2, 0.12, 40.0), (0.9, 0.05, 40.0), (0.8, 0.15, 27.0), (0.7, 0.05, 27
 """Mass [kg], length [m] and effort limit [N·m] of the links of an arm with DM motors."""
 PERIODS = (1, 2, 4, 10)
 """[ms] of the joint states."""
+YIELD = 0.02
+"""[rad] that the hand yields under the friction of a joint."""
 SPEEDS = (0.1, 0.2, 0.4)
 """[rad/s] at which a joint is moved."""
 MASS_ERROR, OVERESTIMATE, SHARE = 1.05, 1.2, 0.6
@@ -159,8 +161,9 @@ def simulate(
 
 def push_ratio(one: Setting) -> float:
     """Return the mean push that keeps a joint moving, by that without compensation."""
-    M = ArmDynamics(arm_of(one.name)).mass_matrix(one.q)
+    M, friction = ArmDynamics(arm_of(one.name)).mass_matrix(one.q), arm_of(one.name).friction
     speed, pushes = float(one.rng.choice(SPEEDS)), []
+    stiffness = (friction.coulomb[one.j] + friction.viscous[one.j] * speed) / YIELD
     for share in (SHARE, 0.0):
         total: list[float] = []
 
@@ -168,9 +171,8 @@ def push_ratio(one: Setting) -> float:
             t = 1e-3 * k - 0.2
             e, e_dot = one.q[one.j] + speed * max(t, 0.0) - plant.q[one.j], (
                 speed * (t > 0.0) - plant.v[one.j])
-            dry = arm_of(one.name).friction.coulomb[one.j] * (t > 0.0)
             effort = 400.0 * M[:, one.j] * e + 40.0 * M[:, one.j] * e_dot
-            effort[one.j] += dry
+            effort[one.j] += stiffness * e
             if t > 0.5:
                 total.append(effort[one.j])
             return effort

@@ -198,18 +198,25 @@ class DynamicsClient:
         return [name for name, _ in self.node.get_topic_names_and_types()]
 
     def joint_state_topic(self) -> str:
-        """Return the topic of the joint states of the node, which may be remapped."""
+        """
+        Return the topic of the joint states of the node, which may be remapped.
+
+        Other inputs of this type, such as `~/set_point`, are private unless they are remapped.
+        """
         namespace, _, name = self.name.rpartition('/')
+        usual = self.resolve('joint_states')
 
         def topics() -> list[str]:
             try:
                 found = self.node.get_subscriber_names_and_types_by_node(name, namespace or '/')
             except NodeNameNonExistentError:  # not discovered yet
                 return []
-            return [topic for topic, kinds in found if 'sensor_msgs/msg/JointState' in kinds]
+            return [topic for topic, kinds in found if 'sensor_msgs/msg/JointState' in kinds
+                    and not topic.startswith(f'{self.name}/')]
 
         self.wait(topics, _GLANCE)
-        return next(iter(topics()), self.resolve('joint_states'))
+        found = topics()
+        return usual if usual in found else next(iter(found), usual)
 
     def wait(self, is_so: Callable[[], object], timeout: float | None = None) -> bool:
         """Receive messages until `is_so` or the timeout [s], by default that of the client."""
