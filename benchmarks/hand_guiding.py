@@ -175,7 +175,7 @@ def push_ratio(one: Setting) -> float:
             effort[one.j] += stiffness * e
             if t > 0.5:
                 total.append(effort[one.j])
-            return effort
+            return np.asarray(effort)
         simulate(one, one.plant(), share, 1.2, push)
         pushes.append(float(np.mean(total)))
     return pushes[0] / pushes[1]
@@ -260,7 +260,7 @@ def gain_of_energy(energy: FloatArray) -> float:
 def main(argv: Sequence[str] = ()) -> None:
     """Print the tables; save the figure of two coupled arms."""
     parser = argparse.ArgumentParser(prog='python -m benchmarks.hand_guiding', description=__doc__)
-    parser.add_argument('--cases', type=int, default=8, help='random cases per arm')
+    parser.add_argument('--cases', type=int, default=4, help='random cases per arm')
     parser.add_argument('--impacts', type=int, default=100, help='impacts of coupled arms')
     parser.add_argument('--arms', nargs='+', default=list(ARMS), help='arms')
     parser.add_argument('--figure', type=Path, metavar='FILE', help='energy over time (PNG)')

@@ -125,7 +125,8 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
 
         def is_felt() -> bool:
             at = led.messages[-1].position
-            return bool(np.abs(np.subtract(efforts.messages[-1].effort, ARM.gravity(at))).max() > 1)
+            felt = np.subtract(efforts.messages[-1].effort, ARM.gravity(at))
+            return bool(np.abs(felt).max() > 1.0)
         wait_until(is_felt, 'the push at the leader', LONG)
 
 
