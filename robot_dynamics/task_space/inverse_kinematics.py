@@ -19,7 +19,7 @@ from robot_dynamics.validation import LARGEST_VALUE
 
 DISTANCE, ANGLE = 1e-4, 1e-3
 """[m] and [rad] from the pose within which it is reached."""
-LENGTH, LITTLE = 0.3, 0.01
+LENGTH, LITTLE = 0.3, 1e-3
 """[m] that weighs as much as 1 rad; the latter for arms with fewer than six joints."""
 STEPS = 300
 LARGEST_STEP = 0.3

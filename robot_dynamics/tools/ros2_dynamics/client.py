@@ -206,7 +206,8 @@ class DynamicsClient:
                 found = self.node.get_subscriber_names_and_types_by_node(name, namespace or '/')
             except NodeNameNonExistentError:  # not discovered yet
                 return []
-            return [topic for topic, kinds in found if 'sensor_msgs/msg/JointState' in kinds]
+            return [topic for topic, kinds in found if 'sensor_msgs/msg/JointState' in kinds
+                    and not topic.startswith(f'{self.name}/')]  # no set-point, no force
 
         self.wait(topics, _GLANCE)
         return next(iter(topics()), self.resolve('joint_states'))
@@ -251,6 +252,11 @@ class DynamicsClient:
             if self.wait(lambda: self.node.count_publishers(topic), _GLANCE):
                 xml = self.receive(String, topic, LATCHED, lambda message: str(message.data))
         return embedded_description() if xml is None else xml
+
+    def base_link(self) -> str:
+        """Return the root link of the URDF that the node uses."""
+        from robot_dynamics.urdf.parser import parse_urdf
+        return parse_urdf(self.description()).root_link
 
     def joints(self) -> dict[str, 'UrdfJoint']:
         """Return the joints of the URDF by name; empty if the URDF is not available."""
