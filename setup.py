@@ -112,6 +112,8 @@ setup(
             'check = robot_dynamics.tools.ros2_dynamics.ros2cli:CheckVerb',
             'payload = robot_dynamics.tools.ros2_dynamics.ros2cli:PayloadVerb',
             'estimate_payload = robot_dynamics.tools.ros2_dynamics.ros2cli:EstimatePayloadVerb',
+            'learn_contact_levels = robot_dynamics.tools.ros2_dynamics.ros2cli:'
+            'LearnContactLevelsVerb',
             'status = robot_dynamics.tools.ros2_dynamics.ros2cli:StatusVerb',
             'move = robot_dynamics.tools.ros2_dynamics.ros2cli:MoveVerb',
             'stop = robot_dynamics.tools.ros2_dynamics.ros2cli:StopVerb',

@@ -12,6 +12,7 @@ from benchmarks import (
     disturbance,
     feed_forward,
     growth,
+    hand_guiding,
     library,
     memory,
     payload_estimation,
@@ -41,5 +42,6 @@ LONG_BENCHMARKS: dict[str, Callable[[], None]] = {
     'safe_motion': safe_motion.main,
     'payload_estimation': payload_estimation.main,
     'plans': plans.main,
+    'hand_guiding': hand_guiding.main,
 }
 """Run only when they are named."""

@@ -24,6 +24,7 @@ from robot_dynamics.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.pseudo_inertia import (
@@ -34,12 +35,12 @@ from robot_dynamics.model.pseudo_inertia import (
 )
 from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 
-LEAST_GAIN, LEAST_GAIN_OF_OFFSET = 0.3, 0.1
+LEAST_GAIN, LEAST_GAIN_OF_OFFSET = 0.3, 0.03
 """
 Smallest gain of log-likelihood per independent sample and joint that names a cause.
 
-Dry friction that no term describes gives gains of up to 0.2, but less than 0.05 for an offset of
-an encoder.
+In pauses, friction that no term describes gives gains of up to 0.2, and 0.008 for an offset of an
+encoder (docs/evidence/contradictions.md).
 """
 LEAST_NOISE = 0.005
 """Residual, relative to the effort, below which nothing is explained."""
@@ -49,6 +50,7 @@ LEAST_TILT = np.radians(3.0)
 _REGULARIZATION = 10.0
 _ANY_LOAD = 1e-3
 _WIDTHS = (0.01, 0.05, 0.2)
+_DISTANCES = (0.003, 0.03)  # rad; without presliding friction, a delay explains its hysteresis
 _SPLITS = np.linspace(0.1, 0.9, 9)
 _MOST_ROWS = 1500
 _STEP = 1e-4
@@ -141,7 +143,8 @@ class _Test:
         body, t, v = RigidBody(arm), motion.times, motion.velocity
         load = np.abs(body.inverse_dynamics_batch(motion.position, v, motion.acceleration))
         sliding = np.stack([
-            v, *(np.tanh(v / width) for width in _WIDTHS), load * np.tanh(v / _WIDTHS[1])], axis=2)
+            v, *(np.tanh(v / width) for width in _WIDTHS), load * np.tanh(v / _WIDTHS[1]),
+            *(presliding_state(motion.position, v, np.full(n, d)) for d in _DISTANCES)], axis=2)
         sliding = filter_like(motion, sliding.reshape(len(v), -1)).reshape(sliding.shape)
         q, v, a = (each[rows] for each in (motion.position, v, motion.acceleration))
         Y = TorqueRegressor(arm)(q, v, a)

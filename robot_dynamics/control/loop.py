@@ -42,6 +42,7 @@ from robot_dynamics.control.safety.supervisor import (
     Brake,
     CommandSupervisor,
     Fault,
+    FOLLOWING_ERROR,
     Mode,
     SafetyOptions,
     slower,
@@ -311,7 +312,7 @@ class ControlLoop:
             if not self.is_active:
                 return 'the node is not active'
             if mode is Mode.FAULT and fault is not None:
-                return f'fault {fault.name}: {fault.message}'
+                return str(fault)
             if mode is Mode.BRAKING:
                 return 'the arm is being stopped, because the command ends'
             return 'the command is being ramped to zero' if mode is Mode.STOPPING else ''
@@ -418,7 +419,7 @@ class ControlLoop:
         if not verdict.is_new and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), output, verdict)
         if output.law.exceeds_limit:
-            fault = fault or Fault('following_error', controller.following_error(output, q))
+            fault = fault or Fault(FOLLOWING_ERROR, controller.following_error(output, q))
         used, limiter = output.velocity, supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
                 now - supervisor.last_state <= supervisor.state_timeout
@@ -578,12 +579,14 @@ class ControlLoop:
         supervisor, controller = self.supervisor, self.controller
         if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
             self._fault_count = supervisor.fault_count
-            reason = f'fault {supervisor.fault.name}: {supervisor.fault.message}'
+            if self.goal is not None:
+                goal, self.goal = self.goal, None
+                goal.fail(supervisor.fault)
             if self._frozen is None:
-                self._interrupt(reason)
+                self._interrupt(str(supervisor.fault))
             else:
                 self.stream.end()
-                self.interruption = reason
+                self.interruption = str(supervisor.fault)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.has_reference:
             controller.forget_reference()  # the arm may move until the next command

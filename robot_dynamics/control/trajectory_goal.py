@@ -9,6 +9,7 @@ The rules are those of the action `control_msgs/action/FollowJointTrajectory` an
 docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after each state.
 """
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.safety.supervisor import Fault, FOLLOWING_ERROR
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
@@ -28,7 +30,7 @@ LATEST_START = 0.5
 NO_SLOWER = 1.001
 """Factor of the duration from which a goal counts as slowed down."""
 MOVED, REST_TIME_NS = 5e-4, 20_000_000
-"""An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns]."""
+"""An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
 LONGEST_STOP = 5.0
 """[s] after a planned stop within which the arm must be at rest."""
 DEFAULT, ERASED = 0.0, -1.0
@@ -137,7 +139,8 @@ class TrajectoryGoal:
         self._when_done = when_done
         self._names = controller.arm.joint_names
         self._trajectory = _followed(controller)
-        self._rest: tuple[int, FloatArray] | None = None
+        self._recent: deque[tuple[int, FloatArray]] = deque()
+        """Stamps and positions of the last REST_TIME_NS, at least the last two."""
         self.is_stopping = False
         """Whether the goal was cancelled, and the arm stops."""
         self.result: GoalResult | None = None
@@ -154,15 +157,18 @@ class TrajectoryGoal:
     def end_if_replaced(self, reason: str) -> None:
         """End the goal if the controller follows something else, because of `reason`."""
         if self.result is None and _followed(self._controller) is not self._trajectory:
-            code = ResultCode.PATH_TOLERANCE_VIOLATED if 'following_error' in reason else (
-                ResultCode.INVALID_GOAL)
-            self.end(code, reason or 'another reference has replaced it')
+            self.end(ResultCode.INVALID_GOAL, reason or 'another reference has replaced it')
+
+    def fail(self, fault: Fault) -> None:
+        """End the goal by a fault; too large a following error is a violation of the path."""
+        self.end(ResultCode.PATH_TOLERANCE_VIOLATED if fault.name == FOLLOWING_ERROR else (
+            ResultCode.INVALID_GOAL), str(fault))
 
     def cancel(self) -> None:
         """Stop the arm; the goal ends when it is at rest."""
         if self.result is None and not self.is_stopping:
             self._controller.stop()
-            self.is_stopping, self._rest = True, None
+            self.is_stopping = True
             self._trajectory = _followed(self._controller)
 
     def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
@@ -172,10 +178,15 @@ class TrajectoryGoal:
             return
         desired = active.sample(stamp_ns)
         self.progress = Progress(stamp_ns, q, v, desired)
-        is_at_rest = self._is_at_rest(stamp_ns, q)
+        recent = self._recent
+        if recent and stamp_ns <= recent[-1][0]:
+            recent.clear()
+        recent.append((stamp_ns, q))
+        while len(recent) > 2 and stamp_ns - recent[0][0] > REST_TIME_NS:
+            recent.popleft()
         late = (stamp_ns - active.end_ns) / NANOSECONDS_PER_SECOND
         if self.is_stopping:
-            if late >= 0.0 and is_at_rest:
+            if late >= 0.0 and self._is_at_rest():
                 self.end(ResultCode.INVALID_GOAL, 'cancelled: the arm is at rest', True)
             elif late > LONGEST_STOP:
                 self.end(
@@ -194,7 +205,7 @@ class TrajectoryGoal:
         must_rest = np.isnan(allowed.goal_velocity)
         violation = self._violation(
             e, allowed.goal, e_v, np.where(must_rest, math.inf, allowed.goal_velocity))
-        if not violation and not is_at_rest and must_rest.any():
+        if not violation and must_rest.any() and not self._is_at_rest():
             violation = 'the arm is not at rest'
         if not violation:
             self.end(ResultCode.SUCCESSFUL)
@@ -203,12 +214,13 @@ class TrajectoryGoal:
                 ResultCode.GOAL_TOLERANCE_VIOLATED,
                 f'goal tolerance, {allowed.goal_time:g} s after the end: {violation}')
 
-    def _is_at_rest(self, stamp_ns: int, q: FloatArray) -> bool:
-        rest = self._rest
-        if rest is None or stamp_ns < rest[0] or bool(
-                (np.abs(self._controller.position_error(rest[1], q)) > MOVED).any()):
-            rest = self._rest = stamp_ns, q
-        return stamp_ns - rest[0] >= REST_TIME_NS
+    def _is_at_rest(self) -> bool:
+        """Return whether the recent states are close to the last one; see MOVED."""
+        (first, _), (stamp, q) = self._recent[0], self._recent[-1]
+        most = MOVED * min(1.0, (stamp - first) / REST_TIME_NS)
+        return len(self._recent) > 1 and all(bool(
+            (np.abs(self._controller.position_error(one, q)) <= most).all())
+            for _, one in self._recent)
 
     def _violation(
         self, e: FloatArray, most_e: FloatArray, e_v: FloatArray, most_v: FloatArray,

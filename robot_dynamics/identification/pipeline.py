@@ -25,9 +25,11 @@ from robot_dynamics.identification.recording_agreement import (
     contradicting_recordings,
     difference_from_urdf,
     far_from_urdf,
+    gravity_ratios,
+    USUAL_REGULARIZATION,
 )
 from robot_dynamics.identification.regression import bare_arm
-from robot_dynamics.identification.regularized_fit import make_prior, Prior
+from robot_dynamics.identification.regularized_fit import grams_of, make_prior, Prior, solve
 from robot_dynamics.identification.steps import (
     cross_validated_tests,
     evaluate_recording,
@@ -53,7 +55,7 @@ from robot_dynamics.model.regressor import (
 
 TRAIN_FRACTION = 0.6
 STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
-_STATES = 60
+_STATES, _EVERY = 60, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,10 +197,14 @@ def identify_recordings(
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
         tests = cross_validated_tests(information, prior, models, tests)
-    difference = difference_from_urdf(models.consistent, prior)
+    usual = solve(grams_of(information.together()), models.choice.structures,
+                  models.choice.weights, prior, USUAL_REGULARIZATION)
+    ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
+        recording.shown.position[::_EVERY] for recording in evaluated]))
     return Identification(
         arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
-        difference, far_from_urdf(difference), is_cross_validated)
+        difference_from_urdf(models.consistent, prior), far_from_urdf(arm.joint_names, ratios),
+        is_cross_validated)
 
 
 def _first_pass(

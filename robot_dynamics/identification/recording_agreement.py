@@ -17,14 +17,23 @@ from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.model_selection import REGULARIZATIONS
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, solve
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
+from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
 
 LEAST_RATIO = 2.0
 """Ratio of the residuals of a common model and of separate ones that is a contradiction."""
 LEAST_RESIDUAL = 0.01
 """Residual relative to the effort, below which a difference does not count."""
-FAR = 2.5
-"""Factor between the bodies and those of the URDF that suggests another arm."""
+FAR = 2.0
+"""
+Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
+
+ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
+"""
+USUAL_REGULARIZATION = 10.0
+"""κ of a URDF that is wrong by about a third."""
+_LEAST_SHARE = 0.1
 _LEAST_EIGENVALUE = 1e-9
 
 
@@ -86,10 +95,25 @@ def factor_of(difference: FloatArray) -> float:
     return float(np.exp(np.sqrt(np.mean(difference**2))))
 
 
-def far_from_urdf(difference: FloatArray) -> tuple[str, ...]:
-    """Return a sentence if the bodies of these differences (b,) are far from the URDF."""
-    factor = factor_of(difference)
-    if factor < FAR:
+def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:
+    """
+    Return the RMS (n,) of the gravity torque of a fit by that of the URDF, at positions q (m, n).
+
+    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
+    """
+    rest = np.zeros_like(q)
+    Y = TorqueRegressor(arm)(q, rest, rest)
+    found, described = (np.sqrt(np.mean((Y @ phi)**2, axis=0))
+                        for phi in (fit.parameters, inertial_parameters(arm)))
+    bears = np.maximum(found, described)
+    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
+    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
+
+
+def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
+    """Return a sentence if a gravity ratio of the named joints is far from 1."""
+    worst = int(np.argmax(np.abs(np.log(ratios))))
+    if 1.0 / FAR <= ratios[worst] <= FAR:
         return ()
-    return (f'the identified bodies differ from those of the URDF by a factor of {factor:.1f}: '
+    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
             'another arm, another URDF, or a load that is not given',)

@@ -29,12 +29,9 @@ from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.identification.regression import model_effort, reduce_motion, train_count
 from robot_dynamics.identification.regularized_fit import Fit, grams_of, Prior, without_memory
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.uncertainty import speed_from_rest
 
-SPEEDS = np.array([0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])
-"""Bounds [rad/s] or [m/s] of the classes of speed in which residuals are summed."""
 SHOWN = 3000
-"""Largest number of samples of a recording that are plotted."""
+"""Largest number of samples of a recording that are plotted, and determine the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +41,6 @@ class ModelTest:
 
     `train` and `test` are along the motion, `test_by_sample` is sample by sample; `train_effort`
     and `test_effort` are those of the measured effort; `samples` are the counts (training, test).
-    `by_speed` (2, n, classes) are the sums of `test_by_sample` in the classes of SPEEDS, and the
-    counts of their samples.
     """
 
     train: FloatArray
@@ -54,7 +49,6 @@ class ModelTest:
     train_effort: FloatArray
     test_effort: FloatArray
     samples: tuple[int, int]
-    by_speed: FloatArray
 
     def relative(self, which: str = 'test') -> FloatArray:
         """Return RMS of residual / RMS of effort, (n,), for 'train', 'test', …; NaN if empty."""
@@ -79,24 +73,13 @@ def evaluate_motion(
         along, single = (effort - modelled for modelled in model_effort(arm, motion, fit))
         tests[name] = ModelTest(
             _squares(along[:count]), _squares(along[count:]), _squares(single[count:]),
-            _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count),
-            _by_speed(speed_from_rest(
-                motion.velocity[count:], motion.acceleration[count:], motion.bandwidth),
-                single[count:]))
+            _squares(effort[:count]), _squares(effort[count:]), (count, len(effort) - count))
     return tests
-
-
-def _by_speed(speed: FloatArray, residual: FloatArray) -> FloatArray:
-    """Return sums of squares and counts in the classes of SPEEDS, (2, n, classes)."""
-    which = np.digitize(speed, SPEEDS)
-    return np.array([
-        [np.bincount(own, weight, len(SPEEDS) + 1) for own, weight in zip(which.T, weights.T)]
-        for weights in (residual**2, np.ones_like(residual))])
 
 
 def merge_tests(tests: Sequence[ModelTest]) -> ModelTest:
     """Return the combined test of a model on several recordings."""
-    squares = ('train', 'test', 'test_by_sample', 'train_effort', 'test_effort', 'by_speed')
+    squares = ('train', 'test', 'test_by_sample', 'train_effort', 'test_effort')
     train, test = zip(*(each.samples for each in tests))
     return ModelTest(
         **{name: np.sum([getattr(each, name) for each in tests], axis=0) for name in squares},
@@ -125,7 +108,7 @@ def cross_validated_tests(
             without_memory(fits[name]).squares(grams) for fits, grams in zip(fitted, blocks))
         tests[name] = ModelTest(
             test.train, np.asarray(along), np.asarray(single), test.train_effort, effort,
-            (test.samples[0], count), test.by_speed)
+            (test.samples[0], count))
     return tests
 
 
@@ -194,15 +177,19 @@ class Evaluation:
 @dataclass(frozen=True, eq=False)
 class EffortSeries:
     """
-    Measured and modelled effort over time, decimated for a plot: (m,) [s] and (m, n).
+    Measured and modelled effort over time, decimated: (m,) [s] and (m, n).
 
-    `test_from` is the time of the first test sample [s], NaN if all samples are for training.
+    `model` is along the motion, `single` sample by sample. `test_from` is the time of the first
+    test sample [s], NaN if all samples are for training.
     """
 
     times: FloatArray
+    position: FloatArray
     velocity: FloatArray
+    acceleration: FloatArray
     measured: FloatArray
     model: FloatArray
+    single: FloatArray
     test_from: float
 
 
@@ -250,7 +237,7 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
     motion, train_fraction = recording.with_gain(step.drive_gain), recording.train_fraction
     effort, first = motion.measured_effort, train_count(motion, train_fraction)
     every = max(1, int(np.ceil(len(effort) / SHOWN)))
-    model, _ = model_effort(recording.arm, motion, step.models[step.shown])
+    model, single = model_effort(recording.arm, motion, step.models[step.shown])
     efforts = {'measured': effort, 'model': model, 'residual': effort - model}
     samples = {name: column[first:] for name, column in motion_columns(
         recording.arm, motion, efforts).items()}
@@ -259,8 +246,10 @@ def evaluate_recording(recording: FilteredArmMotion, step: Evaluation) -> Evalua
         recording.facts, contradictions=corrected(recording.arm, motion)[1])
     return EvaluatedRecording(
         facts, evaluate_motion(recording.arm, motion, train_fraction, step.models),
-        EffortSeries(motion.times[::every], motion.velocity[::every], effort[::every],
-                     model[::every], test_from),
+        EffortSeries(
+            motion.times[::every], motion.position[::every], motion.velocity[::every],
+            motion.acceleration[::every], effort[::every], model[::every], single[::every],
+            test_from),
         samples if step.keeps_samples else None)
 
 

@@ -10,6 +10,11 @@ wrong by about 100 %. The consistent set differs from them by d, because its κ 
 bounds: the mean square of its error is this covariance plus d dᵀ. Parameters that the recordings
 determine have the deviations of the noise; the others have those of such a URDF.
 
+The noise is calibrated so that the interval ± 2 σ of covariance, friction and noise contains
+COVERAGE of the recorded samples of each joint, above and below its median speed (split conformal
+prediction: J. Lei et al., J. American Statistical Association 113(523), 2018). It is not an
+assumed distribution: the errors of friction are not normal.
+
 The bodies and rotors are represented by their base parameters for any direction of gravity, so
 that the covariance is also valid for an arm with another mounting.
 """
@@ -19,25 +24,20 @@ from typing import Any
 import numpy as np
 from robot_dynamics.analysis.motion_filter import noise_bandwidth
 from robot_dynamics.arrays import column_scale, FloatArray
-from robot_dynamics.dependencies import optional
 from robot_dynamics.identification.friction_regressor import FRICTION_COLUMNS
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
-from robot_dynamics.identification.steps import ModelTest, SPEEDS
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.regressor import random_states
-from robot_dynamics.model.uncertainty import friction_share
 from robot_dynamics.validation import lower_triangle
 
 LARGEST_REGULARIZATION = 1.0
 POSES = 200
-LEAST_NOISE = 0.5
-"""Least noise away from rest, by the RMS of all residuals: other motions have other errors."""
-LEAST_FRICTION = 0.3
-"""Least deviation at rest, by the dry friction: other motions may reverse faster."""
+COVERAGE = 0.9545
+"""Share of the recorded samples within 2 σ: that of a normal distribution."""
 GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
 """The efforts are affine in gravity: these vectors have the parameters of any direction."""
 
@@ -45,14 +45,14 @@ GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.8
 def uncertainty_values(identification: Identification) -> dict[str, Any]:
     """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
     names, covariance = parameter_covariance(identification)
-    noise, friction, velocity = deviations_by_speed(identification.tests['consistent'])
-    dry = fitted_friction(identification.arm, identification.models.consistent).at_rest.static
+    fast, slow, middle, largest = recorded_deviations(identification)
     return {
         'uncertainty.parameters': list(names),
         'uncertainty.covariance': lower_triangle(covariance),
-        'uncertainty.noise_deviation': noise.tolist(),
-        'uncertainty.friction_deviation': np.maximum(friction, LEAST_FRICTION * dry).tolist(),
-        'uncertainty.friction_velocity': velocity.tolist(),
+        'uncertainty.noise_deviation': fast.tolist(),
+        'uncertainty.friction_deviation': np.sqrt(np.maximum(slow**2 - fast**2, 0.0)).tolist(),
+        'uncertainty.friction_velocity': middle.tolist(),
+        'uncertainty.largest_velocity': largest.tolist(),
         'uncertainty.noise_bandwidth': min(
             noise_bandwidth(recording.facts.cutoff_hz, recording.facts.rate_hz)
             for recording in identification.recordings),
@@ -65,54 +65,41 @@ def holding_deviation(identification: Identification) -> FloatArray:
 
     The poses are within the position limits, also where nothing was recorded.
     """
-    arm = bare_arm(identification.arm)
-    names, covariance = parameter_covariance(identification)
-    uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
-    if uncertainty is None:
-        return np.zeros(arm.joint_count)
-    q = random_states(arm, POSES)[0]
-    errors = EffortDeviation(ArmDynamics(arm), uncertainty).errors(
-        q, np.zeros_like(q), np.zeros_like(q))
+    q = random_states(bare_arm(identification.arm), POSES)[0]
+    rest = np.zeros_like(q)
+    errors = _model_deviation(identification).errors(q, rest, rest)
     return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
 
 
-def deviations_by_speed(test: ModelTest) -> tuple[FloatArray, FloatArray, FloatArray]:
+def recorded_deviations(
+    identification: Identification,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """
-    Return a, b and v_f (n,) of a model from its residuals at single states.
+    Return σ of fast and of slow samples, and the median and the largest speed, each (n,).
 
-    The node knows no motion before a state. Without classes of speed, b is 0.
+    The residuals are those at single states, because the node knows no motion before a state.
     """
-    n = len(test.test)
-    noise, friction = test.rms('test_by_sample'), np.zeros(n)
-    velocity = np.full(n, float(SPEEDS[1]))
-    speed = np.append(SPEEDS * np.append(0.5, np.sqrt(SPEEDS[:-1] / SPEEDS[1:])), 2.0 * SPEEDS[-1])
-    for j, (squares, counts) in enumerate(zip(*test.by_speed)):
-        used = counts > 0.0
-        if not squares.any():
-            continue
-        mean = squares[used] / counts[used]
-        found = [_by_likelihood(counts[used], mean, friction_share(speed[used] / v)**2)
-                 for v in SPEEDS[1:]]
-        best = min(range(len(found)), key=lambda i: found[i][0])
-        noise[j] = max(found[best][1], LEAST_NOISE * noise[j])
-        friction[j], velocity[j] = found[best][2], SPEEDS[1 + best]
-    return noise, friction, velocity
+    deviation = _model_deviation(identification)
+    shown = [recording.shown for recording in identification.recordings]
+    variance = np.concatenate([
+        0.25 * (each.measured - each.single)**2 - (deviation.errors(
+            each.position, each.velocity, each.acceleration)**2).sum(axis=2) for each in shown])
+    speed = np.abs(np.concatenate([each.velocity for each in shown]))
+    middle = np.median(speed, axis=0)
+    slow, fast = (np.sqrt(np.maximum([
+        np.quantile(own[rows], COVERAGE) for own, rows in zip(variance.T, is_part.T)], 0.0))
+        for is_part in (speed <= middle, speed >= middle))
+    return fast, slow, middle, speed.max(axis=0)
 
 
-def _by_likelihood(
-    counts: FloatArray, mean: FloatArray, share: FloatArray,
-) -> tuple[float, float, float]:
-    """Return −2 ln of the likelihood, a and b, from mean squares with variances a² + b² share."""
-    nnls = optional('scipy.optimize', 'identification').nnls
-    variance = np.full_like(mean, float(counts @ mean / counts.sum()))
-    least = 1e-6 * variance
-    for _ in range(20):
-        weight = np.sqrt(counts) / variance
-        x = nnls(weight[:, np.newaxis] * np.stack([np.ones_like(share), share], axis=1),
-                 weight * mean)[0]
-        variance = np.maximum(x[0] + x[1] * share, least)
-    cost = float(counts @ (np.log(variance) + mean / variance))
-    return cost, float(np.sqrt(x[0])), float(np.sqrt(x[1]))
+def _model_deviation(identification: Identification) -> EffortDeviation:
+    """Return the deviation by the covariance of the parameters."""
+    arm = bare_arm(identification.arm)
+    names, covariance = parameter_covariance(identification)
+    uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
+    assert uncertainty is not None  # there are names: those of the rotors
+    return EffortDeviation(ArmDynamics(arm.with_friction(
+        fitted_friction(arm, identification.models.consistent))), uncertainty)
 
 
 def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:

@@ -117,7 +117,8 @@ def arm_from_parameters(
             values.get('uncertainty.covariance', ()), of_joints('uncertainty.noise_deviation'),
             values.get('uncertainty.noise_bandwidth', 0.0),
             of_joints('uncertainty.friction_deviation'),
-            of_joints('uncertainty.friction_velocity')))
+            of_joints('uncertainty.friction_velocity'),
+            of_joints('uncertainty.largest_velocity')))
     reflected = of_joints('actuator.reflected_inertia')
     if _has_no_motor_data(motors, values):
         motors, reflected = {}, motors['rotor_inertia']

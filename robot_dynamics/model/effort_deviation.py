@@ -6,8 +6,8 @@ The uncertainty of a model, and the standard deviation of the efforts that follo
 
 The effort of a model is linear in its parameters θ, τ = X(q, q̇, q̈) θ, except for friction that is
 proportional to the load, whose derivative is in X. With the covariance Σ of θ, the covariance of τ
-is X Σ Xᵀ. θ are inertial parameters of bodies (`regressor`), reflected inertias and friction. Dry
-friction near rest differs from each model of friction; its deviation is added.
+is X Σ Xᵀ. θ are inertial parameters of bodies (`regressor`), reflected inertias and friction. Near
+rest, and beyond the recorded speeds, friction differs from its model; this deviation is added.
 Parameters that are not named in the uncertainty count as exact, and so do payloads.
 """
 
@@ -48,6 +48,7 @@ def make_uncertainty(
     arm: ArmModel, parameters: Sequence[str] = (), covariance: Sequence[float] = (),
     noise_deviation: npt.ArrayLike = (), noise_bandwidth: float = 0.0,
     friction_deviation: npt.ArrayLike = (), friction_velocity: npt.ArrayLike = (),
+    largest_velocity: npt.ArrayLike = (),
 ) -> ModelUncertainty | None:
     """
     Return the checked uncertainty of an arm, None if nothing is given.
@@ -55,34 +56,38 @@ def make_uncertainty(
     `covariance` is the lower triangle, row by row, of the covariance of the named parameters.
     `noise_deviation` [N·m] or [N] is one number for all joints or one value per joint; it needs a
     `noise_bandwidth` [Hz] > 0. So is `friction_deviation`, which needs a `friction_velocity`
-    [rad/s] or [m/s] > 0. Raises InvalidInputError for an unknown name, another number of
-    values, a value that is not finite, or a matrix that is not positive semidefinite.
+    [rad/s] or [m/s], and `largest_velocity` [rad/s] or [m/s], ∞ if it is empty. Raises
+    InvalidInputError for an unknown name, another number of values, a value that is not finite, or
+    a matrix that is not positive semidefinite.
     """
-    if all(map(is_empty, (parameters, covariance, noise_deviation, friction_deviation))):
+    if all(map(is_empty, (
+            parameters, covariance, noise_deviation, friction_deviation, largest_velocity))):
         return None
     noise = _deviations(arm, 'noise_deviation', noise_deviation)
     if noise.any():
         check_scalar(
             f'{_FIELD}.noise_bandwidth', noise_bandwidth, 0.0, exclusive_minimum=True)
     friction = _deviations(arm, 'friction_deviation', friction_deviation)
-    velocity = np.ones(arm.joint_count)
+    velocity = np.zeros(arm.joint_count)
     if friction.any():
-        velocity = _deviations(arm, 'friction_velocity', friction_velocity, is_above_0=True)
+        velocity = _deviations(arm, 'friction_velocity', friction_velocity, is_needed=True)
+    largest = np.full(arm.joint_count, math.inf) if is_empty(largest_velocity) else _deviations(
+        arm, 'largest_velocity', largest_velocity)
     return ModelUncertainty(
         _columns(arm, parameters),
         covariance_root(f'{_FIELD}.covariance', covariance, parameters), noise,
-        noise_bandwidth or math.inf, friction, velocity)
+        noise_bandwidth or math.inf, friction, velocity, largest)
 
 
 def _deviations(
-    arm: ArmModel, name: str, values: npt.ArrayLike, is_above_0: bool = False,
+    arm: ArmModel, name: str, values: npt.ArrayLike, is_needed: bool = False,
 ) -> FloatArray:
     """Return the checked values of all joints (n,), 0 if none are given."""
-    if is_empty(values) and not is_above_0:
+    if is_empty(values) and not is_needed:
         return np.zeros(arm.joint_count)
     checked = check_per_joint(f'{_FIELD}.{name}', values, arm.joint_names)
     for joint, value in zip(arm.joint_names, checked.tolist()):
-        check_scalar(f'{_FIELD}.{name} of {joint!r}', value, 0.0, exclusive_minimum=is_above_0)
+        check_scalar(f'{_FIELD}.{name} of {joint!r}', value, 0.0)
     return checked
 
 
@@ -116,10 +121,18 @@ class EffortDeviation:
         `load` (n,) is the effort of the rigid bodies with external wrenches, None without
         wrenches. With `smooth`, dry friction has a smooth sign around rest, for measured states.
         """
+        return np.asarray(np.hypot(
+            np.linalg.norm(self.errors_at(q, v, a, load, smooth), axis=1),
+            self._uncertainty.friction(v, self._dynamics.friction.viscous)))
+
+    def errors_at(
+        self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,
+        smooth: bool = False,
+    ) -> FloatArray:
+        """Return `errors` (n, k) at one state, with the arguments of a call."""
         load = None if load is None else load[None]
         X = self.derivatives(q[None], v[None], a[None], load, smooth)[0]
-        return np.asarray(np.hypot(
-            np.linalg.norm(X @ self._uncertainty.root, axis=1), self._uncertainty.friction(v, a)))
+        return np.asarray(X @ self._uncertainty.root)
 
     def prediction(
         self, q: FloatArray, v: FloatArray, a: FloatArray, load: FloatArray | None = None,

@@ -9,8 +9,8 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray
 
-REVERSAL = 0.25
-"""Half of the time that a zero-phase filter needs for a step, by the period of its bandwidth."""
+VISCOUS_ERROR = 0.5
+"""Deviation of F_v beyond the recorded speeds, by F_v: within 2 σ, its slope is 0 to 2 F_v."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,9 @@ class ModelUncertainty:
     `columns` (k,) are the places of the parameters in `uncertain_names`; `root` (k, k) is a matrix
     B with the covariance B Bᵀ. `noise_deviation` (n,) [N·m] or [N] is the standard deviation of
     the measured effort about the model, after a filter that passes the band of `noise_bandwidth`
-    [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at rest, which decreases
-    around `friction_velocity` (n,) [rad/s] or [m/s]; see `speed_from_rest`.
+    [Hz]. `friction_deviation` (n,) [N·m] or [N] is that of friction at speeds up to
+    `friction_velocity` (n,) [rad/s] or [m/s]. Beyond `largest_velocity` (n,), the fastest of the
+    recordings, viscous friction is extrapolated, and uncertain by VISCOUS_ERROR.
     """
 
     columns: IntArray
@@ -31,16 +32,23 @@ class ModelUncertainty:
     noise_bandwidth: float
     friction_deviation: FloatArray
     friction_velocity: FloatArray
+    largest_velocity: FloatArray
 
     @property
     def has_covariance(self) -> bool:
         """Whether any parameter has a covariance."""
         return len(self.columns) > 0
 
-    def friction(self, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return the standard deviation (n,) of friction at a velocity and acceleration (n,)."""
-        speed = speed_from_rest(v, a, self.noise_bandwidth)
-        return np.asarray(self.friction_deviation * friction_share(speed / self.friction_velocity))
+    def friction(self, v: FloatArray, viscous: FloatArray) -> FloatArray:
+        """
+        Return the standard deviation of friction at velocities (..., n).
+
+        `viscous` (n,) [N·m·s/rad] or [N·s/m] is the viscous friction F_v of the model.
+        """
+        speed = np.abs(v)
+        near_rest = np.where(speed <= self.friction_velocity, self.friction_deviation, 0.0)
+        beyond = np.maximum(speed - self.largest_velocity, 0.0)
+        return np.asarray(np.hypot(near_rest, VISCOUS_ERROR * viscous * beyond))
 
     def noise(self, bandwidth: float, dt: float) -> FloatArray:
         """
@@ -52,18 +60,3 @@ class ModelUncertainty:
         """
         band = min(bandwidth, 0.5 / dt)
         return np.asarray(self.noise_deviation * math.sqrt(max(1.0, band / self.noise_bandwidth)))
-
-
-def speed_from_rest(v: FloatArray, a: FloatArray, bandwidth: float) -> FloatArray:
-    """
-    Return the speed |v| beyond that which a joint gains while a filter passes a reversal.
-
-    A filter of this `bandwidth` [Hz] smooths the step of dry friction where v changes its sign:
-    within REVERSAL / bandwidth seconds of it, at the acceleration a, a joint counts as at rest.
-    """
-    return np.maximum(np.abs(v) - REVERSAL * np.abs(a) / bandwidth, 0.0)
-
-
-def friction_share(ratio: FloatArray) -> FloatArray:
-    """Return the deviation of friction at a velocity, by that at rest."""
-    return np.asarray(1.0 / (1.0 + ratio**2))

@@ -48,9 +48,19 @@ class ExternalEffort:
         self._acceleration.set_bandwidth(bandwidth)
 
     @property
+    def gain(self) -> float:
+        """The gain K [1/s] of the observer, the inverse of its time constant."""
+        return self._observer.gain
+
+    @property
+    def estimate(self) -> FloatArray:
+        """The newest estimate (n,) [N·m] or [N]."""
+        return self._observer.estimate
+
+    @property
     def noise_bandwidth(self) -> float:
         """The equivalent noise bandwidth of the observer [Hz]."""
-        return 0.25 * self._observer.gain
+        return 0.25 * self.gain
 
     @property
     def state(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:

@@ -345,8 +345,7 @@ class MotionConsistency:
         """Mark the joints of which a window, (windows, n), contradicts the displacement."""
         found = contradicts.any(axis=0)
         for j in np.flatnonzero(found & ~self.doubtful & ~self.frozen):
-            row = int(np.argmax(np.where(
-                contradicts[:, j], np.abs(difference[:, j]) / tolerance[:, j], -1.0)))
+            row = int(np.argmax(np.abs(difference[:, j]) / tolerance[:, j]))
             positions = self._positions[first[row]:self._row + 1, j]
             self.reason = describe(
                 self._names[j], float(length[row, 0]), float(integral[row, j]),

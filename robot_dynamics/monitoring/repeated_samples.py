@@ -130,7 +130,6 @@ class RepeatedSamples:
                 f'position and velocity of {self._names[j]!r} have not changed for '
                 f'{1e3 * duration[j]:.0f} ms: velocity {v[j]:.2g}, reference moved by '
                 f'{moved[j]:.2g}')
-        self._left = np.where(frozen, 0, self._left)
         self.has_ended = bool((self.frozen & ~frozen).any())
         self.frozen = frozen
         return reason

@@ -34,6 +34,8 @@ def extrema(coefficients: FloatArray) -> Extrema:
     `coefficients` (..., m, n) are finite: those of 1, s, ..., s^(m - 1), for n polynomials each.
     The arrays of the result have shape (2, ..., n).
     """
+    while coefficients.shape[-2] > 1 and not coefficients[..., -1, :].any():
+        coefficients = coefficients[..., :-1, :]
     largest = np.max(np.abs(coefficients), axis=-2, initial=0.0)
     scale = np.where(largest > 0.0, largest, 1.0)
     unit = coefficients / scale[..., np.newaxis, :]

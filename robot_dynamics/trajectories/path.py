@@ -125,19 +125,16 @@ def _split_at_rests(c: FloatArray) -> FloatArray:
     phases = np.linspace(0.0, 1.0, _SAMPLES)
     k = len(c)
 
-    def slope(piece: IntArray, phase: FloatArray) -> FloatArray:
-        _, v, a = path.sample(piece, phase)
-        return np.asarray((v * a).sum(axis=1))
-
-    grid = np.repeat(np.arange(k), _SAMPLES), np.tile(phases, k)
-    at = slope(*grid).reshape(k, _SAMPLES)
+    _, v, a = path.sample(np.repeat(np.arange(k), _SAMPLES), np.tile(phases, k))
+    at = (v * a).sum(axis=1).reshape(k, -1)
     largest = np.linalg.norm(np.abs(derivative(c)).sum(axis=1), axis=1)
-    slow = np.linalg.norm(path.sample(*grid)[1], axis=1).reshape(k, -1) < 0.5 * largest[:, None]
+    slow = np.linalg.norm(v, axis=1).reshape(k, -1) < 0.5 * largest[:, np.newaxis]
     piece, i = np.nonzero((at[:, :-1] < 0.0) & (at[:, 1:] >= 0.0) & slow[:, :-1] & slow[:, 1:])
     low, high = phases[i], phases[i + 1]
     for _ in range(_BISECTIONS if len(piece) else 0):
         middle = 0.5 * (low + high)
-        before = slope(piece, middle) < 0.0
+        _, v, a = path.sample(piece, middle)
+        before = (v * a).sum(axis=1) < 0.0
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     speed = np.linalg.norm(path.sample(piece, high)[1], axis=1)
     inside = (speed < _REST * largest[piece]) & (high > 1e-6) & (high < 1.0 - 1e-6)

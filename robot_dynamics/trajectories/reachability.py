@@ -47,15 +47,9 @@ def fastest_states(rows: Rows, caps: FloatArray) -> FloatArray:
     c = np.maximum(rows.c, 0.0)
     upper = _solved(rows.a, rows.b, c)
     best = _best_ends(rows, c, upper, caps)
-    controllable = _controllable(upper, best, caps)
-    ends = _solved(rows.b, rows.a, c)
-    x = np.zeros_like(caps)
-    offset, slope, states = ends.offset, ends.slope, controllable.tolist()
-    now = 0.0
-    for i, most in enumerate(states[1:]):
-        now = min(most, max(0.0, float((offset[i] - slope[i] * now).min())))
-        x[i + 1] = now
-    return x
+    backwards = _Lines(upper.offset[::-1], upper.slope[::-1])
+    controllable = _followed(backwards, best[::-1], caps[::-1])[::-1]
+    return _followed(_solved(rows.b, rows.a, c), controllable[:-1], controllable)
 
 
 class _Lines(NamedTuple):
@@ -73,17 +67,34 @@ def _solved(a: FloatArray, b: FloatArray, c: FloatArray) -> _Lines:
                   np.where(applies, b / divisor, 0.0))
 
 
-def _controllable(upper: _Lines, best: FloatArray, caps: FloatArray) -> FloatArray:
-    """Return the largest states from which the following rest is reached, backwards."""
-    h = np.zeros_like(caps)
-    offset, slope = upper
-    tops, limits = best.tolist(), caps.tolist()
-    now = 0.0
-    for i in range(len(tops) - 1, -1, -1):
-        y = min(now, tops[i])
-        now = min(limits[i], max(0.0, float((offset[i] - slope[i] * y).min())))
-        h[i] = now
-    return h
+def _followed(lines: _Lines, tops: FloatArray, caps: FloatArray) -> FloatArray:
+    """
+    Return the states z (m + 1,) from z = 0 on: the smallest line of each interval at min(z, top).
+
+    They are within [0, caps]. Each round takes the lines that are the smallest at the states of
+    the round before (policy iteration, R. A. Howard, 1960), from the first one that differs on.
+    The states before it are final, so that the rounds end, and the result is exact.
+    """
+    m = len(tops)
+    active, z = np.full(m, -1), [0.0, *caps[1:].tolist()]
+    most, limits = tops.tolist(), caps.tolist()
+    first, last = 0, m
+    while True:
+        part = slice(first, last)
+        y = np.minimum(z[part], tops[part])[:, np.newaxis]
+        smallest = np.argmin(lines.offset[part] - lines.slope[part] * y, axis=1)
+        changed = first + np.flatnonzero(smallest != active[part])
+        if not len(changed):
+            return np.array(z)
+        active[part] = smallest
+        rows = np.arange(changed[0], m)
+        offset, slope = (of[rows, active[rows]].tolist() for of in lines)
+        first, end, now = int(changed[0]), int(changed[-1]), z[changed[0]]
+        for last, o, s in zip(range(first + 1, m + 1), offset, slope):
+            now = min(limits[last], max(0.0, o - s * min(now, most[last - 1])))
+            if last > end + 1 and now == z[last]:
+                break
+            z[last] = now
 
 
 def _at(
@@ -133,12 +144,14 @@ def _best_ends(
 
 def _argmax(lines: _Lines, high: FloatArray) -> FloatArray:
     """Return where in [0, high] the smallest of the lines is largest, by cutting planes."""
-    rows = np.arange(len(high))
-    _, left, rise = _at(lines, np.zeros_like(high), rows)
-    _, right, fall = _at(lines, high, rows)
-    best = np.where(rise > 0.0, 0.0, high)
-    rows = np.flatnonzero((rise <= 0.0) & (fall > 0.0))
-    left, rise, right, fall = left[rows], rise[rows], right[rows], fall[rows]
+    best = high.copy()
+    _, right, fall = _at(lines, high, np.arange(len(high)))
+    rows = np.flatnonzero(fall > 0.0)
+    _, left, rise = _at(lines, np.zeros(len(rows)), rows)
+    best[rows[rise > 0.0]] = 0.0
+    inside = rise <= 0.0
+    rows, left, rise = rows[inside], left[inside], rise[inside]
+    right, fall = right[rows], fall[rows]
     for _ in range(_CUTS):
         if not len(rows):
             break

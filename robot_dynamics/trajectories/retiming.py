@@ -28,7 +28,7 @@ from robot_dynamics.trajectories.path import path_of
 from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
 from robot_dynamics.trajectories.segments import TrajectorySegments
-from robot_dynamics.trajectories.slow_down import largest_ratios, least_slowness, slower
+from robot_dynamics.trajectories.slow_down import largest_ratios, slower, within_limits
 from robot_dynamics.trajectories.smoothing import durations, Timing, within_rates
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
@@ -41,7 +41,7 @@ from robot_dynamics.trajectories.timing_limits import (
 from robot_dynamics.validation import check_choice, check_scalar, check_vector, is_empty
 
 METHODS = ('fastest', 'slow_down')
-_PASSES, _CONVERGED, _EXCESS, _EXCESS_OF_TANGENTS, _CLOSE, _START = 10, 2e-5, 4e-5, 1e-4, 0.02, 0.1
+_PASSES, _EXACT, _EXACT_BY_TANGENTS, _CLOSE, _START = 10, 4e-5, 1e-4, 0.02, 0.5
 _PARTS, _PARTS_OF_STEEP_FRICTION = 2, 8
 _SHORTEST, _SHORTEST_FROM_REST = 5e-5, 1.5e-4
 """Times between two points of the result [s]; rounding of shorter times is noticeable."""
@@ -116,14 +116,13 @@ def retime(
     if method == 'slow_down':
         result = _slowed_down(limits, trajectory)
     else:
-        grid, terms = _without_short_intervals(
+        grid, terms, x = _without_short_intervals(
             limits, trajectory, make_grid(path_of(trajectory, corner_tolerance)))
-        timing = _fastest(limits, trajectory, grid, terms)
+        timing = _fastest(limits, trajectory, grid, terms, x)
         if np.isfinite(rates).any():
             result = within_rates(limits, names, timing, terms, rates)
         else:
-            result = slower(_as_trajectory(names, timing), 1.0)
-            result = slower(result, least_slowness(limits, result))
+            result = within_limits(limits, slower(_as_trajectory(names, timing), 1.0))
     return _answer(limits, result, before)
 
 
@@ -181,29 +180,31 @@ def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajec
                 "'slow_down': without them the velocity jumps; use the method 'fastest'")
     if len(trajectory.points) < 2:
         raise TrajectoryError('points has 1 point, expected at least 2: a path')
-    return slower(trajectory, least_slowness(limits, trajectory))
+    return within_limits(limits, trajectory)
 
 
 def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-    terms: tuple[PathTerms, PathTerms],
+    terms: tuple[PathTerms, PathTerms], x: FloatArray,
 ) -> Timing:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
-    x, rise = np.zeros(m + 1), np.zeros(m)
     duration = 0.0
-    best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     exact_at_once = not limits.depend_on_speed()
     if not exact_at_once:
-        start = np.minimum(velocity_caps(limits, grid, of_velocity), limits.free_speed(grid))
-        x = np.where(start < UNBOUNDED, _START * start, 0.0)
+        free_speed = limits.free_speed(grid)
+        x = _START * np.minimum(x, free_speed)
+        rows = constraints(limits, grid, terms, x, _rise(grid, x), margins)
+        x = np.minimum(fastest_states(rows, velocity_caps(limits, grid, of_velocity)), free_speed)
+    rise = _rise(grid, x)
+    best: tuple[float, FloatArray, FloatArray] = (np.inf, x, rise)
     for passed in range(_PASSES):
         rows = constraints(limits, grid, terms, x, rise, margins)
         before, x = x, fastest_states(rows, velocity_caps(limits, grid, of_velocity))
         _check_states(limits, trajectory, grid, x)
         T = durations(grid, x, rise)
-        excess = _excesses(limits, grid, x, T, is_first=passed < 2)
+        excess = _excesses(limits, grid, x, T, is_first=passed == 0)
         is_close = np.abs(x - before) <= _CLOSE * x
         known = (is_close[:-1] & is_close[1:]) | exact_at_once
         margins = np.where(
@@ -213,13 +214,12 @@ def _fastest(
         slowed_down = float(T.sum()) * (1.0 + largest)
         if slowed_down < best[0]:
             best = slowed_down, x, T
-        is_steady = abs(float(T.sum()) - duration) < _CONVERGED * duration
-        duration = float(T.sum())
-        if is_steady and largest < (_EXCESS if exact_at_once else _EXCESS_OF_TANGENTS):
+        change, duration = abs(float(T.sum()) - duration), float(T.sum())
+        if max(change / duration, largest) < (_EXACT if exact_at_once else _EXACT_BY_TANGENTS):
             break
-        rise = _rise(grid, x) if passed < 4 else rise
-        if passed < 2:
-            x = np.minimum(x, limits.free_speed(grid))
+        rise = _rise(grid, x) if passed < 3 else rise
+        if passed == 0 and not exact_at_once:
+            x = np.minimum(x, free_speed)
     _, x, T = best
     return Timing(grid, np.sqrt(x), T)
 
@@ -235,7 +235,7 @@ def _checked_terms(
 
 def _without_short_intervals(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
-) -> tuple[PathGrid, tuple[PathTerms, PathTerms]]:
+) -> tuple[PathGrid, tuple[PathTerms, PathTerms], FloatArray]:
     """Return the grid without nodes that would follow others in less than _SHORTEST."""
     m, n = grid.sign.shape
     terms = _checked_terms(limits, trajectory, grid)
@@ -257,7 +257,7 @@ def _without_short_intervals(
         keep[(start + end) // 2] |= not keep[start + 1:end].any()
     left, right = terms
     return grid.merged(keep), (
-        left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:])))
+        left.rows(np.flatnonzero(keep[:-1])), right.rows(np.flatnonzero(keep[1:]))), x[keep]
 
 
 def _check_states(
@@ -306,26 +306,34 @@ def _excesses(
     """Return the excesses on each interval of the interpolated trajectory; below 0 for none."""
     speed = np.sqrt(x)[:, np.newaxis]
     is_steep = limits.dynamics.arm.friction.steep_below.any() and not is_first
-    phases = np.linspace(0.0, 1.0, 1 + (_PARTS_OF_STEEP_FRICTION if is_steep else _PARTS))
     T = T[:, np.newaxis]
     left, right = grid.left, grid.right
     v_0, v_1 = left.tangent * speed[:-1], right.tangent * speed[1:]
     way = right.q - left.q
-    c = position_coefficients([np.zeros_like(way), v_0], [way, v_1], T)
-    p = phases[:, np.newaxis, np.newaxis]
-    c1, c2, c3 = c[:, 1], c[:, 2], c[:, 3]
-    q = left.q + p * (c1 + p * (c2 + p * c3))
-    v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
-    a = (2.0 * c2 + p * 6.0 * c3) / T**2
-    v[0], v[-1] = v_0, v_1
-    q, v, a = (rows.reshape(-1, way.shape[1]) for rows in (q, v, a))
-    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(q, v, a)
+    _, c1, c2, c3, *_ = np.moveaxis(
+        position_coefficients([np.zeros_like(way), v_0], [way, v_1], T), 1, 0)
+
+    def motion(phases: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        p = phases[:, np.newaxis, np.newaxis]
+        v = (c1 + p * (2.0 * c2 + p * 3.0 * c3)) / T
+        v[0], v[-1] = v_0, v_1
+        return left.q + p * (c1 + p * (c2 + p * c3)), v, (2.0 * c2 + p * 6.0 * c3) / T**2
+
+    phases = np.array([0.0, 0.5, 1.0])
+    q, v, a = motion(phases)
+    flat = -1, way.shape[1]
+    load = limits.dynamics.unchecked.rigid_body.inverse_dynamics_batch(
+        q.reshape(flat), v.reshape(flat), a.reshape(flat)).reshape(q.shape)
+    if is_steep:  # the effort of the rigid bodies is smooth: a parabola
+        phases = np.linspace(0.0, 1.0, 1 + _PARTS_OF_STEEP_FRICTION)
+        parabola = np.linalg.solve(np.vander([0.0, 0.5, 1.0], 3).T, np.vander(phases, 3).T).T
+        _, v, a = motion(phases)
+        load = np.tensordot(parabola, load, 1)
     by_name = limits.ratios(v, a, load)
-    shape = (len(phases), *grid.sign.shape)
-    ratio = by_name.pop('velocity').reshape(shape).max(axis=(0, 2))
+    ratio = by_name.pop('velocity').max(axis=(0, 2))
     peak = np.clip(-c2 / np.where(c3 != 0.0, 3.0 * c3, 1.0), 0.0, 1.0)
     fastest = np.abs(c1 + peak * (2.0 * c2 + peak * 3.0 * c3)) / T / limits.velocity
-    largest = np.max(list(by_name.values()), axis=0).reshape(shape).max(axis=0)
+    largest = np.maximum.reduce(list(by_name.values())).max(axis=0)
     return _Excess(largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0)
 
 

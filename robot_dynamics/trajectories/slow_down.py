@@ -21,8 +21,8 @@ from robot_dynamics.trajectories.timing_limits import PathLimits
 
 SLOWEST = 1e4
 """Largest factor."""
-_TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 8_000, 4
-_EXACT, _ROUNDING, _TARGET = 1e-7, 1e-4, 1.0 - 3e-6
+_TOLERANCE, _ROUNDS, _SAMPLES, _FEWEST = 1e-6, 8, 5_000, 4
+_EXACT, _ROUNDING, _TARGET, _STEP = 1e-7, 1e-4, 1.0 - 3e-6, 2e-5
 
 
 def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
@@ -32,28 +32,26 @@ def slower(trajectory: JointTrajectory, factor: float) -> JointTrajectory:
     Times are whole nanoseconds. Positions and velocities are those at the rounded times, because
     accelerations between points 1 ms apart would otherwise have errors of 1e-3 rad/s².
     """
-    start = trajectory.points[0].time_from_start
     moving = TrajectorySegments(trajectory)
     rows = np.arange(moving.count)
     a_0, a_1 = (moving.sample(rows, np.full(moving.count, p)).acceleration for p in (0.0, 1.0))
     rates = np.concatenate((a_0[:1], 0.5 * (a_0[1:] + a_1[:-1]), a_1[-1:]))
-    points = []
-    for p, rate in zip(trajectory.points, rates):
-        time = factor * (p.time_from_start - start)
-        rounded = 1e-9 * round(1e9 * time)
-        q, v = p.position, p.velocity
-        if v is not None:
-            v = v / factor
-            q = q + v * (rounded - time)
-            v = np.where(v != 0.0, v + rate * ((rounded - time) / factor**2), 0.0)
-        points.append(TrajectoryPoint(
-            rounded, q, v, None if p.acceleration is None else p.acceleration / factor**2))
-    return JointTrajectory(trajectory.joint_names, tuple(points))
+    times = factor * (moving.times - moving.times[0])
+    rounded = 1e-9 * np.rint(1e9 * times)
+    late, v = (rounded - times)[:, np.newaxis], moving.points.velocity / factor
+    q = moving.points.position + v * late
+    v = np.where(v != 0.0, v + rates * late / factor**2, 0.0)
+    return JointTrajectory(trajectory.joint_names, tuple(
+        TrajectoryPoint(
+            time, p.position if p.velocity is None else position,
+            None if p.velocity is None else velocity,
+            None if p.acceleration is None else p.acceleration / factor**2)
+        for p, time, position, velocity in zip(trajectory.points, rounded.tolist(), q, v)))
 
 
-def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:
+def within_limits(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajectory:
     """
-    Return the smallest factor, at least 1, to about 1e-6.
+    Return the trajectory, slower by the smallest factor, to about 1e-6, of at least 1.
 
     Raises TrajectoryError, naming joint, time and ratio, if no factor up to SLOWEST suffices.
     """
@@ -62,7 +60,8 @@ def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:
     samples = _Samples(limits, segments)
     for _ in range(_ROUNDS):
         factor = samples.slowness(least)
-        worst = efforts_along(limits.dynamics, slower(trajectory, factor))
+        result = slower(trajectory, factor)
+        worst = efforts_along(limits.dynamics, result)
         ratio = worst.worst_ratio / limits.share
         if ratio <= 1.0 + _TOLERANCE:
             break
@@ -73,7 +72,7 @@ def least_slowness(limits: PathLimits, trajectory: JointTrajectory) -> float:
         # The maximum is between the samples, or the rest is the rounding of times.
         least = factor * (2.0 * ratio - 1.0) if ratio < 1.0 + _ROUNDING else least
         samples.add(worst.worst_time / factor + segments.times[0])
-    return float(factor)
+    return result
 
 
 def largest_ratios(
@@ -128,14 +127,22 @@ class _Samples:
 
     def slowness(self, least: float) -> float:
         """Return the smallest factor, at least `least`, with which no sample exceeds a limit."""
-        low = high = least
-        while self._ratio(high) > _TARGET:
-            low, high = high, 1.0 + 2.0 * (high - 1.0) + 1e-3
-            if high > SLOWEST:
-                return SLOWEST
-        while high - low > _EXACT * high:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if self._ratio(middle) <= _TARGET else (middle, high)
+        high = least
+        while (exceeds := self._ratios(high, self._parts) > _TARGET).any():
+            parts = self._parts
+            while exceeds.any():
+                low, parts = high, [part[exceeds] for part in parts]
+                high = 1.0 + 4.0 * (high - 1.0) + _STEP
+                if high > SLOWEST:
+                    return SLOWEST
+                exceeds = self._ratios(high, parts) > _TARGET
+            while high - low > _EXACT * high:
+                middle = 0.5 * (low + high)
+                exceeds = self._ratios(middle, parts) > _TARGET
+                if exceeds.any():
+                    low, parts = middle, [part[exceeds] for part in parts]
+                else:
+                    high = middle
         return high
 
     def _evaluated(self, segment: IntArray, phase: FloatArray) -> list[FloatArray]:
@@ -145,9 +152,11 @@ class _Samples:
         return [motion.velocity, motion.acceleration, gravity,
                 body.inverse_dynamics_batch(*motion) - gravity]
 
-    def _ratio(self, factor: float) -> float:
-        v, a, gravity, moving = self._parts
+    def _ratios(self, factor: float, parts: list[FloatArray]) -> FloatArray:
+        """Return the largest ratio (m,) of samples to their limits."""
+        v, a, gravity, moving = parts
         ratios = self._limits.ratios(
             v / factor, a / factor**2, gravity + moving / factor**2)
-        return max(float(ratios[name].max()) for name in ('effort', 'current', 'voltage')
-                   if name in ratios)
+        largest = np.maximum.reduce([ratios[name] for name in ('effort', 'current', 'voltage')
+                                     if name in ratios])
+        return np.asarray(largest.max(axis=1))

@@ -18,7 +18,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, Trajec
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states
 from robot_dynamics.trajectories.segments import TrajectorySegments
-from robot_dynamics.trajectories.slow_down import least_slowness, slower
+from robot_dynamics.trajectories.slow_down import slower, within_limits
 from robot_dynamics.trajectories.timing_limits import (
     constraints,
     PathLimits,
@@ -80,7 +80,7 @@ def within_rates(
         caps = np.minimum(caps, cap)
         x = fastest_states(rows, caps)
         timing = Timing(grid, np.sqrt(x), durations(grid, x, np.zeros(m)))
-    result = slower(result, least_slowness(limits, result))
+    result = within_limits(limits, result)
     return slower(result, max(1.0, float(_rates(limits, result, rates).max())))
 
 

@@ -12,12 +12,12 @@ given x, so that they are exact after some passes; viscous friction is concave i
 tangent is conservative.
 """
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.joints.actuator import Actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.path_grid import PathEnd, PathGrid
@@ -26,12 +26,12 @@ from robot_dynamics.trajectories.reachability import Rows
 _STEP, _SLOWEST, _FLOOR, _LEAST_ROOM, _MOST_AT_REST = 1e-3, 1e-9, 1e-6, 0.02, 1.0 - 1e-6
 
 
-class Bound(NamedTuple):
+class Bounds(NamedTuple):
     """
-    A bound (m, n) of the effort of the rigid bodies in one direction.
+    Bounds (2, k, ..., n) of the effort of the rigid bodies, k in the directions +1 and -1 each.
 
-    `rotor` (m, n) times rotor inertia and acceleration adds to the bounded effort: it is power
-    that does not pass the gearbox. `scale` (n,) is the bound without friction at rest.
+    `rotor` (2, k, ..., n) times rotor inertia and acceleration adds to the bounded effort: it is
+    power that does not pass the gearbox. `scale` (k, n) are the bounds without friction at rest.
     """
 
     effort: FloatArray
@@ -61,10 +61,8 @@ class PathLimits(NamedTuple):
         low, high = np.full(n, 1e-6), np.full(n, 1e6)
         for _ in range(40):
             v = np.sqrt(low * high)
-            free = np.ones(n, dtype=np.bool_)
-            for direction in (1.0, -1.0):
-                for bound in self.bounds(direction * v, direction):
-                    free &= direction * bound.effort > 0.0
+            forward, backward = self.bounds(np.stack((v, -v))).effort
+            free = (forward[:, 0] > 0.0).all(axis=0) & (backward[:, 1] < 0.0).all(axis=0)
             low, high = np.where(free, v, low), np.where(free, high, v)
         with np.errstate(divide='ignore'):
             x = [np.square(np.min(low / np.abs(end.tangent), axis=1))
@@ -74,8 +72,8 @@ class PathLimits(NamedTuple):
     def depend_on_speed(self) -> bool:
         """Return whether the bounds of the effort depend on the speed."""
         n = self.dynamics.arm.joint_count
-        slow, fast = (list(self.bounds(np.full(n, v), 1.0)) for v in (_SLOWEST, 1.0))
-        return any(not np.array_equal(a.effort, b.effort) for a, b in zip(slow, fast))
+        effort = self.bounds(np.array([[_SLOWEST] * n, [1.0] * n])).effort
+        return not np.array_equal(effort[0, :, 0], effort[0, :, 1])
 
     def ratios(
         self, v: FloatArray, a: FloatArray, load: FloatArray,
@@ -92,36 +90,46 @@ class PathLimits(NamedTuple):
                            voltage=of_motor.voltage_ratio / self.share)
         return by_name
 
-    def bounds(
-        self, v: FloatArray, direction: float,
-    ) -> Iterator[Bound]:
-        """Yield the bounds at velocities (m, n) in the direction +1 or -1."""
+    def bounds(self, v: FloatArray) -> Bounds:
+        """Return the bounds at velocities (..., n)."""
         arm = self.dynamics.arm
+        direction = np.array([1.0, -1.0]).reshape(2, *np.ones(v.ndim, dtype=np.intp))
         limit = self.share * arm.limits.effort
-        if np.isfinite(limit).any():
-            yield Bound(arm.friction.load_behind(v, direction * limit + 0.0 * v),
-                        np.zeros_like(v), limit)
-        motors = arm.actuators
-        if motors is None:
-            return
-        ratio = np.abs(motors.gear_ratio) * motors.torque_constant
-        back_emf = motors.back_emf_constant * np.abs(motors.gear_ratio)
+        found = [(direction * limit + 0.0 * v, 0.0 * v, limit)] if np.isfinite(limit).any() else []
+        if arm.actuators is not None:
+            found += self._of_motors(arm.actuators, direction, v)
+        if not found:
+            nothing = np.zeros((2, 0, *v.shape))
+            return Bounds(nothing, nothing, np.zeros((0, len(limit))))
+        efforts, rotors, scales = zip(*found)
+        effort = np.stack(efforts, axis=1)
+        left = arm.friction.load_behind(v, np.where(np.isfinite(effort), effort, 0.0))
+        return Bounds(
+            np.where(np.isfinite(effort), left, effort),
+            np.stack([np.broadcast_to(one, efforts[0].shape) for one in rotors], axis=1),
+            np.array(scales))
+
+    def _of_motors(
+        self, motors: Actuators, direction: FloatArray, v: FloatArray,
+    ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return efforts with friction and `rotor`, (2, ..., n), and `scale` of each bound."""
         kinds = []
         if np.isfinite(motors.current_limit).any():
             most = self.share * motors.current_limit
-            kinds.append((direction * most + 0.0 * v, most))
+            kinds.append((direction * most, most))
         if np.isfinite(motors.voltage_limit).any():
             with np.errstate(divide='ignore', invalid='ignore'):
                 most = self.share * motors.voltage_limit / motors.resistance
-                current = direction * most - back_emf * v / motors.resistance
+                back_emf = motors.back_emf_constant * np.abs(motors.gear_ratio) * v
+                current = direction * most - back_emf / motors.resistance
             kinds.append((np.where(np.isfinite(most), current, direction * np.inf), most))
+        ratio, found = np.abs(motors.gear_ratio) * motors.torque_constant, []
         for current, most in kinds:
-            torque = ratio * current
-            gain = np.where(torque * v < 0.0, 1.0 / motors.efficiency, motors.efficiency)
-            bound = torque * gain
-            left = arm.friction.load_behind(v, np.where(np.isfinite(bound), bound, 0.0))
-            yield Bound(np.where(np.isfinite(bound), left, direction * np.inf), gain - 1.0,
-                        ratio * most)
+            with np.errstate(invalid='ignore'):
+                absorbs = current * v < 0.0
+            gain = np.where(absorbs, 1.0 / motors.efficiency, motors.efficiency)
+            found.append((ratio * current * gain, gain - 1.0, ratio * most))
+        return found
 
 
 class PathTerms(NamedTuple):
@@ -169,56 +177,74 @@ def constraints(
     The control u of an interval is the mean of its values at both ends, which differ by `rise`
     (m,). `margins` (m, n) are shares of the limits that are left unused.
     """
-    a, b, c = [], [], []
+    rows = []
     turns: BoolArray = grid.left.tangent * grid.right.tangent < 0.0
-    for left, terms, at in ((True, ends[0], x[:-1]), (False, ends[1], x[1:])):
+    for left, terms, nodes in ((True, ends[0], slice(0, -1)), (False, ends[1], slice(1, None))):
+        of_u, of_x, bound = _end_rows(
+            limits, grid.sign, _Slow(turns, grid.rests[nodes]), terms, x[nodes], margins)
+        by_u = of_u / (2.0 * grid.length[:, np.newaxis])
         offset = (-0.5 if left else 0.5) * rise[:, np.newaxis]
-        for of_u, of_x, bound in _end_rows(limits, grid.sign, turns, terms, at, margins):
-            keep = np.isfinite(bound).any(axis=0)
-            by_u = of_u[:, keep] / (2.0 * grid.length[:, np.newaxis])
-            a.append(of_x[:, keep] * left - by_u)
-            b.append(of_x[:, keep] * (not left) + by_u)
-            c.append(bound[:, keep] - of_u[:, keep] * offset)
+        of_end = np.stack((
+            of_x * left - by_u, of_x * (not left) + by_u, bound - of_u * offset))
+        of_end = np.moveaxis(of_end, 1, 2).reshape(3, len(x) - 1, -1)
+        rows.append(of_end[:, :, np.isfinite(of_end[2]).any(axis=0)])
     # One row without effect, because there may be no others.
-    nothing = np.zeros((len(grid.length), 1))
-    return Rows(np.concatenate((*a, nothing), axis=1), np.concatenate((*b, nothing), axis=1),
-                np.concatenate((*c, nothing), axis=1))
+    return Rows(*np.concatenate((*rows, np.zeros((3, len(x) - 1, 1))), axis=2))
+
+
+class _Slow(NamedTuple):
+    """
+    Where friction and power have several signs, and each has to be within the limits.
+
+    `turns` (m, n) marks joints that turn back within the interval, `rests` (m,) an end at rest.
+    """
+
+    turns: BoolArray
+    rests: BoolArray
 
 
 def _end_rows(
-    limits: PathLimits, ways: FloatArray, turns: BoolArray, terms: PathTerms, x: FloatArray,
+    limits: PathLimits, ways: FloatArray, slow: _Slow, terms: PathTerms, x: FloatArray,
     margins: FloatArray,
-) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Yield factors of u and x, and their bounds, (m, n) each."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return factors of u and x, and their bounds, (rows, m, n) each."""
     tangent, curvature = terms.end.tangent, terms.end.curvature
-    if np.isfinite(limits.acceleration).any():
-        bound = limits.acceleration * (1.0 - margins)
-        yield tangent, curvature, bound
-        yield -tangent, -curvature, bound
     motors = limits.dynamics.arm.actuators
     rotor = 0.0 if motors is None else motors.reflected_inertia
-    x_0 = np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
-    v, v_0, v_1 = (_velocity(tangent, ways, state) for state in (x, x_0, (1.0 + _STEP) * x_0))
-    # A joint that turns back within the interval has dry friction of both signs.
-    rows = np.flatnonzero(turns.any(axis=1))
-    turning = [np.where(turns[rows], sign * _SLOWEST, v[rows]) for sign in (1.0, -1.0)]
-    for direction in (1.0, -1.0):
-        bounds = (limits.bounds(speed, direction) for speed in (v, v_0, v_1, *turning))
-        for here, one, other, *slow in zip(*bounds):
-            effort = direction * here.effort
-            for bound in slow:
-                effort[rows] = np.minimum(effort[rows], direction * bound.effort)
-            with np.errstate(invalid='ignore'):
-                slope = direction * np.nan_to_num(other.effort - one.effort, nan=0.0) / (
-                    _STEP * x_0[:, np.newaxis])
-                # Friction that decreases with the speed has the value at x.
-                resists = direction * v > 0.0
-                slope = np.where(resists, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
-                room = effort - direction * terms.gravity - slope * x[:, np.newaxis]
-                room = np.maximum(room - margins * here.scale, _LEAST_ROOM * room)
-            by_u = direction * (terms.inertia + here.rotor * rotor * tangent)
-            by_x = direction * (terms.centrifugal + here.rotor * rotor * curvature)
-            yield by_u, by_x - slope, np.where(np.isfinite(here.effort), room, np.inf)
+    x_1 = (1.0 + _STEP) * np.maximum(x, max(_FLOOR * float(x.max()), _SLOWEST**2))
+    v = np.stack([_velocity(tangent, ways, state) for state in (x, x_1)])
+    effort, gain, scale = limits.bounds(v)
+    direction = np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
+    with np.errstate(invalid='ignore'):
+        rise = np.nan_to_num(effort[:, :, 1] - effort[:, :, 0], nan=0.0)
+    slope = direction * rise / (x_1 - x)[:, np.newaxis]
+    # Friction that decreases with the speed has the value at x.
+    slope = np.where(direction * v[0] > 0.0, np.minimum(slope, 0.0), np.maximum(slope, 0.0))
+    effort, gain = direction * effort[:, :, 0], gain[:, :, 0]
+    rows = np.flatnonzero(slow.turns.any(axis=1) | slow.rests)
+    if len(rows):
+        turns, here = slow.turns[rows], v[0, rows]
+        bounds = limits.bounds(np.stack((
+            here, *(np.where(turns, sign * _SLOWEST, here) for sign in (1.0, -1.0)),
+            np.where(slow.rests[rows, np.newaxis], 0.0, here))))
+        signed = direction[..., np.newaxis] * bounds.effort
+        least = np.argmin(signed, axis=2, keepdims=True)
+        effort[:, :, rows], gain[:, :, rows] = (
+            np.take_along_axis(values, least, axis=2)[:, :, 0] for values in (
+                signed, bounds.rotor))
+    room = effort - direction * terms.gravity - slope * x[:, np.newaxis]
+    with np.errstate(invalid='ignore'):
+        room = np.maximum(room - margins * scale[:, np.newaxis], _LEAST_ROOM * room)
+    of_acceleration = np.broadcast_to(limits.acceleration * (1.0 - margins), (2, *margins.shape))
+    return (_rows(direction * tangent, direction * (terms.inertia + gain * rotor * tangent)),
+            _rows(direction * curvature,
+                  direction * (terms.centrifugal + gain * rotor * curvature) - slope),
+            _rows(of_acceleration, np.where(np.isfinite(effort), room, np.inf)))
+
+
+def _rows(of_acceleration: FloatArray, of_effort: FloatArray) -> FloatArray:
+    m, n = of_effort.shape[-2:]
+    return np.concatenate((of_acceleration.reshape(2, m, n), of_effort.reshape(-1, m, n)))
 
 
 def _velocity(tangent: FloatArray, sign: FloatArray, x: FloatArray) -> FloatArray:

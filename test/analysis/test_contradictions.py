@@ -105,6 +105,17 @@ def test_the_offset_of_an_encoder_is_named():
     assert re.search(r'shoulder_lift_joint is \+[12]\.?\d* ° too large', causes[0])
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_the_offset_of_an_encoder_of_a_light_arm_is_named(seed):
+    arm, states = load_arm(robot_urdf('ur3')), fourier_motion(ARM, 125.0, 30.0, seed)
+    effort = rigid_effort(changed_arm(arm, 0.15, seed), states, 0.1) + np.tanh(states.v / 0.03)
+    noise = 0.2 * np.random.default_rng(seed).normal(size=effort.shape)
+    read = series_of(arm, states._replace(q=states.q + OFFSET), effort + noise)
+    causes = find_contradictions(arm, filter_motion(read)).causes
+    assert len(causes) == 1
+    assert 'shoulder_lift_joint is +' in causes[0]
+
+
 @pytest.mark.parametrize('seconds', [0.05, 0.2])
 def test_a_delay_is_found_and_removed(seconds):
     motion = filtered(late(seconds))
@@ -116,7 +127,8 @@ def test_a_delay_is_found_and_removed(seconds):
     assert moved.times[-1] == pytest.approx(motion.times[-1] - seconds, abs=0.011)
 
 
-@pytest.mark.parametrize('robot', ['default', 'ur5', 'ur10', 'panda', 'xarm7', 'z1'])
+@pytest.mark.parametrize('robot', [
+    'default', 'kinova', 'panda', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1'])
 @pytest.mark.parametrize('moves', [fourier_motion, moves_with_pauses])
 def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
     arm = load_arm(default_arm_urdf() if robot == 'default' else robot_urdf(robot),

@@ -13,7 +13,7 @@ from robot_dynamics.excitation.demo_motion import make_reference_motion
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 PERIOD = 2e-3
 FRICTION = {
@@ -50,8 +50,7 @@ def run(
         make_gains(ARM.joint_names), friction_compensation=mode))
     controller.update(1, motion.points[0].position, np.zeros(2))  # required before a trajectory
     controller.follow(motion, 1)
-    simulation = ArmSimulation(with_friction(1.0), motion.points[0].position)
-    simulation.release()
+    simulation = released(with_friction(1.0), motion.points[0].position)
     random = np.random.default_rng(0)
     rows = []
     for k in range(int((seconds + still) / PERIOD)):

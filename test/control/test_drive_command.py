@@ -17,9 +17,9 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 NAMES, LIMIT = ARM.joint_names, ARM.limits.effort
@@ -117,8 +117,7 @@ def test_an_arm_with_drives_holds_if_the_controller_knows_them(
     arm, _ = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     one, drives = controller(arm if knows else ARM, robot), InnerController(
         arm, EffortConvention(robot_compensates=robot))
-    simulation = ArmSimulation(arm, Q)
-    simulation.release()
+    simulation = released(arm, Q)
     for k in range(250):
         command = one.update(NOW + 2_000_000 * k, *simulation.state).command
         assert command is not None

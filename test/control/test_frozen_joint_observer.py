@@ -15,6 +15,7 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 DT = 0.002
 MARKS = [[1], [2]]
@@ -31,8 +32,7 @@ def observed(
     dynamics, n = UncheckedArmDynamics(arm), arm.joint_count
     q = middle(arm, 0.4)
     mask = np.isin(np.arange(n), marks)
-    plant = ArmSimulation(plant_arm, q)
-    plant.release()
+    plant = released(plant_arm, q)
     observer = FrozenJointObserver(mask, dynamics, np.where(mask, q + error, q), np.zeros(n))
     errors = []
     for _ in range(round(seconds / DT)):
@@ -63,8 +63,7 @@ def test_friction_that_the_model_lacks_makes_the_estimate_invalid() -> None:
     sticky = arm.with_friction(make_friction(arm.joint_names, coulomb=friction.tolist()))
     dynamics, q = UncheckedArmDynamics(arm), middle(arm, 0.4)
     v = np.full(6, 0.3)
-    plant = ArmSimulation(sticky, q, v)
-    plant.release()
+    plant = released(sticky, q, v)
     observer = FrozenJointObserver(np.arange(6) == 1, dynamics, q, v)
     for _ in range(50):
         effort = dynamics.rigid_body.gravity(plant.q)

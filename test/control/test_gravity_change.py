@@ -17,10 +17,9 @@ from robot_dynamics.model.arm import load_arm, STANDARD_GRAVITY
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.references.motion_limits import WorkspaceInertia
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robots import robot_urdf
-from simulated_arms import two_link
+from simulated_arms import released, two_link
 
 STEP_NS = 2_000_000
 UR10 = load_arm(robot_urdf('ur10'))
@@ -141,8 +140,7 @@ def test_a_robot_that_compensates_along_its_own_gravity() -> None:
 
 def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
     """The base tilts by 90° at 1 rad/s; the controller receives gravity at 50 Hz."""
-    simulation = ArmSimulation(UR10, Q)
-    simulation.release()
+    simulation = released(UR10, Q)
     one = Controller(UR10, ControllerOptions(make_gains(UR10.joint_names)))
     one.update(0, Q, np.zeros(6))
     one.follow(JointTrajectory(UR10.joint_names, (TrajectoryPoint(0.0, Q, np.zeros(6)),)), 0)
@@ -162,8 +160,7 @@ def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
 
 
 def test_energy_of_a_change_of_gravity_counts_as_work() -> None:
-    simulation = ArmSimulation(two_link(), (1.0, 0.5))
-    simulation.release()
+    simulation = released(two_link(), (1.0, 0.5))
     start = sum(simulation.energy)
     for gravity in ((3.0, 0.0, -9.0), (0.0, 0.0, 9.81)):
         simulation.step(np.zeros(2), 0.3)

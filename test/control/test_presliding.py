@@ -4,84 +4,23 @@
 """
 Friction that yields before it slides: the arm comes to rest, and the command does not vibrate.
 
-The plant is a LuGre model in its simplest form: a bristle of stiffness F_c / d per joint, with 0.2
-of its critical damping, which slides at F_c (C. Canudas de Wit, H. Olsson, K. J. Åström,
-P. Lischinsky, IEEE Trans. Automatic Control 40(3), 1995). Its rotors are unknown to the loop.
-`ArmSimulation` with the same presliding distance is compared with it.
+The plant is `BristledArm`. `ArmSimulation` with the same presliding distance is compared with it.
 """
 
 from typing import Any, NamedTuple
 
-from lock_step_loop import LockStep, smooth_arm, STEP
+from bristled_arm import BristledArm, Case, COULOMB
+from lock_step_loop import smooth_arm, STEP
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
-SUBSTEPS = 20
-MICRO_DAMPING = 0.2
 WAY = 0.35
 """[rad] of the motion."""
-COULOMB = {
-    'panda': [0.6, 0.6, 0.5, 0.9, 0.9, 0.9, 0.6], 'ur10': [8.0, 8.0, 5.0, 2.0, 2.0, 1.5],
-    'ur5': [6.0, 6.0, 4.0, 1.2, 1.2, 1.2], 'default': [4.0, 1.5],
-    'xarm7': [1.0] * 7, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
-"""F_c [N·m]; that of xarm7 and z1 is of their descriptions."""
-VISCOUS = {'xarm7': 10.0, 'z1': [1.0, 2.0, 1.0, 1.0, 1.0, 1.0]}
-ROTORS = {
-    'ur10': [1.0, 1.0, 0.6, 0.1, 0.1, 0.1], 'ur5': [0.6, 0.6, 0.4, 0.05, 0.05, 0.05],
-    'panda': [0.6, 0.6, 0.5, 0.5, 0.2, 0.2, 0.2]}
-"""[kg·m²] at the joints."""
 FASTEST = 500.0
 """[rad/s²]: effort limit / largest random rotor."""
-
-
-class Case(NamedTuple):
-    """An arm with its presliding distance [rad], and the loop: rate [Hz], delay [ms]."""
-
-    arm: str
-    rate: int
-    delay: int
-    distance: float
-    given: float = 1.0
-    """Friction that is given, by the true one."""
-    has_rotors: bool = False
-
-
-class Plant(LockStep):
-    """An arm with bristles, and a loop that knows its friction."""
-
-    def __init__(
-        self, arm: ArmModel, case: Case, coulomb: FloatArray | None = None,
-        rotors: FloatArray | None = None,
-    ) -> None:
-        """F_c [N·m] and rotors [kg·m²] (n,) are those of the tables unless they are given."""
-        n = arm.joint_count
-        self.coulomb = np.array(COULOMB[case.arm]) if coulomb is None else coulomb
-        self.viscous = np.ones(n) * VISCOUS.get(case.arm, 0.0)
-        friction = make_friction(
-            arm.joint_names, coulomb=(case.given * self.coulomb).tolist(),
-            viscous=self.viscous.tolist())
-        super().__init__(arm.with_friction(friction), rate=case.rate, delay=case.delay)
-        self._z, self._d = np.zeros(n), case.distance
-        if rotors is None:
-            rotors = np.array(ROTORS[case.arm]) if case.has_rotors else np.zeros(n)
-        self._rotors = np.diag(rotors)
-
-    def _move(self, effort: FloatArray) -> None:
-        M = self._body.mass_matrix(self.q) + self._rotors
-        h = self._body.nonlinear(self.q, self.v)
-        K, dt = self.coulomb / self._d, STEP / SUBSTEPS
-        D = 2.0 * MICRO_DAMPING * np.sqrt(K * np.diag(M))
-        for _ in range(SUBSTEPS):  # implicit in the velocity
-            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
-            A = M + np.diag(dt * (self.viscous + (D + dt * K) * yields))
-            self.v = np.linalg.solve(A, M @ self.v + dt * (effort - h - K * self._z))
-            yields = np.clip(1.0 - np.sign(self.v) * self._z / self._d, 0.0, 2.0)
-            self._z = np.clip(self._z + dt * self.v * yields, -self._d, self._d)
-            self.q = self.q + dt * self.v
 
 
 class End(NamedTuple):
@@ -98,7 +37,7 @@ class End(NamedTuple):
 
 
 def end_of_motion(case: Case, seconds: float = 5.5) -> End:
-    one, distances = Plant(smooth_arm(case.arm), case), [0.0]
+    one, distances = BristledArm(smooth_arm(case.arm), case), [0.0]
 
     def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
         if one.loop.reference is not None:
@@ -114,7 +53,7 @@ def end_of_motion(case: Case, seconds: float = 5.5) -> End:
     return End(speed, change, float(np.abs(one.q - goal).max()), max(distances))
 
 
-def calm(one: Plant, seconds: float) -> tuple[float, float]:
+def calm(one: BristledArm, seconds: float) -> tuple[float, float]:
     """Continue, and return the largest speed and change of effort by F_c of the last second."""
     last = one.run(seconds).last(1.0)
     change = np.nanmax(last.effort, axis=0) - np.nanmin(last.effort, axis=0)
@@ -146,12 +85,11 @@ def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, se
 
     Ended slides, over many d, agree.
     """
-    plant = Plant(smooth_arm(name).with_gravity(np.zeros(3)), Case(name, 1000, 0, distance))
+    plant = BristledArm(smooth_arm(name).with_gravity(np.zeros(3)), Case(name, 1000, 0, distance))
     arm = plant.arm
-    simulated = ArmSimulation(arm.with_friction(make_friction(
+    simulated = released(arm.with_friction(make_friction(
         arm.joint_names, plant.viscous.tolist(), plant.coulomb.tolist(),
         presliding_distance=[distance])), plant.q)
-    simulated.release()
     q, moved, last = plant.q.copy(), [], 0.0
     first = plant.coulomb * (np.arange(len(q)) < 1)
     for share, steps in ((0.1, 1500), (0.6, 1500), (1.5, 300), (1.5, 900), (0.0, 3000)):
@@ -186,7 +124,7 @@ def test_random_gearboxes_come_to_rest(seed: int, seen: Any) -> None:
         float(np.exp(rng.uniform(*np.log([1e-4, 5e-3])))), float(rng.uniform(0.6, 1.4)))
     coulomb = np.array(COULOMB.get(name, 0.025 * limit))
     rotors = rng.integers(2) * rng.uniform(0.1, 1.0, arm.joint_count) * limit / FASTEST
-    one = Plant(arm, case, coulomb, rotors)
+    one = BristledArm(arm, case, coulomb, rotors)
     one.run(0.2)
     one.follow(one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0))
     while not one.loop.controller.has_stopped:
@@ -212,7 +150,7 @@ def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
 
 def test_a_light_joint_that_ran_away_arrives_and_is_named(seen: Any) -> None:
     """The stiffness of the last wrist is 0.2 N·m/rad: without friction it would stay behind."""
-    one = Plant(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, 1.1))
+    one = BristledArm(smooth_arm('ur10'), Case('ur10', 250, 4, 1e-3, 1.1))
     one.run(0.2)
     goal = one.q + WAY * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0)
     one.follow(goal)

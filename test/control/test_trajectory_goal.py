@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.supervisor import Fault
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TOLERANCE,
     default_tolerances,
     GoalResult,
+    MOVED,
     ResultCode,
     Tolerances,
     TrajectoryGoal,
@@ -165,6 +167,48 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
     assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
 
 
+@pytest.mark.parametrize('name', ARMS)
+@pytest.mark.parametrize(('rate', 'delay'), [(250.0, 4), (125.0, 0), (125.0, 8)])
+def test_slow_states_and_commands_delay_the_rest_little(
+    name: str, rate: float, delay: int,
+) -> None:
+    bench = held(arm_of(name), rate=rate, delay=delay)
+    for share in (0.2, 0.5, 0.8):
+        bench.run(1.0)
+        goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
+        bench.run(share)
+        bench.loop.cancel(goal)
+        active = bench.loop.controller.trajectory
+        assert active is not None
+        bench.run(1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k + 0.05)
+        assert result_of(goal).is_canceled
+        assert np.abs(bench.v).max() < 0.05
+
+
+@given(
+    rate=st.floats(30.0, 1000.0), speed=st.floats(0.0, 0.1), phase=st.floats(0.0, 0.02),
+    vibrates=st.booleans())
+def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
+    rate: float, speed: float, phase: float, vibrates: bool,
+) -> None:
+    """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.2)
+    bench.loop.cancel(goal)
+    active = bench.loop.controller.trajectory
+    assert active is not None
+    rate = max(rate, 250.0) if vibrates else rate
+    times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
+    q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
+    for t, one in zip(times, q):
+        goal.judge(active.end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
+    if vibrates or speed > 1.01 * MOVED / 0.02:
+        assert goal.result is None
+    elif speed < 0.99 * MOVED / 0.02:
+        assert result_of(goal).is_canceled
+
+
 def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     first = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(0.5)
@@ -202,6 +246,19 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
     code, message, _ = result_of(goal)
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert message.startswith('fault following_error')
+
+
+@pytest.mark.parametrize(('name', 'code'), [
+    ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
+    ('position_limit', ResultCode.INVALID_GOAL)])
+def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCode) -> None:
+    bench = held(arm_of('two_link'))
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.5)
+    bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
+    assert result_of(goal)[:2] == (
+        code, f'fault {name}: unlike following_error, a message has any words')
+    assert bench.loop.goal is None
 
 
 def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> None:

@@ -3,19 +3,24 @@
 
 """Invalid service requests: each is answered or ignored, and control continues."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+import itertools
 import random
 import re
 import threading
 from typing import Any
 
-from fault_bench import FaultBench, G, NAMES, Q
+from action_clients import Client, seconds
+from action_msgs.msg import GoalStatus
+from control_msgs.action import FollowJointTrajectory
+from damaged_bytes import HEAD, noise, with_noise
+from fault_bench import FaultBench, G, NAMES, Q, V
 from fault_table import fault
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
-from raw_requests import LENGTH, RawRequests
+from raw_requests import LENGTH, RawRequests, WIDE
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
@@ -27,6 +32,7 @@ from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch,
 from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from service_requests import REFUSALS, SERVICES
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Service requests'
 REFUSED = '`success` false with field, value and expectation; control continues'
@@ -244,3 +250,58 @@ def test_a_count_that_delays_control(
         raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])
     assert memory_of(control.bench) < MOST_MEMORY
     seen(f'longest gap between commands {1e3 * control.longest_pause:.0f} ms')
+
+
+HOLD = FollowJointTrajectory.Goal(trajectory=JointTrajectory(joint_names=NAMES, points=[
+    JointTrajectoryPoint(positions=Q, velocities=V, time_from_start=seconds(0.5))]))
+ACTION = 'follow_joint_trajectory/_action/'
+IMPL = FollowJointTrajectory.Impl
+REQUESTS = {
+    'send_goal': (IMPL.SendGoalService, {'goal': HOLD}),
+    'cancel_goal': (IMPL.CancelGoalService, {}), 'get_result': (IMPL.GetResultService, {})}
+SUCCEEDED = GoalStatus.STATUS_SUCCEEDED, FollowJointTrajectory.Result.SUCCESSFUL, ''
+
+
+def with_counts(data: bytes) -> Iterator[bytes]:
+    """Yield the message with each word of four bytes replaced by a count that no memory holds."""
+    for at in range(HEAD, len(data) - 3, 4):
+        for count in (2**32 - 1, 2**29):
+            yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
+
+
+@pytest.mark.parametrize('damage', [pytest.param(damage, id=words, marks=fault(
+    GROUP, f'requests to all services of the action, while a goal is executed: {words}',
+    'ignored, or answered; the next goal succeeds'))
+    for words, damage in (
+        ('wrong element counts, 4 billion or 500 million', with_counts),
+        ('random bytes within a request', lambda data: with_noise(data, 50)),
+        ('only random bytes', lambda _: noise(50)))])
+def test_damaged_requests_of_the_action(
+    client: RosClient, control: ControlContinues, seen: Any,
+    damage: Callable[[bytes], Iterator[bytes]],
+) -> None:
+    damaged = [
+        [(ACTION + name, kind, data[HEAD:].ljust(LENGTH + 1, b'\0')[:WIDE])
+         for data in damage(bytes(serialize_message(kind.Request(**fields))))]
+        for name, (kind, fields) in REQUESTS.items()]
+    requests = [one for many in itertools.zip_longest(*damaged) for one in many if one]
+    action = Client(client, control.bench.namespace)
+    with RawRequests(control.bench.namespace) as raw, control.checked():
+        sent = action.send(HOLD)
+        raw.send(requests)
+        assert sent.result()[0] in (SUCCEEDED[0], GoalStatus.STATUS_ABORTED)
+        assert action.send(HOLD).result() == SUCCEEDED
+    assert memory_of(control.bench) < MOST_MEMORY
+    seen(f'{len(requests)} requests')
+
+
+@fault(GROUP, 'a goal from a client without readers of the results',
+       'the goal waits for them, or is executed; everything else is answered meanwhile')
+def test_a_goal_without_readers_of_the_results(
+    client: RosClient, control: ControlContinues,
+) -> None:
+    request = bytes(serialize_message(IMPL.SendGoalService.Request(goal=HOLD)))[HEAD:]
+    with RawRequests(control.bench.namespace) as raw, control.checked():
+        raw.send([(f'{ACTION}send_goal', IMPL.SendGoalService, request)])
+        assert control.ask('inverse_dynamics', InverseDynamics, position=Q).success
+    assert Client(client, control.bench.namespace).send(HOLD).result() == SUCCEEDED

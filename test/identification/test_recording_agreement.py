@@ -3,14 +3,21 @@
 
 """Recordings of different arms, and of an arm with the URDF of another, are named."""
 
+from pathlib import Path
+
 from identification_bench import changed_arm, fourier_motion, rigid_effort, series_of
 import numpy as np
 import pytest
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion, zero_phase
 from robot_dynamics.identification.pipeline import Identification, identify
+from robot_dynamics.identification.recording_agreement import far_from_urdf, gravity_ratios
+from robot_dynamics.identification.regularized_fit import Fit
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robots import JOINTS, robot_urdf
 
+UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 RATE, DURATION = 125.0, 20.0
 NOISE = 0.004
 """Deviation of the noise of the effort, by its limit."""
@@ -51,11 +58,31 @@ def test_the_recording_of_another_arm_is_named(
 
 
 @pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
-    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur5', 'ur3', True), ('ur10', 'ur10', False),
-    ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur5', 'ur3', True), ('ur3', 'ur10', True),
+    ('default', 'default', False), ('kinova', 'kinova', False), ('panda', 'panda', False),
+    ('talos_left_arm', 'talos_left_arm', False), ('ur3', 'ur3', False), ('ur5', 'ur5', False),
+    ('ur10', 'ur10', False), ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
 def test_the_urdf_of_another_arm_is_named(urdf: str, name: str, is_far: bool) -> None:
     causes = identified(urdf, name).contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
+
+
+@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
+@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True), ('ur3', True)])
+def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf: str, is_far: bool) -> None:
+    read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
+    causes = identify(read.arm, [filter_motion(read.series)]).contradictions
+    assert ['another URDF' in cause for cause in causes] == [True] * is_far
+
+
+@pytest.mark.parametrize('factor', [0.3, 1.0, 1.9, 2.1])
+def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor: float) -> None:
+    arm = arm_of('ur10')
+    fit = Fit(factor * inertial_parameters(arm), np.zeros((6, 1)), ())
+    ratios = gravity_ratios(arm, fit, random_states(arm, 20)[0])
+    # shoulder_pan is vertical, and the last wrist bears nothing
+    assert ratios == pytest.approx(np.array([1.0, factor, factor, 1.0, 1.0, 1.0]))
+    assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)
 
 
 def test_the_noise_is_that_within_the_band_of_the_filter() -> None:

@@ -21,7 +21,11 @@ from robot_dynamics.identification.identified_arm import (
     parameter_values,
 )
 from robot_dynamics.identification.pipeline import base_parameters_of, identify
-from robot_dynamics.identification.written_uncertainty import GRAVITIES, uncertainty_values
+from robot_dynamics.identification.written_uncertainty import (
+    COVERAGE,
+    GRAVITIES,
+    uncertainty_values,
+)
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -74,25 +78,50 @@ def test_errors_at_new_states_agree_with_the_deviations(cases):
         assert 0.8 < np.sqrt(np.mean(z[:, :, joint]**2)) < 1.5
 
 
-@pytest.mark.parametrize('motion', [fourier_motion, moves_with_pauses])
-def test_the_interval_contains_the_efforts_of_another_motion(motion):
-    """Slow and fast samples, with a friction at rest that the model does not describe."""
-    first, new = (motion(ARM, 100.0, 30.0, seed) for seed in (1, 2))
-    found = identify(ARM, [recorded(ARM, first, effort_of(first) + lugre_friction(first))])
-    arm = loaded(found, {
-        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
-    other = recorded(ARM, new, effort_of(new) + lugre_friction(new), seed=1)
-    rows = np.flatnonzero(other.usable)[::5]
-    state = other.position[rows], other.velocity[rows], other.acceleration[rows]
+def share_inside(arm, q, v, a, measured):
+    """Return the shares of samples within 2 σ, (slow and fast, joints)."""
     dynamics = ArmDynamics(arm)
-    error = other.measured_effort[rows] - dynamics.inverse_dynamics_batch(*state)
     deviation = EffortDeviation(dynamics, arm.uncertainty)
-    sigma = np.array([deviation.prediction(*each) for each in zip(*state)])
-    is_inside = np.abs(error) < 2.0 * sigma
-    speed = np.abs(state[1])
-    is_slow = speed <= np.median(speed, axis=0)
-    for part in is_slow, ~is_slow:
-        assert (is_inside & part).sum(axis=0) == pytest.approx(0.94 * part.sum(axis=0), rel=0.07)
+    sigma = np.array([deviation.prediction(*each) for each in zip(q, v, a)])
+    is_inside = np.abs(measured - dynamics.inverse_dynamics_batch(q, v, a)) <= 2.0 * sigma
+    is_slow = np.abs(v) <= np.median(np.abs(v), axis=0)
+    return np.array([(is_inside & part).sum(axis=0) / part.sum(axis=0)
+                     for part in (is_slow, ~is_slow)])
+
+
+def identified_with_bristles(motion, *seeds):
+    """Return the arm that is identified from motions with a friction that no model describes."""
+    motions = [motion(ARM, 100.0, 30.0, seed) for seed in seeds]
+    found = identify(ARM, [recorded(
+        ARM, states, effort_of(states) + lugre_friction(states), NOISE) for states in motions])
+    return found, loaded(found, {
+        **parameter_values(ARM, found.models.consistent), **uncertainty_values(found)})
+
+
+@pytest.mark.parametrize('motion', [fourier_motion, moves_with_pauses])
+@pytest.mark.parametrize('seeds', [(1,), (2, 3)])
+def test_the_interval_contains_95_percent_of_the_recorded_samples(motion, seeds):
+    found, arm = identified_with_bristles(motion, *seeds)
+    shown = [recording.shown for recording in found.recordings]
+    share = share_inside(arm, *(
+        np.concatenate([getattr(each, name) for each in shown])
+        for name in ('position', 'velocity', 'acceleration', 'measured')))
+    assert share[1] == pytest.approx(COVERAGE, abs=0.005)
+    assert (share[0] > COVERAGE - 0.005).all()
+
+
+@pytest.mark.parametrize('motion', [fourier_motion, moves_with_pauses])
+def test_the_interval_contains_the_efforts_of_other_motions(motion):
+    """Slow and fast samples of four other motions, some of them faster than the recorded one."""
+    shares = []
+    for seed in range(4):
+        _, arm = identified_with_bristles(motion, 10 + seed)
+        states = motion(ARM, 100.0, 30.0, 20 + seed)
+        new = recorded(ARM, states, effort_of(states) + lugre_friction(states), NOISE, 1)
+        rows = np.flatnonzero(new.usable)[::5]
+        shares.append(share_inside(arm, *(each[rows] for each in (
+            new.position, new.velocity, new.acceleration, new.measured_effort))))
+    assert np.mean(shares, axis=0) == pytest.approx(0.94, abs=0.04)
 
 
 def test_the_noise_is_that_of_the_recording_behind_its_filter(cases):

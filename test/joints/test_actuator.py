@@ -12,8 +12,8 @@ from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from scipy.linalg import expm
+from simulated_arms import released
 
 laws = settings(deadline=None, derandomize=True, max_examples=200)
 numbers = st.floats(-10.0, 10.0)
@@ -199,8 +199,7 @@ def test_each_joint_has_one_of_both_inertias() -> None:
 def step_response(step: float, duration: float) -> tuple[float, float]:
     """Return velocity and current of a motor at its voltage limit."""
     actuators = motor(efficiency=[1.0], voltage_limit=[24.0], inductance=[0.05])
-    simulation = ArmSimulation(one_link(actuators), max_step=step)
-    simulation.release()
+    simulation = released(one_link(actuators), max_step=step)
     simulation.step(np.array([1e6]), duration)  # a high request: the voltage is at its limit
     assert simulation._drive is not None
     return float(simulation.v[0]), float(simulation._drive.current[0])
@@ -227,8 +226,7 @@ def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductanc
     """Back-EMF decelerates with K² N² / (R J) = 39 /s: 3 time constants in the longest step."""
     actuators = motor(
         efficiency=[1.0], voltage_limit=[24.0], inductance=[inductance], rotor_inertia=[2e-5])
-    simulation = ArmSimulation(one_link(actuators), max_step=step)
-    simulation.release()
+    simulation = released(one_link(actuators), max_step=step)
     no_load = 24.0 / (0.05 * 100.0)
     speeds = [float(simulation.step(np.array([1e6]), step).velocity[0]) for _ in range(
         round(1.0 / step))]
@@ -245,8 +243,7 @@ def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
     K, N, R, V, v0, t = 0.05, 100.0, 0.8, 24.0, 12.0, 0.05
     actuators = motor(
         efficiency=[1.0], voltage_limit=[V], current_limit=[2.0], inductance=[inductance])
-    simulation = ArmSimulation(one_link(actuators), velocity=[v0], max_step=1e-4)
-    simulation.release()
+    simulation = released(one_link(actuators), velocity=[v0], max_step=1e-4)
     no_load, rate = V / (K * N), (K * N)**2 / (R * (ABOUT_JOINT + N**2 * 2e-5))
     expected = no_load + (v0 - no_load) * np.exp(-rate * t)
     assert K * N * expected > V + R * 2.0  # still beyond both limits
@@ -257,8 +254,7 @@ def test_the_current_follows_its_loop_however_long_the_step() -> None:
     """Within the voltage limit, the mean effort lags by exactly the time constant of the loop."""
     T_c = 5e-4
     actuators = motor(efficiency=[1.0], current_time_constant=[T_c], rotor_inertia=[0.0])
-    simulation = ArmSimulation(one_link(actuators), max_step=0.01)
-    simulation.release()
+    simulation = released(one_link(actuators), max_step=0.01)
     simulation.step(np.array([1.0]), 0.01)
     lag = T_c / 0.01 * (1.0 - np.exp(-0.01 / T_c))
     assert simulation.effort == pytest.approx([1.0 - lag], rel=1e-9)
@@ -266,16 +262,14 @@ def test_the_current_follows_its_loop_however_long_the_step() -> None:
 
 def test_the_current_limit_holds() -> None:
     actuators = motor(current_limit=[2.0], efficiency=[1.0])
-    simulation = ArmSimulation(one_link(actuators))
-    simulation.release()
+    simulation = released(one_link(actuators))
     simulation.step(np.array([1000.0]), 0.05)
     assert simulation.effort == pytest.approx([2.0 * 0.05 * 100.0], rel=1e-6)
 
 
 def test_no_motor_delivers_more_power_than_it_takes() -> None:
     actuators = motor(voltage_limit=[24.0], current_limit=[20.0])
-    simulation = ArmSimulation(one_link(actuators))
-    simulation.release()
+    simulation = released(one_link(actuators))
     for _ in range(400):
         simulation.step(np.array([50.0]), 1e-3)
     assert simulation.v[0] < 24.0 / (0.05 * 100.0)  # the no-load speed

@@ -27,6 +27,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
@@ -225,8 +226,7 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
 def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
     """Return the arm after a second of a constant command, with the compensation of its robot."""
     robot = InnerController(arm, EffortConvention(robot_compensates=compensates))
-    simulation = ArmSimulation(arm, Q, v)
-    simulation.release()
+    simulation = released(arm, Q, v)
     for _ in range(500):
         effort = robot.with_own_compensation(np.array(command), *simulation.state)
         simulation.step(effort, 2e-3)

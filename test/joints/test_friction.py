@@ -19,6 +19,7 @@ from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 laws = settings(deadline=None, derandomize=True, max_examples=100)
 
@@ -37,13 +38,6 @@ def one_link(gravity: float = 0.0, **friction: float) -> ArmModel:
 def two_links(**friction: list[float]) -> ArmModel:
     arm = load_arm(planar_arm_urdf([5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05]))
     return arm.with_friction(make_friction(arm.joint_names, **friction))
-
-
-def released(arm: ArmModel, position: object, velocity: object = None,
-             max_step: float = 1e-3) -> ArmSimulation:
-    simulation = ArmSimulation(arm, position, velocity, max_step)
-    simulation.release()
-    return simulation
 
 
 # --- the curve -----------------------------------------------------------------------------------

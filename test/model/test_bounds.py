@@ -26,8 +26,8 @@ from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR
+from simulated_arms import released
 
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
@@ -183,8 +183,7 @@ def test_unused_attributes_are_not_read():
 @pytest.mark.parametrize('effort', [1e8, LARGEST_VALUE])
 def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end(effort):
     arm = ARM.with_friction(make_friction(NAMES, coulomb=[1.0], static=[2.0]))
-    simulation = ArmSimulation(arm)
-    simulation.release()
+    simulation = released(arm)
     with pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.full(2, effort), 0.002)
     assert simulation.q.tolist() == [0.0, 0.0]

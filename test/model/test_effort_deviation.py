@@ -89,19 +89,18 @@ def test_a_covariance_of_a_few_parameters():
 
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
-def test_the_deviation_of_friction_is_that_of_rest_soon_after_a_reversal(sign):
-    """A filter of the bandwidth B smooths the step of dry friction within 1 / (4 B)."""
-    B, v_f = 5.0, np.array([0.1, 0.2])
-    a = sign * np.array([2.0, -1.0])
-    behind, steady = (EffortDeviation(ArmDynamics(ARM), make_uncertainty(
-        ARM, noise_bandwidth=bandwidth, friction_deviation=[3.0, 1.0],
-        friction_velocity=v_f)) for bandwidth in (B, 0.0))
-    gained = np.abs(a) / (4.0 * B)
-    for speed, share in ((0.0, 1.0), (0.99, 1.0), (gained + v_f, 0.5), (gained + 3.0 * v_f, 0.1)):
-        v = speed * gained if np.ndim(speed) == 0 else speed
-        assert behind(np.zeros(2), v, a) == pytest.approx(share * np.array([3.0, 1.0]))
-        assert behind(np.zeros(2), -v, a) == pytest.approx(share * np.array([3.0, 1.0]))
-    assert steady(np.zeros(2), v_f, a) == pytest.approx([1.5, 0.5])
+def test_the_deviation_of_friction_near_rest_and_beyond_the_recorded_speeds(sign):
+    """Within 2 σ, the viscous friction of faster motion grows by 0 to 2 F_v."""
+    F_v = np.array([2.0, 4.0])
+    arm = ARM.with_friction(make_friction(ARM.joint_names, viscous=F_v))
+    deviation = EffortDeviation(ArmDynamics(arm), make_uncertainty(
+        arm, friction_deviation=[3.0, 1.0], friction_velocity=[0.1, 0.2],
+        largest_velocity=[1.0, 2.0]))
+    zero = np.zeros(2)
+    for speed, expected in (
+            ([0.0, 0.0], [3.0, 1.0]), ([0.1, 0.2], [3.0, 1.0]), ([0.11, 0.21], [0.0, 0.0]),
+            ([1.0, 2.0], [0.0, 0.0]), ([1.5, 3.0], 0.5 * F_v * [0.5, 1.0])):
+        assert deviation(zero, sign * np.array(speed), zero) == pytest.approx(expected)
 
 
 def test_without_parameters_an_arm_has_no_uncertainty():

@@ -13,8 +13,8 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
+from simulated_arms import released
 
 laws = settings(deadline=None, derandomize=True, max_examples=60)
 ABOUT_JOINT = 0.1 + 2.0 * 0.25
@@ -68,8 +68,7 @@ def test_it_is_the_first_step_of_the_simulated_arm(name: str, seed: int) -> None
     arm, h = ARMS[name], 1e-8
     q, v, tau = some_state(arm, seed)
     a = ArmDynamics(arm).forward_dynamics(q, v, tau)
-    simulation = ArmSimulation(arm, q, v)
-    simulation.release()
+    simulation = released(arm, q, v)
     _, after = simulation.step(tau, h)
     stays = (v == 0.0) & (a == 0.0)
     assert (after[stays] == 0.0).all()

@@ -23,7 +23,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 BANDWIDTH = 8.0
 K = 2.0 * math.pi * BANDWIDTH
@@ -93,8 +93,7 @@ def run(
     `arm` moves under efforts that are held for `dt` [s]; PUSH acts from `push_at` on, and a `load`
     is added to arm and model at half of the time.
     """
-    simulation = ArmSimulation(arm, START, np.array([0.5, -0.4, 0.8]), max_step=5e-4)
-    simulation.release()
+    simulation = released(arm, START, np.array([0.5, -0.4, 0.8]), max_step=5e-4)
     body = ArmDynamics(arm).rigid_body
     observer = ExternalEffort(ArmDynamics(model), BANDWIDTH)
     hold = body.gravity(START)

@@ -6,6 +6,7 @@
 from collections.abc import Callable
 import itertools
 import math
+import re
 
 from consistency_signals import (
     alarms,
@@ -28,11 +29,14 @@ import numpy as np
 import pytest
 from recordings import NO_ROSBAG2, ROSBAG2
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.monitoring import motion_consistency
 from robot_dynamics.monitoring.motion_consistency import (
     AGREEMENT,
+    DELAYS,
     MotionConsistency,
     PAUSE,
     PRISMATIC,
+    STEP,
 )
 from robot_dynamics.monitoring.repeated_samples import FLOOR
 from robot_dynamics.recordings.joint_series import JointSeries
@@ -146,6 +150,37 @@ def test_recordings_are_consistent(path: object) -> None:
         no_alarm(States(stamps, np.round(q, 4), v + rng.normal(0.0, 0.2, v.shape)), n=n)
 
 
+@pytest.mark.parametrize('rate', [125, 500])
+def test_the_filtered_noise_of_a_joint_at_rest_is_known_from_its_integral(rate: int) -> None:
+    """Successive samples are similar: their differences show a hundredth of the variance."""
+    rng, m = np.random.default_rng(0), 10 * rate
+    v = filtered(rng.normal(0.0, 1.0, (round(m / (FINE * rate)), N)), 0.02, 1)
+    v = 0.08 * v[::round(1.0 / (FINE * rate))] / v.std()
+    q = 0.7 + rng.normal(0.0, 1e-6, v.shape)
+    no_alarm(States(SECOND + np.arange(m) * SECOND // rate, q, v[:m]))
+
+
+@settings(max_examples=30)
+@given(st.sampled_from((30.0, 100.0, 500.0)), st.integers(0, 10**6))
+def test_a_velocity_may_be_the_true_one_of_any_time_up_to_40_ms_ago(
+    rate: float, seed: int,
+) -> None:
+    """Integrals between the displacements of these times have no error, others their distance."""
+    rng, one = np.random.default_rng(seed), consistency(KINDS[:1])
+    t = np.cumsum(rng.uniform(0.8, 1.2, 60)) / rate
+    q = np.cumsum(rng.normal(0.0, 0.01, 60))
+    one._begin(SECOND, q[:1], 0.0 * q[:1])
+    one._times[:60], one._positions[:60, 0], one._row = t, q, 59
+    first = np.sort(rng.integers(10 if rate < 500.0 else 25, 59, 7))
+    late = np.array([0.0, *DELAYS])[:, None]
+    moved = np.interp(t[-1] - late, t, q) - np.interp(t[first] - late, t, q)
+    low, high = moved.min(axis=0), moved.max(axis=0)
+    for integral, excess in (
+            (low + rng.uniform() * (high - low), 0.0), (low - 0.3, -0.3), (high + 0.2, 0.2)):
+        found = one._excess(first, integral[:, None], moved[:1].T)
+        assert found[:, 0] == pytest.approx(np.full(7, excess), abs=1e-12)
+
+
 # --- detection -----------------------------------------------------------------------------------
 
 FAULTS: dict[str, tuple[Callable[[FloatArray], FloatArray], str]] = {
@@ -241,12 +276,47 @@ def test_velocities_that_become_zero_in_motion_are_found_soon(rate: int) -> None
     assert 0.0 < 1e-9 * (states.stamps[row] - SECOND) - 2.0 < 0.02 + 1.5 / rate
 
 
+@pytest.mark.parametrize('rate', [100, 250, 500])
+@pytest.mark.parametrize('speed', [0.3, 1.0, 3.0])
+def test_a_joint_that_starts_although_its_velocity_remains_zero_is_found_soon(
+    speed: float, rate: int,
+) -> None:
+    """It has left the floor for longer than a filter would delay the first velocity."""
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    q = speed * np.maximum(t - 1.0, 0.0)[:, None]
+    row, _ = next(alarms(consistency(KINDS[:1]), States(
+        SECOND + np.round(1e9 * t).astype(np.int64), q, 0.0 * q)))
+    assert 0.02 < t[row] - 1.0 < 0.02 + FLOOR / speed + STEP + 2.01 / rate
+
+
 @pytest.mark.parametrize('fault', ['double', 'half'])
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
 def test_a_wrong_scale_is_found(fault: str, rate: int) -> None:
     duration, moved, _ = faulty(fault, 1.0, rate, 0.0, 0)
     assert duration < 0.1
     assert moved < 0.1
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from(list(FAULTS)), st.sampled_from((30, 100, 500)), st.sampled_from((0.05, 0.5)),
+    st.sampled_from((0.0, 0.02, 0.2, 1.0)), st.sampled_from((0.05, 1.0)), st.integers(0, 10**6))
+def test_only_the_size_of_a_motion_in_the_unit_of_its_joint_matters(
+    fault: str, rate: int, speed: float, noise: float, begin: float, seed: int,
+) -> None:
+    """With a power of two for a unit the marks are equal, not almost equal."""
+    t, rng = np.arange(0.0, 1.5, 1.0 / rate), np.random.default_rng(seed)
+    q = speed * np.maximum(t - 0.5, 0.0)
+    v = speed * (t > 0.5)
+    v = np.where(t < begin, v, FAULTS[fault][0](v)) + rng.normal(0.0, noise, len(t))
+    marks = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(motion_consistency, 'PRISMATIC', 0.25)
+        for unit, kind in ((1.0, 'revolute'), (0.25, 'prismatic')):
+            one = consistency((kind,))
+            marks.append([one.update(
+                k * SECOND // rate, unit * q[k:k + 1], unit * v[k:k + 1]) for k in range(len(t))])
+    assert marks[0] == marks[1]
 
 
 def test_the_floor_of_prismatic_joints_is_smaller() -> None:
@@ -272,6 +342,7 @@ def test_velocities_beyond_all_numbers_are_in_doubt(value: float) -> None:
         one.update(k * SECOND // 500, np.full(N, 1e-5 * k), np.array(
             [value if 50 <= k < 53 else 5e-3, 5e-3, 5e-3]))
     assert one.doubtful.tolist() == [True, False, False]
+    assert one.reason
 
 
 def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong() -> None:
@@ -319,6 +390,7 @@ def test_after_a_gap_the_positions_may_be_anywhere() -> None:
 
 def test_states_without_velocities_are_never_in_doubt() -> None:
     one = consistency()
+    assert one.is_consistent is True
     for k in range(1000):
         q = np.full(N, 2e-3 * k)
         assert one.update(k * SECOND // 500, q, None if k % 400 < 200 else np.ones(N))
@@ -352,5 +424,16 @@ def test_the_cause_is_named_in_motion_that_reverses(
     q, v = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
     true = t < 1.0 + 1.0 / 24.0  # a reversal
     reason = first_reason(q, np.where(true, v, factor * v), rate)
-    print(reason)
     assert cause in reason
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+def test_the_window_with_the_largest_contradiction_is_described(rate: float) -> None:
+    """A small error of a slow joint needs a long one: 0.15 W > 0.003 + 0.02 W + 0.3 · 0.25 W."""
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    reason = first_reason(0.1 * t, np.where(t < 1.0, 0.1, 0.25), rate)
+    found = re.search('moved by ([0-9.]+) in ([0-9]+) ms: 2.[45] times', reason)
+    assert found
+    moved, window = map(float, found.groups())
+    assert 0.003 / 0.055 < 1e-3 * window < 0.1
+    assert moved == pytest.approx(1e-4 * window, rel=0.1)

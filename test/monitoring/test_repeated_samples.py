@@ -3,6 +3,9 @@
 
 """Samples that repeat: joints that are frozen, that stand, and drivers that are slow."""
 
+from collections.abc import Callable
+import math
+
 from consistency_signals import (
     alarms,
     at_rest,
@@ -19,14 +22,20 @@ from consistency_signals import (
     SECOND,
     States,
 )
+from hypothesis import given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency, PRISMATIC
 from robot_dynamics.monitoring.repeated_samples import (
     FLOOR,
     LIVELY,
+    LONGEST_REPEATS,
     REFERENCE,
+    RepeatedSamples,
     REPEATS,
+    REST,
     SLOW,
 )
 
@@ -73,6 +82,18 @@ def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -
     since = 1e-9 * one.repeats_since_ns[joints]
     assert since == pytest.approx(np.full(len(joints), 2.5), abs=max(0.003, 1.01 / rate))
     assert (np.delete(one.repeats_since_ns, joints) < 0).all()
+
+
+@pytest.mark.parametrize('speed', [0.5, -2.0])
+@pytest.mark.parametrize('late', range(5))
+def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed: float, late: int) -> None:
+    """Also between stored states, which are 5 ms apart; the period is 1 ms."""
+    rows = np.stack([np.minimum(np.arange(600), 500 + late), np.arange(600)], axis=1)
+    one = consistency(KINDS[:1] * 2)  # the other joint moves on
+    row, _ = next(alarms(one, States(
+        np.arange(600) * SECOND // 1000, 1e-3 * speed * rows, speed * rows**0.0)))
+    assert one.repeats_since_ns[0] == pytest.approx(1e6 * (500 + late), abs=1e3)
+    assert row < 530 + late
 
 
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
@@ -248,3 +269,63 @@ def test_a_reference_must_leave_a_standing_joint_in_three_checks_in_a_row(
             reference[:, None] * (np.arange(n) == 0), k)) for k in range(len(reference))]
         assert all(marks) == stands
         assert all(marks[:4 + checks.rindex('#')])
+
+
+def steps_of(size: float, n: int = 1) -> Callable[[], FloatArray]:
+    return lambda: np.full(n, size)
+
+
+@given(
+    st.floats(1e-5, 1.0), st.floats(1e-3, 0.1).filter(lambda x: abs(x - LONGEST_REPEATS) > 1e-6),
+    st.sampled_from([1.0, 0.25]))
+def test_the_usual_duration_of_repetitions_is_learnt_in_motion(
+    speed: float, duration: float, unit: float,
+) -> None:
+    """Samples repeat at rest anyway, and a driver does not repeat them for long."""
+    one, q = RepeatedSamples(('a',), np.array([unit]), None), np.zeros(1)
+    for stamp, same in ((0, True), (round(1e9 * duration), False)):
+        one.follow(stamp, np.array([same]), np.zeros(1, int), q, np.array([-speed]),
+                   lambda: None, steps_of(math.inf))
+    learnt = speed * duration > REST * unit and duration <= LONGEST_REPEATS
+    assert one.duration == pytest.approx(learnt * duration, abs=1e-9)
+
+
+@given(st.lists(st.tuples(
+    st.booleans(), st.floats(-0.1, 0.1), st.floats(-0.04, 0.04), st.floats(1e-4, 1e-2)),
+    max_size=60), st.sampled_from([0.0, 1e-7, 1e-2, 1.0]))
+def test_only_the_size_of_a_joint_in_its_unit_matters(
+    states: list[tuple[bool, float, float, float]], size: float,
+) -> None:
+    """Units are powers of two: the marks are equal, not almost equal."""
+    marks = []
+    for unit in (1.0, 0.25):
+        one = RepeatedSamples(('a',), np.array([unit]), None)
+        for k, (changes, v, reference, step) in enumerate(states):
+            one.follow(
+                5_000_000 * k, np.array([not changes]), np.array([5_000_000 * (k - 1)]),
+                np.zeros(1), np.array([unit * size * v]),
+                row_of(np.array([[unit * reference]]), 0), steps_of(unit * step))
+            one.lively += LIVELY * changes
+            marks.append((bool(one.frozen[0]), float(one.duration[0])))
+    assert marks[:len(states)] == marks[len(states):]
+
+
+def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder() -> None:
+    """One joint would have moved by two steps after 100 ms, one by four; one is not lively."""
+    one, v = RepeatedSamples(tuple('abc'), np.ones(3), None), np.array([0.01, 0.02, 0.02])
+    one.lively[:2] = LIVELY
+    for stamp in range(0, 105_000_000, 5_000_000):
+        one.follow(stamp, np.ones(3, bool), np.zeros(3, int), np.zeros(3), v, lambda: None,
+                   steps_of(5e-4, 3))
+    assert one.frozen.tolist() == [False, True, False]
+
+
+def test_the_steps_of_an_encoder_are_those_of_its_joint() -> None:
+    """Positions change by 0.5 mrad or not at all; another joint has finer ones."""
+    rows, rng = np.arange(400), np.random.default_rng(0)
+    q = np.stack([5e-4 * (rows // 2 % 2), 1e-6 * rng.standard_normal(400)], axis=1)
+    v = np.stack([np.full(400, 0.01), 1e-6 * rows], axis=1)
+    v[:200, 0] += 1e-6 * rows[:200]
+    q[200:, 0] = q[200, 0]
+    row, _ = next(alarms(consistency(KINDS[:1] * 2), States(rows * SECOND // 200, q, v)))
+    assert row - 200 == pytest.approx(1e3 * 3.0 * 5e-4 / 0.01 / 5.0, abs=1.0)

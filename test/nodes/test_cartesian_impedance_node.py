@@ -81,7 +81,7 @@ def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_
     ([0.5, 0.0, 0.5], 'map', 1.0, "header.frame_id is 'map', expected one of the links that no"),
     ([0.5, 0.0, 0.5], 'tool0', 1.0, "header.frame_id is 'tool0', expected"),
     ([0.5, 0.0, 0.5], '', 1.0, "header.frame_id is '', expected"),
-    ([0.5, float('nan'), 0.5], 'base_link', 1.0, "pose.position[1] (y) is nan"),
+    ([0.5, float('nan'), 0.5], 'base_link', 1.0, 'pose.position[1] (y) is nan'),
     ([0.5, 0.0, 0.5], 'base_link', 3.0, 'pose.orientation has the norm 3, expected 1'),
     ([9.0, 0.0, 0.5], 'base_link', 1.0, "pose of 'tool0' is ")])
 def test_a_wrong_pose_is_refused_by_name(

@@ -32,8 +32,8 @@ from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from ros_harness import RosClient
+from simulated_arms import released
 
 soak = pytest.mark.soak
 GAP = 0.042
@@ -238,8 +238,7 @@ def end_in_a_motion(
 
 def ramp_speed(bench: DisturbedArm, rest: Array, ramp_time: float = 0.5) -> float:
     """Return the speed of the arm after a ramp of the effort to zero from rest [rad/s]."""
-    plant = ArmSimulation(bench.arm, rest)
-    plant.release()
+    plant = released(bench.arm, rest)
     hold = ArmDynamics(bench.arm).rigid_body.gravity(rest)
     for t in np.arange(0.0, ramp_time, TICK):
         plant.step((1.0 - t / ramp_time) * hold, TICK)

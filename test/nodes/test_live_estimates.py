@@ -19,9 +19,11 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
+from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 
 BANDWIDTH = 5.0
 K = 2.0 * math.pi * BANDWIDTH
@@ -124,6 +126,72 @@ class Held:
         return self.stamp
 
 
+def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClient) -> None:
+    """Of the planar arm, the lift of joint2 is a force and a torque at tool0."""
+    parameters = {
+        'joints': NAMES, 'uncertainty.noise_deviation': [0.1, 0.1],
+        'uncertainty.noise_bandwidth': 10.0, 'external_wrench.largest_force': 200.0}
+    with NodeProcess(DYNAMICS, parameters, namespace='/wrench'):
+        robot, topic = Held(client, '/wrench'), '/wrench/dynamics'
+        robot.say()
+        zero = f'{topic}/zero_external_wrench'
+        refused = client.call(Trigger, zero)
+        assert not refused.success
+        assert 'has been estimated for 0.0 s' in refused.message
+        with client.collect(WrenchStamped, f'{topic}/external_wrench') as wrenches, \
+                client.collect(
+                    WrenchCovariance, f'{topic}/external_wrench_covariance') as covariances:
+            for one in (wrenches, covariances):
+                one.wait_matched()
+            wait_until(lambda: bool(robot.say() and wrenches.messages), 'a wrench', LONG)
+            robot.say(200)
+            message = wrenches.wait_for(has_stamp(stamp_to_ros(robot.stamp)))
+            covariance = covariances.wait_for(has_stamp(stamp_to_ros(robot.stamp)))
+            assert message.header.frame_id == covariance.header.frame_id == 'tool0'
+            force, torque = message.wrench.force, message.wrench.torque
+            F = [np.array([each.x, each.y, each.z]) for each in (force, torque)]
+            assert -BODY.external(np.array(START), [ExternalWrench('tool0', *F)]) == (
+                pytest.approx(LIFT, abs=0.05))
+            deviation = np.sqrt(np.diag(np.reshape(covariance.covariance, (6, 6))))
+            assert deviation[1] == pytest.approx(200.0)  # across the plane of the arm
+            assert deviation[0] < 20.0
+            assert len(covariance.unobservable) == 4 * 6
+            assert client.call(Trigger, zero).success
+            robot.say(2)
+            message = wrenches.wait_for(has_stamp(stamp_to_ros(robot.stamp)))
+            assert abs(message.wrench.force.x) < 0.05
+            assert abs(message.wrench.torque.y) < 0.05
+
+
+def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
+    """The lift of joint2 exceeds its level; the robot rests, so that the velocity adds nothing."""
+    parameters = {
+        'joints': NAMES, 'contact.effort': [1.0, 2.0], 'contact.effort_per_velocity': [5.0]}
+    with NodeProcess(DYNAMICS, parameters, namespace='/touched') as node, \
+            client.collect(Contact, '/touched/dynamics/contacts') as contacts:
+        robot = Held(client, '/touched')
+        contacts.wait_matched()
+        free = {'effort': GRAVITY.tolist()}
+        robot.say(20, **free)
+        assert not contacts.messages
+        robot.say(30)
+        contact, = contacts.wait_count(1, LONG)
+        assert (contact.joint_name, contact.level) == ('joint2', 2.0)
+        assert contact.effort > 2.0
+        assert contact.message == (
+            f"external effort at 'joint2' is {contact.effort:.3g}, level 2: a contact, or a "
+            'changed payload, a limit stop or stiction')
+        robot.say(100, **free)  # the contact ends
+        robot.say(10)
+        assert len(contacts.wait_count(2, LONG)) == 2
+        client.set_parameters('/touched/dynamics', {'contact.is_fault': True})
+        robot.say(10)
+        node.wait_for_log(
+            r"Fault external_effort: .*'joint2'.* at most 2 \(external_effort_limit or contact")
+        refused, = client.set_parameters('/touched/dynamics', {'contact.effort': [0.0, 0.0]})
+        assert 'contact.is_fault is true without levels' in refused.reason
+
+
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:
     """Return a predicate: a status of the estimates has these words and this figure."""
     def fits(message: DiagnosticArray) -> bool:
@@ -158,7 +226,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             assert estimate(robot.stamp)[1] > 2.0
             robot.say(effort=[])
             diagnostics.wait_for(says('none: joint states have no effort'))
-            node.wait_for_log('No ~/external_effort .*: joint states have no effort')
+            node.wait_for_log('No ~/external_effort, .*: joint states have no effort')
             robot.say(5)
             assert estimate(robot.stamp) == begun(4)
             robot.say(step=0.2)

@@ -25,6 +25,7 @@ from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
+from simulated_arms import released
 from std_srvs.srv import Trigger
 
 ARM = load_arm(default_arm_urdf())
@@ -53,8 +54,7 @@ def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped)
 
 
 def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
-    twin = ArmSimulation(ARM, START)
-    twin.release()
+    twin = released(ARM, START)
     stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
     # the state after other tests does not matter: continue from the published state
     twin.place(np.array(stepped.state.position), np.array(stepped.state.velocity))
@@ -142,8 +142,7 @@ def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped: LockSteppe
     stamp = before.header.stamp
     again = stepped.states.wait_count(4)  # the arm repeats the state every 0.1 s
     assert all(message.header.stamp == stamp for message in again)
-    twin = ArmSimulation(ARM, before.position, before.velocity)
-    twin.release()
+    twin = released(ARM, before.position, before.velocity)
     state = stepped.step([1.0, 2.0])
     twin.step(np.array([1.0, 2.0]), 1.0 / RATE)
     assert list(state.position) == twin.q.tolist()
@@ -158,8 +157,7 @@ def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
     response = stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
     assert response.success
     state = stepped.step([0.0, 0.0])  # simulated time continues
-    twin = ArmSimulation(ARM, START)
-    twin.release()
+    twin = released(ARM, START)
     assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()
 
 
@@ -238,8 +236,7 @@ def test_without_brakes_it_falls_freely(client: RosClient) -> None:
     with client.collect(JointState, '/falling/joint_states') as states, \
             NodeProcess(SIMULATED_ARM, parameters, namespace='/falling'):
         first, *_, last = states.wait_count(100)
-        twin = ArmSimulation(ARM, START)
-        twin.release()
+        twin = released(ARM, START)
         # the first state has the stamp of one period, so that the state at each stamp is known
         ticks = stamp_from_ros(last.header.stamp) // 5_000_000 - 1
         for _ in range(ticks):

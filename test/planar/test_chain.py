@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
+from planar_chains import assert_close
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import chain as planar_chain
@@ -47,11 +48,6 @@ def motions(draw, least=1, most=8):
     return chain, draw(vectors(n, 7.0)), draw(vectors(n, 2.0)), draw(vectors(n, 10.0))
 
 
-def assert_close(actual, expected, atol):
-    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
-    npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
-
-
 def along(q, v, a, t):
     """Return the positions at t of the motion with q, v and a at t = 0."""
     return q + t * v + 0.5 * t**2 * a
@@ -61,12 +57,6 @@ def second_derivative(function, step=1e-3):
     """Return the second derivative at 0 from five points, to fourth order."""
     weights = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
     return sum(w * function(k * step) for k, w in weights.items()) / (12.0 * step**2)
-
-
-def first_derivative(function, step=1e-4):
-    near = (function(step) - function(-step)) / (2.0 * step)
-    far = (function(2.0 * step) - function(-2.0 * step)) / (4.0 * step)
-    return (4.0 * near - far) / 3.0
 
 
 def size(chain):
@@ -93,24 +83,6 @@ def test_joint_force_is_what_the_links_beyond_need_by_newton(motion):
 
 @law
 @given(motion=motions())
-def test_joint_moment_is_the_rate_of_the_angular_momentum_beyond(motion):
-    chain, q, v, a = motion
-    result = newton_euler(chain, q, v, a)
-    for i in range(chain.link_count):
-        # Euler about the fixed point at the present position of joint i, for all links beyond it.
-        expected = sum(
-            chain.inertias[k] * result.omega_dot[k] + float(
-                lever[1] * needed[0] - lever[0] * needed[1])
-            for k in range(i, chain.link_count)
-            for lever in [result.com_position[k] - result.joint_position[i]]
-            for needed in [chain.masses[k] * (
-                result.com_acceleration[k] + np.array([0.0, chain.gravity]))])
-        scale = max(np.abs(result.tau).max(), size(chain))
-        assert result.tau[i] == pytest.approx(expected, abs=1e-12 * scale)
-
-
-@law
-@given(motion=motions())
 def test_accelerations_are_those_of_the_positions(motion):
     chain, q, v, a = motion
 
@@ -122,21 +94,6 @@ def test_accelerations_are_those_of_the_positions(motion):
     expected = np.stack([result.joint_acceleration, result.com_acceleration])
     assert_close(
         second_derivative(points), expected, atol=1e-7 * max(1.0, np.abs(expected).max()))
-
-
-@law
-@given(motion=motions())
-def test_power_of_the_torques_is_the_rate_of_the_energy(motion):
-    chain, q, v, a = motion
-
-    def energy(t):
-        position, velocity = along(q, v, a, t), v + t * a
-        return (planar_chain.kinetic_energy(chain, position, velocity)
-                + planar_chain.potential_energy(chain, position))
-
-    tau = planar_chain.inverse_dynamics(chain, q, v, a)
-    scale = max(np.abs(tau).max(), size(chain)) * (1.0 + np.abs(v).max())
-    assert_close(first_derivative(energy), tau @ v, atol=1e-7 * scale)
 
 
 @law

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 import numpy as np
 import numpy.testing as npt
 import pinocchio
+from planar_chains import assert_close, random_chain, urdf_of
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar import two_link as planar
@@ -20,7 +21,6 @@ from robot_dynamics.planar.chain import (
     forward_kinematics,
     kinetic_energy,
     newton_euler,
-    PlanarChain,
     potential_energy,
 )
 from robot_dynamics.planar.two_link import PlanarTwoLink
@@ -31,16 +31,6 @@ TWO = {
     'masses': [5.0, 3.0], 'lengths': [1.0, 0.8], 'com_distances': [0.5, 0.4],
     'inertias': [0.1, 0.05],
 }
-
-
-def assert_close(actual, expected, atol):
-    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
-    npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
-
-
-def urdf_of(chain, **more):
-    return planar_arm_urdf(
-        chain.masses, chain.lengths, chain.com_distances, chain.inertias, **more)
 
 
 def model_of(urdf):
@@ -55,11 +45,8 @@ def unrolled(q):
 @st.composite
 def motions(draw):
     n = draw(st.integers(1, 8))
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    lengths = rng.uniform(0.1, 2.0, n)
-    chain = PlanarChain(
-        rng.uniform(0.05, 10.0, n), lengths, lengths * rng.uniform(0.0, 1.0, n),
-        rng.uniform(0.001, 1.0, n))
+    seed = draw(st.integers(0, 2**32 - 1))
+    chain, rng = random_chain(seed, n), np.random.default_rng(seed)
     return chain, rng.uniform(-7.0, 7.0, n), rng.normal(0.0, 3.0, n), rng.normal(0.0, 10.0, n)
 
 

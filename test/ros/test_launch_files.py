@@ -33,6 +33,8 @@ from sensor_msgs.msg import JointState
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+SEVERAL = {'several_arms', 'leader_and_follower'}
+"""Launch files for several arms, which choose the namespaces."""
 COMMON = {
     'namespace', 'use_sim_time', 'autostart', 'params', 'log_level', 'robot_description',
     'gravity'}
@@ -56,7 +58,7 @@ def test_every_launch_file_declares_the_common_arguments(path: Path) -> None:
     call, = calls(path, 'declared')
     left_out = {keyword.arg for keyword in call.keywords
                 if isinstance(keyword.value, ast.Constant) and keyword.value.value is None}
-    several = path.name == 'several_arms.launch.py'  # where `arms` contains the namespaces
+    several = path.name.partition('.')[0] in SEVERAL
     assert left_out == ({'namespace'} if several else set())
     assert set(ARGUMENTS) >= COMMON
 
@@ -221,7 +223,8 @@ def test_ros2_launch_describes_all_arguments(path: Path) -> None:
     name = path.name.partition('.')[0]
     shown = children.run(
         [*launch(name), '--show-args'], text=True, stdout=subprocess.PIPE, check=True).stdout
-    names = (set(ARGUMENTS) - {'namespace'}) | {'arms'} if name == 'several_arms' else ARGUMENTS
+    names = set(ARGUMENTS) - ({'namespace'} if name in SEVERAL else set())
+    names |= {'arms'} if name == 'several_arms' else set()
     assert all(f"    '{argument}':\n        " in shown for argument in names)
     assert 'no description given' not in shown
 
@@ -285,7 +288,7 @@ def test_arguments_of_ros2_launch_take_precedence_over_the_file(
 @pytest.mark.parametrize(('file', 'argument'), [
     ('beside_robot', 'params:=no/such.yaml'), ('closed_loop', 'robot:=/no/such.urdf'),
     ('rviz', 'params:=no/such.yaml'),
-    ('several_arms', 'params:=no/such.yaml')])
+    ('several_arms', 'params:=no/such.yaml'), ('leader_and_follower', 'params:=no/such.yaml')])
 def test_ros2_launch_starts_no_node_for_an_invalid_argument(file: str, argument: str) -> None:
     done = children.run(
         launch(file, argument), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

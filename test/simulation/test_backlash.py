@@ -16,6 +16,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 M, J = 0.6, 0.2
 """Inertia of the one link, and of its motor on the joint side [kg·m²]."""
@@ -44,13 +45,6 @@ def links(n: int, gravity: float = 9.81) -> ArmModel:
 
 def rubbing(arm: ArmModel, **friction: list[float]) -> ArmModel:
     return arm.with_friction(make_friction(arm.joint_names, **friction))
-
-
-def released(arm: ArmModel, position: object = None, velocity: object = None,
-             max_step: float = 1e-3) -> ArmSimulation:
-    simulation = ArmSimulation(arm, position, velocity, max_step)
-    simulation.release()
-    return simulation
 
 
 def motor_offset(simulation: ArmSimulation) -> FloatArray:

@@ -14,6 +14,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 START = (0.8, 0.5)
 REFLECTED_INERTIA = 0.2
@@ -48,8 +49,7 @@ ARMS = pytest.mark.parametrize('make_arm', [bare, rubbing, driven, with_backlash
 
 def moving(arm: ArmModel) -> ArmSimulation:
     """Return an arm that moves down after a fall and a push."""
-    simulation = ArmSimulation(arm, START)
-    simulation.release()
+    simulation = released(arm, START)
     simulation.step(np.array([20.0, -8.0]), 0.1)
     assert np.abs(simulation.v).min() > 0.1
     return simulation

@@ -13,6 +13,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
+from simulated_arms import released
 
 PERIOD = 0.01
 TIMEOUT = 0.2
@@ -147,8 +148,7 @@ def test_the_next_effort_moves_it_on_from_where_it_stands() -> None:
     plant = robot()
     command(plant, 10)
     assert times_out(plant)
-    twin = ArmSimulation(load_arm(default_arm_urdf()), plant.measure().position)
-    twin.release()
+    twin = released(load_arm(default_arm_urdf()), plant.measure().position)
     command(plant, 1)
     assert not plant.timed_out
     twin.step(EFFORT, PERIOD)
@@ -173,8 +173,7 @@ def test_an_arm_without_brakes_falls() -> None:
     plant = robot(brakes=False)
     command(plant, 10)
     assert times_out(plant)
-    twin = ArmSimulation(load_arm(default_arm_urdf()), *plant.simulation.state)
-    twin.release()
+    twin = released(load_arm(default_arm_urdf()), *plant.simulation.state)
     plant.step(0.1)
     twin.step(np.zeros(2), 0.1)
     assert plant.timed_out

@@ -20,8 +20,8 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
+from simulated_arms import released
 
 TOLERANCE = 1e-9
 DOWN = (0.0, 0.0, -9.81)
@@ -131,8 +131,7 @@ def test_mujocos_motion_converges_to_ours_with_its_order(
     mujoco.model.dof_damping[mujoco.velocity] = viscous
     n = arm.joint_count
     q, v, tau = np.full(n, 0.4), np.full(n, 0.3), np.full(n, 0.5)
-    simulation = ArmSimulation(arm, q, v, max_step=2.5e-4)
-    simulation.release()
+    simulation = released(arm, q, v, max_step=2.5e-4)
     end = simulation.step(tau, 0.48).position
     errors = [np.abs(runge_kutta(mujoco, q, v, tau, 0.48, h)[-1][0] - end).max() for h in steps]
     assert errors[-1] < bound, errors
@@ -183,8 +182,7 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
     loss, q, v = DRY[name]
     arm, _ = pair(urdf_of(name), coulomb=loss)
     zero = np.zeros(arm.joint_count)
-    simulation = ArmSimulation(arm, q, v)
-    simulation.release()
+    simulation = released(arm, q, v)
     ours = [simulation.step(zero, 1e-3) for _ in range(600)]
     stop = next(k for k, state in enumerate(ours) if not state.velocity.any())
     assert 20 <= stop <= 400
@@ -215,6 +213,5 @@ def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness() -> None
         rest, tau = np.array([0.3]), np.array([torque])
         _, v = runge_kutta(mujoco, rest, np.zeros(1), tau, 1.0, 2e-4)[-1]
         assert v == pytest.approx([(1.0 - d) / d * torque / M * d * time_constant / 2.0], rel=1e-4)
-        simulation = ArmSimulation(arm, rest)
-        simulation.release()
+        simulation = released(arm, rest)
         assert simulation.step(tau, 1.0).position.tolist() == [0.3]

@@ -17,9 +17,9 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.bristles import DAMPING_RATIO
 from robots import robot_urdf
+from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
@@ -37,12 +37,6 @@ def block(mass: float, **friction: Any) -> ArmModel:
 
 def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
     return arm.with_friction(make_friction(arm.joint_names, **{'viscous': [0.0], **friction}))
-
-
-def released(arm: ArmModel, *start: Any, max_step: float = 2e-3) -> ArmSimulation:
-    simulation = ArmSimulation(arm, *start, max_step=max_step)
-    simulation.release()
-    return simulation
 
 
 ranges = {

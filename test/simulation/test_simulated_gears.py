@@ -14,8 +14,8 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController
+from simulated_arms import released
 
 MASS, GRAVITY = 2.0, 9.81
 LIFT = f"""<robot name="lift"><link name="base"/><link name="slide"><inertial>
@@ -41,12 +41,6 @@ def geared(**changes: Any) -> ArmModel:
         NAMES, [0.5, 0.2], [1.0, 0.5], [1.5, 0.5], [0.05], [0.3, -0.1], **{
         'sigmoid': [2.0, 0.5], 'sigmoid_velocity': [0.05, 0.1], 'load_coefficient': [0.1, 0.2],
         'effort_bias': [0.4, -0.2], 'presliding_distance': [0.01, 0.0], **changes}))
-
-
-def released(arm: ArmModel, q: Any, v: Any = None, max_step: float = 2e-3) -> ArmSimulation:
-    simulation = ArmSimulation(arm, q, v, max_step)
-    simulation.release()
-    return simulation
 
 
 def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:

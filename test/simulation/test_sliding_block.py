@@ -8,6 +8,7 @@ import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 
 MASS, DRY = 3.0, 6.0
 RAIL = f"""<robot name="rail">
@@ -28,9 +29,7 @@ def block(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSi
     arm = load_arm(RAIL.replace('SLOPE', repr(slope)))
     arm = arm.with_friction(make_friction(
         arm.joint_names, **{name: [value] for name, value in friction.items()}))
-    simulation = ArmSimulation(arm, [0.0], [velocity])
-    simulation.release()
-    return simulation
+    return released(arm, [0.0], [velocity])
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -8,7 +8,7 @@ import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.recordings.reader import JointSeries
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from simulated_arms import released
 from stick_slip import (
     COULOMB,
     DURATION,
@@ -76,9 +76,8 @@ def test_the_effort_is_that_of_the_spring(series: JointSeries) -> None:
 
 def test_the_recorded_motion_is_the_librarys(series: JointSeries) -> None:
     arm = load_arm(URDF, gravity=(0.0, 0.0, 0.0))
-    simulation = ArmSimulation(arm.with_friction(make_friction(
+    simulation = released(arm.with_friction(make_friction(
         arm.joint_names, coulomb=[COULOMB], static=[STATIC],
         stribeck_velocity=[STRIBECK_VELOCITY])))
-    simulation.release()
     q = [simulation.step(effort, 1.0 / RATE).position[0] for effort in series.effort[1:]]
     assert series.position[1:, 0].tolist() == q

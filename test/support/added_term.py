@@ -13,6 +13,7 @@ from pathlib import Path
 import sys
 
 import robot_dynamics
+from simulated_arms import released
 
 MODULE = 'joints/friction_terms.py'
 NEW_TERM = """
@@ -75,8 +76,7 @@ def _findings() -> dict[str, object]:
     effort = dynamics.inverse_dynamics(zero, moving, np.array([0.3, 0.4]))
 
     def simulated(torque: float) -> ArmSimulation:
-        simulation = ArmSimulation(arm.with_gravity((0.0, 0.0, 0.0)), zero)
-        simulation.release()
+        simulation = released(arm.with_gravity((0.0, 0.0, 0.0)), zero)
         simulation.step(np.array([torque, 0.0]), 0.5)
         return simulation
 

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import JOINTS, robot_urdf
 from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RESEND_PERIOD, RosClient
 from sensor_msgs.msg import JointState
+from simulated_arms import released
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 Array = npt.NDArray[np.float64]
@@ -53,8 +53,7 @@ class DisturbedArm:
         self.client, self.node, self.arm, self.namespace = client, node, arm, namespace
         self.names = list(arm.joint_names)
         start = middle(arm, 0.3)
-        self.plant = ArmSimulation(arm, start)
-        self.plant.release()
+        self.plant = released(arm, start)
         self.measure: Measure = lambda q, v: (q, v)
         """Returns what the joint states contain."""
         self.time = 0

@@ -6,6 +6,7 @@
 from xml.etree import ElementTree
 
 import numpy as np
+import numpy.testing as npt
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.chain import PlanarChain
 from robot_dynamics.planar.urdf import planar_arm_urdf
@@ -24,8 +25,21 @@ def arm_of(chain, **more):
     return load_arm(urdf_of(chain), **more)
 
 
-def urdf_of(chain):
-    return planar_arm_urdf(chain.masses, chain.lengths, chain.com_distances, chain.inertias)
+def urdf_of(chain, **more):
+    return planar_arm_urdf(
+        chain.masses, chain.lengths, chain.com_distances, chain.inertias, **more)
+
+
+def assert_close(actual, expected, atol):
+    """Compare only by the absolute difference, because `atol` contains the scale of the arm."""
+    npt.assert_allclose(actual, expected, rtol=0.0, atol=atol)
+
+
+def first_derivative(function, step=1e-4):
+    """Return the derivative at 0 from four points: their errors cancel to fourth order."""
+    near = (function(step) - function(-step)) / (2.0 * step)
+    far = (function(2.0 * step) - function(-2.0 * step)) / (4.0 * step)
+    return (4.0 * near - far) / 3.0
 
 
 def on_a_turned_base(urdf, rpy):

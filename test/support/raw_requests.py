@@ -6,7 +6,8 @@ Arbitrary bytes as requests, from a real client over DDS.
 
 rclpy cannot send raw requests, and a topic cannot have the name of a service topic. In this
 process, the functions that serialize a UUID serialize the request of a service, as 16 arbitrary
-bytes. The type name, the client and everything else are unchanged.
+bytes, or those of a TwistWithCovariance, as up to 336 bytes; one of both per service. The type
+name, the client and everything else are unchanged.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,9 @@ from importlib import import_module
 import sys
 from typing import Any
 
+from geometry_msgs.msg import Twist, TwistWithCovariance, Vector3
 from lifecycle_msgs.srv import GetState
+import numpy as np
 from rclpy.type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from request_bench import answer_lines, ClientProcess
 from ros_harness import RosClient, TIMEOUT
@@ -23,6 +26,8 @@ from unique_identifier_msgs.msg import UUID
 
 LENGTH = 16
 """Length of a raw request [bytes]."""
+WIDE = 336
+"""Length [bytes] of a raw request that is longer than that; zeros are appended to it."""
 
 
 class RawRequests(ClientProcess):
@@ -35,10 +40,10 @@ class RawRequests(ClientProcess):
         """
         Send requests one after the other.
 
-        A request is the name of a service below `~`, its type, and `LENGTH` bytes.
+        A request is the name of a service below `~`, its type, and `LENGTH` or more bytes.
         """
         self.ask([
-            (name, kind.__module__.rpartition('.')[0], kind.__name__, data.hex())
+            (name, kind.__module__, kind.__name__, data.hex())
             for name, kind, data in requests])
 
 
@@ -79,17 +84,27 @@ def _for_fast_dds(capsule: Any) -> _TypeSupport:
     return _TypeSupport.from_address(find(address, b'rosidl_typesupport_fastrtps_c'))
 
 
-def raw_type(service_type: Any) -> Any:
-    """Return the service type with a UUID as request and the original type name."""
+def raw_message(data: bytes) -> Any:
+    """Return a message whose serialized data are these bytes."""
+    if len(data) == LENGTH:
+        return UUID(uuid=list(data))
+    *twist, covariance = np.split(np.frombuffer(data.ljust(WIDE, b'\0')), (1, 2, 3, 4, 5, 6))
+    x, y, z, *angular = (float(one[0]) for one in twist)
+    return TwistWithCovariance(covariance=covariance, twist=Twist(
+        linear=Vector3(x=x, y=y, z=z), angular=Vector3(**dict(zip('xyz', angular)))))
+
+
+def raw_type(service_type: Any, message_type: Any) -> Any:
+    """Return the service type with another message as request and the original type name."""
     check_is_valid_srv_type(service_type)
-    check_is_valid_msg_type(UUID)
+    check_is_valid_msg_type(message_type)
     members = _ServiceMembers.from_address(_for_fast_dds(service_type._TYPE_SUPPORT).data)
     request = _MessageMembers.from_address(_TypeSupport.from_address(members.request).data)
-    raw = _MessageMembers.from_address(_for_fast_dds(UUID._TYPE_SUPPORT).data)
+    raw = _MessageMembers.from_address(_for_fast_dds(message_type._TYPE_SUPPORT).data)
     for name in ('serialize', 'deserialize', 'size', 'largest_size', 'key'):
         setattr(request, name, getattr(raw, name))
     return type(service_type)('Raw', (), {
-        'Request': UUID, 'Response': service_type.Response, 'Event': service_type.Event})
+        'Request': message_type, 'Response': service_type.Response, 'Event': service_type.Event})
 
 
 def main() -> None:
@@ -99,12 +114,13 @@ def main() -> None:
         services: dict[str, Any] = {}
 
         def answer(requests: Sequence[tuple[str, str, str, str]]) -> None:
-            for name, package, kind, data in requests:
+            for name, module, kind, data in requests:
+                message = raw_message(bytes.fromhex(data))
                 if name not in services:
-                    services[name] = client.node.create_client(
-                        raw_type(getattr(import_module(package), kind)), f'{node}/{name}')
+                    services[name] = client.node.create_client(raw_type(
+                        getattr(import_module(module), kind), type(message)), f'{node}/{name}')
                     assert services[name].wait_for_service(TIMEOUT)
-                services[name].call_async(UUID(uuid=list(bytes.fromhex(data))))
+                services[name].call_async(message)
                 client.call(GetState, f'{node}/get_state')  # answered after that request
 
         answer_lines(answer)

@@ -3,6 +3,8 @@
 
 """Simulated arms that several modules of tests use."""
 
+from typing import Any
+
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -24,9 +26,8 @@ def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
         gravity=(0.0, 0.0, 0.0))
 
 
-def released(arm: ArmModel, position: object = None, velocity: object = None,
-             max_step: float = 1e-3) -> ArmSimulation:
-    """Return a simulation with released brakes; `max_step` [s] bounds its integration steps."""
-    simulation = ArmSimulation(arm, position, velocity, max_step)
+def released(arm: ArmModel, *start: Any, **more: Any) -> ArmSimulation:
+    """Return a simulation with released brakes."""
+    simulation = ArmSimulation(arm, *start, **more)
     simulation.release()
     return simulation

@@ -17,6 +17,14 @@ def server() -> Iterator[Any]:
         yield started
 
 
+@pytest.fixture(scope='module')
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """Return a browser; the modules that use it are skipped without one."""
+    from browser import chromium
+    with chromium(tmp_path_factory.mktemp('browser')) as started:
+        yield started
+
+
 @pytest.fixture
 def _no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Connect to servers of this computer without a proxy of the environment."""

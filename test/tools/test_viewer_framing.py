@@ -6,7 +6,7 @@
 from contextlib import closing, contextmanager
 from functools import partial
 
-from browser import chromium, Page
+from browser import Page
 import numpy as np
 import pytest
 from robot_dynamics.pictures.arm_marks import ArmMarks
@@ -104,12 +104,6 @@ def test_an_arm_of_any_size_fills_the_same_part_of_the_image(aspect, size):
     middle = np.array([view.width, view.height]) / 2.0
     filled = np.abs(np.column_stack([columns, rows]) - middle).max(axis=0) / middle
     assert filled.max() == pytest.approx(FILLED)
-
-
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory):
-    with chromium(tmp_path_factory.mktemp('browser')) as started:
-        yield started
 
 
 @contextmanager

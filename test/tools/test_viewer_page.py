@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 
-from browser import chromium, Page
+from browser import Page
 import children
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
@@ -42,12 +42,6 @@ TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
 COARSE = 0.5
 """Scale of a page with meshes of 100,000 triangles, which software draws: a quarter the pixels."""
 PANDA_POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]
-
-
-@pytest.fixture(scope='module')
-def browser(tmp_path_factory):
-    with chromium(tmp_path_factory.mktemp('browser')) as started:
-        yield started
 
 
 @contextmanager

@@ -50,7 +50,7 @@ class ForceFeedback:
             self._energy - np.where(given < 0.0, RETURNED, 1.0) * given, 0.0,
             RESERVE_WAY * self._limit)
         wanted = np.clip(self._gain * external, -self._limit, self._limit)
-        with np.errstate(divide='ignore', over='ignore'):
-            free = friction + self._energy / (np.abs(v) * (dt + DELAY))
-        self._last = np.where(wanted * v > 0.0, np.clip(wanted, -free, free), wanted)
+        speed = np.maximum(np.maximum(v * np.sign(wanted), moved * np.sign(wanted) / dt), 0.0)
+        free = friction + self._energy / np.maximum(speed * (dt + DELAY), 1e-12)
+        self._last = np.where(speed > 0.0, np.clip(wanted, -free, free), wanted)
         return self._last

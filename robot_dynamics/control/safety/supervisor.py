@@ -29,6 +29,8 @@ from robot_dynamics.control.safety.effort_limiter import (
     MotionEquation,
 )
 
+FOLLOWING_ERROR = 'following_error'
+"""Name of the fault that the arm is too far from its reference."""
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
@@ -83,6 +85,9 @@ class Fault:
     message: str
     latched: bool = False
     recovery: int = 1
+
+    def __str__(self) -> str:
+        return f'fault {self.name}: {self.message}'
 
 
 def slower(v: FloatArray | None, mean: FloatArray | None) -> FloatArray | None:

@@ -81,7 +81,7 @@ def _verdict(
 ) -> tuple[bytes, str]:
     if fault is not None and (mode is Mode.FAULT or fault.latched):
         waits = '; waits for ~/reset_fault' if fault.latched else ''
-        return ERROR, f'fault {fault.name}: {fault.message}{waits}'
+        return ERROR, f'{fault}{waits}'
     if mode is None:
         return WARN, 'no model yet'
     if mode is Mode.INACTIVE and is_off:

@@ -18,6 +18,7 @@ from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.supervisor import Fault, Mode
 from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.monitoring.contact_levels import OTHER_CAUSES
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.dynamics.command_output import CommandOutput
 from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
@@ -151,17 +152,12 @@ class ControlPath:
             self.markers.forget()
             self.command.forget()
 
-    def set_limits(
-        self, state_max_age: float, sample_max_age: float,
-        external_effort: FloatArray | None = None,
-    ) -> None:
+    def set_limits(self, state_max_age: float, sample_max_age: float) -> None:
         """
         Set the largest age of a state and of a joint's sample, both in [s].
 
-        A `sample_max_age` of 0 is half a period of the messages. `external_effort` (n,) is the
-        limit of the external effort [N·m] or [N], None for none.
+        A `sample_max_age` of 0 is half a period of the messages.
         """
-        self.estimates.external_limit = external_effort
         self._state_max_age = state_max_age
         self._sample_max_age = sample_max_age
         served = self._served
@@ -293,7 +289,7 @@ class ControlPath:
                 break
         estimates = self.estimates
         wanted = estimates.is_on or estimates.is_lacking or (
-            estimates.external_limit is not None or self.payload_samples.is_on
+            estimates.has_limits or self.payload_samples.is_on
             or self.markers.is_on or not served.check.done)
         for count in estimates.counts:
             wanted = wanted or count() > 0
@@ -309,7 +305,7 @@ class ControlPath:
         gravity = output.robot_gravity
         self.estimates.look(served.reader, state, q, v, verdict, gravity)
         self.payload_samples.take(served.reader, state, q, v, verdict, gravity)
-        if self.estimates.external_limit is not None:
+        if self.estimates.has_limits:
             joint = self.estimates.excess()
             if joint is not None:
                 self._fail_by_external_effort(served, joint)
@@ -322,11 +318,12 @@ class ControlPath:
                 else None)
 
     def _fail_by_external_effort(self, served: _Served, j: int) -> None:
-        effort, limit = self.estimates.external_effort, self.estimates.external_limit
+        effort, limit = self.estimates.external_effort, self.estimates.limit
         if effort is not None and limit is not None:
             self.command.fail(Fault(
                 'external_effort', f'external effort at {served.names[j]!r} is {effort[j]:.3g}, '
-                f'expected at most {limit[j]:.3g} (external_effort_limit)',
+                f'expected at most {limit[j]:.3g} (external_effort_limit or contact.effort): a '
+                f'contact, or {OTHER_CAUSES}',
                 recovery=EXTERNAL_RECOVERY))
 
     def _has_age(self) -> bool:

@@ -4,8 +4,9 @@
 """
 Estimates of `dynamics` from measured efforts, computed only while there are subscribers.
 
-`~/external_effort` and `~/residual` are computed after the command is published. Each estimator
-resets when its first subscriber connects. An error in them does not affect the control path.
+`~/external_effort`, `~/external_wrench` and `~/residual` are computed after the command is
+published. Each estimator resets when its first subscriber connects. An error in them does not
+affect the control path.
 The expected standard deviation of an estimate is published on a separate topic, `…_deviation`.
 """
 
@@ -25,6 +26,12 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from robot_dynamics.ros.dynamics.external.live_contacts import CONTACT_SPECS, LiveContacts
+from robot_dynamics.ros.dynamics.external.live_wrench import (
+    LiveWrench,
+    wrench_estimator,
+    WRENCH_SPECS,
+)
 from robot_dynamics.ros.middleware.cdr_templates import effort_template, SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
@@ -46,6 +53,8 @@ ESTIMATE_SPECS = (
         'low-pass filter with this cut-off frequency.')),
     number('residual_bandwidth', DEFAULT_BANDWIDTH, 0.01, 1000.0, (
         'Cut-off frequency [Hz] of the second-order low-pass filter of ~/residual.')),
+    *WRENCH_SPECS,
+    *CONTACT_SPECS,
 )
 
 
@@ -64,6 +73,7 @@ class Estimates:
         self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
         self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
         self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
+        self.wrench = wrench_estimator(dynamics, self._external, values)
 
     def set_bandwidths(self, values: Values) -> None:
         """Set the bandwidths of the parameters; the estimates continue without a reset."""
@@ -74,6 +84,7 @@ class Estimates:
         """Reset all estimators at the next state."""
         for estimator in self._all:
             estimator.restart()
+        self.wrench.restart()
 
     def joint_effort(
         self, measured: FloatArray, v: FloatArray, robot_gravity: FloatArray,
@@ -95,6 +106,8 @@ class Estimates:
             else:
                 estimator.restart()
             found.append(estimate)
+        if not wanted[0]:
+            self.wrench.restart()
         return found
 
     @property
@@ -125,6 +138,7 @@ class Estimates:
             self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:
                 estimator.set_dynamics(dynamics)
+            self.wrench.set_dynamics(dynamics)
 
 
 def joint_effort(
@@ -149,9 +163,11 @@ class LiveEstimates:
         self._deviations = (
             node.create_publisher(JointState, '~/external_effort_deviation', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
+        self.wrench, self.contacts = LiveWrench(node), LiveContacts(node)
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
-        self.counts = (*self._counts, *self._deviation_counts)
+        self.counts = (*self._counts, *self._deviation_counts, *self.wrench.counts,
+                       self.contacts.count)
         """Functions that return the number of subscribers of each topic."""
         self.estimates: Estimates | None = None
         """The estimators in use, None without a model."""
@@ -161,17 +177,20 @@ class LiveEstimates:
         self._stamp = 0
         self.external_effort: FloatArray | None = None
         """External effort of the newest state (n,), None if it is not estimated."""
-        self.external_limit: FloatArray | None = None
-        """Limit of the external effort (n,) [N·m] or [N], infinite for none; None: no limits."""
+        self._external_limit: FloatArray | None = None
+        self.has_limits = False
+        """Whether an external effort can be a fault."""
+        self.limit: FloatArray | None = None
+        """Limit at the newest state (n,) [N·m] or [N], infinite for none; None: no limits."""
         self._restarts: Counter[str] = Counter()
 
     def set_estimates(self, estimates: Estimates) -> None:
         """Use these estimators from the next state on."""
-        self.estimates, self.is_on = estimates, False
+        self.estimates, self.is_on, self.wrench.estimator = estimates, False, estimates.wrench
 
     def forget(self) -> None:
         """Stop to estimate."""
-        self.estimates = None
+        self.estimates = self.wrench.estimator = None
         self._rest()
 
     def look(
@@ -181,7 +200,8 @@ class LiveEstimates:
         """Take a state whose command is published; `robot_gravity` (n,) is g(q) without a load."""
         estimates = self.estimates
         has_subscribers, has_residual = self._has_subscribers(estimates)
-        is_limited = self.external_limit is not None
+        has_subscribers = has_subscribers or self.contacts.is_on
+        is_limited = self.has_limits
         wanted = has_subscribers or is_limited or self._is_external_wanted(), has_residual
         if estimates is None or not any(wanted):
             self._rest()
@@ -196,16 +216,25 @@ class LiveEstimates:
     def _has_subscribers(self, estimates: Estimates | None) -> tuple[bool, bool]:
         """Return whether each estimate, or its deviation, has a subscriber."""
         external, residual = (count() > 0 for count in self._counts)
+        external = external or self.wrench.has_subscribers
         if estimates is None or not estimates.has_deviations:
             return external, residual
         of_external, of_residual = (count() > 0 for count in self._deviation_counts)
         return external or of_external, residual or of_residual
 
+    def set_limits(
+        self, external_limit: FloatArray | None, values: Values, arm: ArmModel,
+    ) -> None:
+        """Use this limit of the external effort (n,), None for none, and the contact levels."""
+        self.contacts.set_levels(values, arm)
+        self._external_limit = external_limit
+        self.has_limits = external_limit is not None or self.contacts.is_fault
+
     def excess(self) -> int | None:
         """Return the joint whose external effort exceeds its limit most, None if none does."""
-        if self.external_limit is None or self.external_effort is None:
+        if self.limit is None or self.external_effort is None:
             return None
-        ratio = np.abs(self.external_effort) / self.external_limit
+        ratio = np.abs(self.external_effort) / self.limit
         j = int(np.argmax(ratio))
         return j if ratio[j] > 1.0 else None
 
@@ -231,12 +260,25 @@ class LiveEstimates:
             found = estimates.update(wanted, dt, q, v, effort)
         if not all(estimate is None or all_finite(estimate) for estimate in found):
             raise InvalidInputError('the estimates are not finite')
-        self.external_effort = found[0]
+        self._judge(found[0], v, dt, judgement.stamp)
         for publisher, estimate in zip(self._publishers, found):
             if estimate is not None:
                 publisher.publish(estimates.template.filled(state.stamp, estimate))
+        if found[0] is not None:
+            self.wrench.publish(judgement.stamp, dt)
         if estimates.has_deviations:
             self._publish_deviations(estimates, found, dt, state.stamp)
+
+    def _judge(
+        self, effort: FloatArray | None, v: FloatArray, dt: float, stamp_ns: int,
+    ) -> None:
+        """Keep the external effort (n,) and its limits at a velocity, and look for contacts."""
+        self.external_effort, self.limit = effort, self._external_limit
+        levels = self.contacts.fault_levels(v)
+        if levels is not None:
+            self.limit = levels if self.limit is None else np.minimum(self.limit, levels)
+        if effort is not None and self.contacts.is_on:
+            self.contacts.look(stamp_ns, dt, v, effort)
 
     def _publish_deviations(
         self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,
@@ -268,7 +310,8 @@ class LiveEstimates:
             return
         self.is_lacking, self._words = True, f'none: {words}'
         self._node.get_logger().warning(
-            f'No ~/external_effort and no ~/residual: {words}', throttle_duration_sec=LOG_PERIOD)
+            f'No ~/external_effort, ~/external_wrench and ~/residual: {words}',
+            throttle_duration_sec=LOG_PERIOD)
 
     def status(self) -> Status:
         """Return whether estimates are published, for the diagnostics."""

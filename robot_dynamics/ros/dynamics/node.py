@@ -86,6 +86,10 @@ USAGE = NodeUsage(
       'robot_description nor robot_description_file is set.'),
      ('~/joint_trajectory', 'Subscribed, trajectory_msgs/msg/JointTrajectory: the trajectory to '
       'follow; one point is a set-point.'),
+     ('~/set_point', 'Subscribed, sensor_msgs/msg/JointState: a set-point, such as the joint '
+      'states of a leader arm.'),
+     ('~/force_feedback', 'Subscribed, sensor_msgs/msg/JointState: the external effort of a '
+      'follower, which hand_guiding lets feel.'),
      ('~/follow_joint_trajectory', 'Action, control_msgs/action/FollowJointTrajectory, if '
       'control_msgs is installed: a trajectory with tolerances and a result.'),
      ('effort_command, ~/commands', 'Published, sensor_msgs/msg/JointState and '
@@ -306,9 +310,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _limit_path(self, values: Values, arm: ArmModel) -> None:
         limit = optional_values('external_effort_limit', values, arm)
-        self._path.set_limits(
-            values['state_max_age'], values['joint_sample_max_age'],
-            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf))
+        self._path.estimates.set_limits(
+            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf),
+            values, arm)
+        self._path.set_limits(values['state_max_age'], values['joint_sample_max_age'])
 
     # ------------------------------------------------------------------ diagnostics
 

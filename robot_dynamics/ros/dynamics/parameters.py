@@ -51,6 +51,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
+from robot_dynamics.ros.dynamics.external.live_contacts import contact_levels
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import (
     flag,
@@ -259,6 +260,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
             'external_effort_limit', 'goal.path_tolerance', 'goal.tolerance'):
         check_order_is_given(values, name, arm)
     optional_values('external_effort_limit', values, arm)
+    contact_levels(values, arm)
     goal_tolerances(values, arm)
     gains = make_gains(arm.joint_names, *(values[name] for name in GAINS))
     return ControllerOptions(

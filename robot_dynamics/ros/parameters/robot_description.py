@@ -113,14 +113,16 @@ UNCERTAINTY_SPECS = (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
         'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
     numbers('uncertainty.friction_deviation', 0.0, 1e9, (
-        'Standard deviation [N·m] or [N] of friction at rest about the model; one value for all '
-        'joints or one per joint. If empty, 0.'), read_only=True),
+        'Standard deviation [N·m] or [N] of friction about the model at speeds up to '
+        'uncertainty.friction_velocity; one value for all joints or one per joint. If empty, 0.'),
+        read_only=True),
     numbers('uncertainty.friction_velocity', 0.0, 1e6, (
-        'Velocity v_f [rad/s] or [m/s] around which this deviation decreases: it is '
-        'uncertainty.friction_deviation / (1 + u²/v_f²), where u is the speed less the amount of '
-        'the acceleration / (4 uncertainty.noise_bandwidth), at least 0: soon after a reversal a '
-        'joint counts as at rest. '
-        'It must be above 0 if uncertainty.friction_deviation is set.'), read_only=True),
+        'Speed [rad/s] or [m/s] up to which uncertainty.friction_deviation is added. It is '
+        'required if uncertainty.friction_deviation is set.'), read_only=True),
+    numbers('uncertainty.largest_velocity', 0.0, 1e6, (
+        'Largest speed [rad/s] or [m/s] of the recordings of the identification. The viscous '
+        'friction of faster motion is uncertain by half of its increase. If empty, at no speed.'),
+        read_only=True),
 )
 
 DRIVE_SPECS = (

@@ -98,6 +98,10 @@ class RetimeVerb(VerbExtension):
     """The fastest timing of a trajectory file within the limits of the arm."""
 
 
+class LearnContactLevelsVerb(VerbExtension):
+    """Learn the levels of ~/contacts from recordings without contact, without a node."""
+
+
 class WatchVerb(VerbExtension):
     """Print a table of the joints again and again."""
 

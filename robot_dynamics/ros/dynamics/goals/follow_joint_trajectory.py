@@ -17,6 +17,7 @@ from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
@@ -85,14 +86,17 @@ class FollowJointTrajectoryServer:
                 '~/follow_joint_trajectory is not offered: control_msgs is not installed '
                 '(ros-jazzy-control-msgs)')
             return
+        # A goal that waits for its client in `_take` must not stop the other callbacks.
+        group = ReentrantCallbackGroup()
         self._feedback = node.create_timer(  # simulated time may be paused
-            FEEDBACK_PERIOD, self._publish_feedback,
+            FEEDBACK_PERIOD, self._publish_feedback, group,
             clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._feedback.cancel()
-        self._ended = node.create_guard_condition(self._look)
+        self._ended = node.create_guard_condition(self._look, group)
         self._server = _GuardedServer(
             node, self._type, '~/follow_joint_trajectory', self._execute,
-            goal_callback=self._take, cancel_callback=self._cancel, result_timeout=RESULT_TIMEOUT)
+            callback_group=group, goal_callback=self._take, cancel_callback=self._cancel,
+            result_timeout=RESULT_TIMEOUT)
 
     @property
     def is_busy(self) -> bool:

@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`~/external_wrench` with its covariance, and `~/zero_external_wrench`."""
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.external_wrench import (
+    ExternalWrenchEstimator,
+    LARGEST_FORCE,
+    LARGEST_TORQUE,
+    WrenchEstimate,
+)
+from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
+from robot_dynamics.ros.parameters.declared_parameters import number, text, Values
+from robot_dynamics_interfaces.msg import WrenchCovariance
+from std_srvs.srv import Trigger
+
+NEWEST_ONLY = QoSProfile(depth=1)
+UNKNOWN = -1.0
+"""First element of a covariance that is not known."""
+
+WRENCH_SPECS = (
+    text('external_wrench.frame', '', (
+        'Link at whose origin, and in whose axes, ~/external_wrench is estimated. If empty, the '
+        'link at the end of the arm.'), read_only=True),
+    number('external_wrench.largest_force', LARGEST_FORCE, 1e-3, 1e6, (
+        'Largest expected external force [N]. Directions of ~/external_wrench in which the joint '
+        'efforts are less certain than this count as not observable.'), read_only=True),
+    number('external_wrench.largest_torque', LARGEST_TORQUE, 1e-3, 1e6, (
+        'Largest expected external torque [N·m] about the origin of external_wrench.frame.'),
+        read_only=True),
+)
+
+
+def wrench_estimator(
+    dynamics: ArmDynamics, observer: ExternalEffort, values: Values,
+) -> ExternalWrenchEstimator:
+    """Return the estimator of the parameters; raise InvalidInputError for an unknown link."""
+    return ExternalWrenchEstimator(
+        dynamics, observer, values['external_wrench.frame'] or tool_link(dynamics.arm),
+        values['external_wrench.largest_force'], values['external_wrench.largest_torque'])
+
+
+class LiveWrench:
+    """Publishes the wrench; the control thread calls `publish`, the executor the service."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._wrench = node.create_publisher(WrenchStamped, '~/external_wrench', NEWEST_ONLY)
+        self._covariance = node.create_publisher(
+            WrenchCovariance, '~/external_wrench_covariance', NEWEST_ONLY)
+        self.counts = [subscription_count(one) for one in (self._wrench, self._covariance)]
+        """Functions that return the number of subscribers of each topic."""
+        self.estimator: ExternalWrenchEstimator | None = None
+        """The estimator in use, None without a model."""
+        node.create_service(Trigger, '~/zero_external_wrench', self._zero)
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether one of the topics has a subscriber."""
+        return any(count() > 0 for count in self.counts)
+
+    def publish(self, stamp_ns: int, dt: float) -> None:
+        """Publish the wrench dt [s] after the previous state; nothing without subscribers."""
+        estimator = self.estimator
+        if estimator is None:
+            return
+        if not self.has_subscribers:
+            estimator.restart()
+            return
+        estimate = estimator.update(dt)
+        if estimate is not None:
+            self._wrench.publish(_wrench_to_ros(stamp_ns, estimator.frame, estimate))
+            if self.counts[1]():
+                self._covariance.publish(_covariance_to_ros(stamp_ns, estimator.frame, estimate))
+
+    def _zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            if self.estimator is None:
+                raise InvalidInputError('no model yet: expected a URDF')
+            self.estimator.zero()
+            response.success, response.message = True, (
+                'the mean external effort of the last 0.2 s is subtracted from now on')
+        except InvalidInputError as error:
+            response.success, response.message = False, str(error)
+        self._node.get_logger().info(f'~/zero_external_wrench: {response.message}')
+        return response
+
+
+def _wrench_to_ros(stamp_ns: int, frame: str, estimate: WrenchEstimate) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.stamp, message.header.frame_id = stamp_to_ros(stamp_ns), frame
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = estimate.wrench.tolist()
+    return message
+
+
+def _covariance_to_ros(stamp_ns: int, frame: str, estimate: WrenchEstimate) -> WrenchCovariance:
+    message = WrenchCovariance(unobservable=floats_to_ros(estimate.unobservable))
+    message.header.stamp, message.header.frame_id = stamp_to_ros(stamp_ns), frame
+    if estimate.covariance is None:
+        message.covariance[0] = UNKNOWN
+    else:
+        message.covariance[:] = estimate.covariance.ravel()
+    return message

@@ -1,0 +1,165 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Hand guiding in closed loop: the push that it needs, rest after it, speed, position limits.
+
+Friction yields before it slides (`bristled_arm`), and the loop knows it, or too much of it.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+from bristled_arm import BristledArm, Case, COULOMB
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lock_step_loop import directions, LockStep, middle, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.guiding import LARGEST_SHARE, make_guiding
+from robot_dynamics.control.laws.hand_guiding import WALL_PUSH
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.payload import make_payload
+
+SPEED = 0.2
+"""[rad/s] at which a hand moves a joint."""
+EASILY = 0.6
+"""Largest push, by that without compensation."""
+
+
+def guided(case: Case, share: float | None = None, **options: Any) -> BristledArm:
+    arm = smooth_arm(case.arm)
+    guiding = make_guiding(arm) if share is None else make_guiding(arm, share)
+    return BristledArm(arm, case, command='hand_guiding', guiding=guiding, **options)
+
+
+def hand(one: LockStep, j: int, speed: float, seconds: float) -> FloatArray:
+    """Move one joint at a speed [rad/s]; return the pushes [N·m] of the second half, (m,)."""
+    begin, start = one.k * 1e-3, one.q[j]
+    M = ArmDynamics(one.arm).mass_matrix(one.q)[:, j]
+    dry = one.arm.friction.coulomb[j]
+    found: list[float] = []
+
+    def push(t: float) -> FloatArray:
+        e, e_dot = start + speed * (t - begin) - one.q[j], speed - one.v[j]
+        effort = M * (400.0 * e + 40.0 * e_dot)
+        effort[j] += np.sign(speed) * dry
+        found.append(effort[j])
+        return effort
+    one.push = push
+    one.run(seconds)
+    one.push = lambda t: 0.0
+    return np.array(found[len(found) // 2:])
+
+
+@pytest.mark.parametrize('case', [
+    Case('panda', 500, 2, 1e-3), Case('z1', 250, 4, 3e-3), Case('ur10', 100, 10, 5e-4)],
+    ids=lambda case: case.arm)
+def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case: Case) -> None:
+    for j in range(3):
+        with_share, without = (
+            float(hand(guided(case, share), j, SPEED, 1.0).mean()) for share in (None, 0.0))
+        assert 0.0 < with_share <= EASILY * without
+
+
+@settings(max_examples=6, deadline=None)
+@given(st.sampled_from(['panda', 'z1', 'ur10', 'default']), st.sampled_from([1000, 500, 100]),
+       st.integers(0, 2), st.floats(1e-4, 5e-3), st.booleans(), st.integers(0, 2**31))
+def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(
+    arm: str, rate: int, periods: int, distance: float, has_rotors: bool, seed: int,
+) -> None:
+    case = Case(arm, rate, periods * 1000 // rate, distance, 1.2, has_rotors and arm in (
+        'panda', 'ur10'))
+    one, rng = guided(case, LARGEST_SHARE), np.random.default_rng(seed)
+    one.v = rng.uniform(-0.1, 0.1, len(one.q))
+    trace = one.run(6.0)
+    moved = np.diff(trace.last(1.0).q, axis=0)
+    to_and_fro = np.abs(moved).sum(axis=0) - np.abs(moved.sum(axis=0))
+    assert to_and_fro.max() < 1e-5
+    assert one.loop.supervisor.fault_count == 0
+
+
+@pytest.mark.parametrize('name', ['panda', 'z1', 'ur10'])
+def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name: str) -> None:
+    """The error is an unknown load, whose gravity takes 60 % of the dry friction of a joint."""
+    arm, case = smooth_arm(name), Case(name, 500, 4, 1e-3)
+    q = middle(arm)
+    last = arm.pinocchio_model.getJointId(arm.joint_names[-1])
+    link = next(name for name in arm.link_names if arm.link_frame(name).parentJoint == last)
+
+    def with_load(mass: float) -> ArmModel:
+        return arm.with_payloads([make_payload(link, mass)])
+
+    per_kg = np.abs(ArmDynamics(with_load(1.0)).gravity(q) - ArmDynamics(arm).gravity(q))
+    mass = 0.6 / float((per_kg / COULOMB[name]).max())
+    one = BristledArm(arm, case, command='hand_guiding', true_arm=with_load(mass))
+    one.run(10.0)
+    assert np.abs(one.q - q).max() < 5e-3
+    assert one.loop.supervisor.fault_count == 0
+
+
+def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm() -> None:
+    one = guided(Case('ur10', 500, 2, 1e-3))
+    hand(one, 1, SPEED, 0.5)
+    hand(one, 1, 0.0, 3.0)
+    effort = one.run(0.1).effort
+    last = effort[~np.isnan(effort[:, 0])][-1]
+    assert last == pytest.approx(ArmDynamics(one.arm).gravity(one.q), abs=0.3)
+
+
+@pytest.mark.parametrize('rate', [100.0, 500.0])
+@pytest.mark.parametrize('name', ['panda', 'ur10', 'z1'])
+def test_a_strong_push_is_braked_and_held_within_the_position_limit(
+    name: str, rate: float,
+) -> None:
+    arm = smooth_arm(name)
+    q = middle(arm)
+    q[0] = arm.limits.upper[0] - 1.0
+    one = LockStep(arm, q=q, rate=rate, command='hand_guiding')
+    one.run(0.2)
+    speed = make_guiding(arm).speed
+    body = ArmDynamics(arm)
+    unit = np.zeros(len(one.q))
+    unit[0] = 0.9 * WALL_PUSH * (1.0 if rate > 200.0 else 0.3)
+    one.push = lambda t: body.mass_matrix(one.q) @ unit
+    trace = one.run(6.0)
+    assert np.abs(trace.v[:, 0]).max() < speed[0] + 1.0
+    assert (trace.q[:, 0] < arm.limits.upper[0] + 1e-3).all()
+    assert one.loop.supervisor.fault_count == 0
+    assert np.abs(trace.last(0.5).v[:, 0]).max() < 0.05
+
+
+def test_leaving_the_mode_holds_the_arm() -> None:
+    one = LockStep(smooth_arm('panda'), command='hand_guiding')
+    one.v = 0.2 * directions(7)
+    one.run(0.2)
+    assert one.loop.reference is None
+    supervisor, options = one.loop.supervisor, one.loop.controller.options
+    one.loop.set_options(replace(options, command='computed_torque'), supervisor.limiter.limits,
+                         supervisor.options)
+    one.run(2.0)
+    held = one.q
+    assert np.abs(one.run(1.0).q - held).max() < 1e-4
+
+
+def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint() -> None:
+    one = LockStep(smooth_arm('panda'), command='hand_guiding')
+    one.run(0.1)
+    one.v = 1.5 * directions(7)
+    wrong = np.where(np.arange(7) == 3, -1.0, 1.0)
+    one.sensor = lambda q, v: (q, wrong * v)
+    trace = one.run(2.0)
+    assert (np.abs(trace.v[100:]).max(axis=0) < 1.5).all()
+
+
+@pytest.mark.parametrize(('arguments', 'words'), [
+    ((0.9,), "hand_guiding.friction_share of 'joint1' is 0.9, expected at most 0.8"),
+    ((0.5, (), 0.6), "hand_guiding.feedback_gain of 'joint1' is 0.6, expected at most 0.5"),
+    ((0.5, [1.0, 2.0, 3.0]), 'hand_guiding.speed has 3 values'),
+    ((-0.1,), r'hand_guiding.friction_share is \[-0.1')])
+def test_illegal_options_are_named(arguments: tuple[Any, ...], words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        make_guiding(smooth_arm('default'), *arguments)

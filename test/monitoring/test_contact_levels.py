@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Contact levels: the promised rate of false alarms, and the delay of the detection."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from identification_bench import moves_with_pauses
+import numpy as np
+import pytest
+from recordings import encoded, START_NS, write_recording
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.arm_parameters import read_parameter_file
+from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.monitoring.contact_levels import (
+    ContactDetector,
+    ContactLevels,
+    detection_delay,
+    learn_contact_levels,
+)
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
+from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
+from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
+from wrong_arms import model_arm, true_arm, WrongModel
+from wrong_arms import RATE as LOOP_RATE
+
+ARMS = 'default', 'ur10', 'panda'
+TEN_MINUTES, HOUR = 600.0, 3600.0
+SPREAD = 3.0
+"""Largest allowed factor between the false alarms and the promise."""
+
+
+class Unseen(NamedTuple):
+    """Velocity and external effort (m, n) of an arm without contact."""
+
+    v: np.ndarray
+    r: np.ndarray
+
+
+def motion_of(model: ArmModel, arm: ArmModel, seconds: float, seed: int) -> Unseen:
+    rng = np.random.default_rng(seed)
+    motion = random_moves(model, seconds, rng)
+    return Unseen(motion.v, filtered(difference(model, arm, motion, rng)))
+
+
+def learned(model: ArmModel, arm: ArmModel, seed: int, per_hour: float = 1.0) -> ContactLevels:
+    seen = motion_of(model, arm, TEN_MINUTES, seed)
+    return learn_contact_levels(
+        np.arange(len(seen.v)) / RATE, seen.v, seen.r, model.joint_names, per_hour).levels
+
+
+def alarm_rate(name: str, seed: int, per_hour: float, hours: int) -> float:
+    """Return false alarms per hour on unseen motion, by the promise."""
+    model = model_arm(name)
+    arm = true_arm(model, np.random.default_rng(seed))
+    levels = learned(model, arm, 10 * seed + 1, per_hour)
+    count = 0
+    for hour in range(hours):
+        unseen = motion_of(model, arm, HOUR, 1000 * seed + hour)
+        count += alarms(levels, *unseen)
+    return count / hours / per_hour
+
+
+# ------------------------------------------------------------------------------ false alarms
+
+@pytest.mark.parametrize('name', ARMS)
+def test_false_alarms_on_unseen_motion_keep_the_promise(name: str) -> None:
+    """Twenty per hour, so that two hours of another motion are enough to count them."""
+    assert alarm_rate(name, 5, 20.0, 2) <= SPREAD
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('name', ARMS)
+def test_one_false_alarm_per_hour_in_ten_hours(name: str, seed: int) -> None:
+    assert alarm_rate(name, seed, 1.0, 10) <= SPREAD
+
+
+def test_the_promise_is_kept_for_an_exponential_tail() -> None:
+    """The law that the fit assumes: both sides of the factor."""
+    rng, n, rates = np.random.default_rng(0), 7, []
+    for _ in range(5):
+        v = np.abs(rng.normal(size=(6000, n)))
+        r = (1.0 + 0.5 * v) * rng.exponential(size=v.shape)
+        found = learn_contact_levels(
+            0.1 * np.arange(6000), v, r, [f'j{i}' for i in range(n)], 1.0).levels
+        assert np.median(found.per_velocity / found.effort) == pytest.approx(0.5, abs=0.3)
+        # exceeded with the probability exp(−θ / (1 + v/2)) per sample of 0.1 s
+        v = np.abs(rng.normal(size=(20000, n)))
+        rates.append(36000.0 * np.exp(-found.at(v) / (1.0 + 0.5 * v)).sum(axis=1).mean())
+    assert 1.0 / SPREAD < np.median(rates) < SPREAD
+
+
+def test_the_fast_estimate_is_that_of_the_observer() -> None:
+    model = model_arm('ur10')
+    rng = np.random.default_rng(3)
+    arm = true_arm(model, rng)
+    motion = random_moves(model, 20.0, rng)
+    effort = difference(model, arm, motion, rng)
+    fast = filtered(effort)
+    dynamics = ArmDynamics(model)
+    measured = effort + np.array([
+        dynamics.unchecked.rigid_body.inverse_dynamics(*state) + model.friction.smooth_effort(
+            state[1], np.zeros(6)) for state in zip(*motion)])
+    observer = ExternalEffort(dynamics, BANDWIDTH)
+    found = [observer.update(1.0 / RATE, *state) for state in zip(*motion[:2], measured)]
+    error = np.array(found[1:]) - fast[1:]
+    assert (error[50:].std(axis=0) < 0.3 * fast[50:].std(axis=0)).all()
+
+
+def test_the_count_of_the_test_is_that_of_the_detector() -> None:
+    rng = np.random.default_rng(1)
+    levels = ContactLevels(np.array([2.0, 0.0]), np.array([0.5, 0.0]))
+    v, r = rng.normal(size=(2, 5000, 2))
+    detector = ContactDetector(levels, ('a', 'b'))
+    found = [detector.update(1.0 / RATE, *state) for state in zip(v, r)]
+    contacts = [contact for contact in found if contact is not None]
+    assert len(contacts) == alarms(levels, v, r) > 5
+    assert {contact.joint for contact in contacts} == {'a'}  # b has no level
+    assert all(abs(contact.effort) > contact.level > 2.0 for contact in contacts)
+    for cause in ('payload', 'limit stop', 'stiction'):
+        assert cause in str(contacts[0])
+
+
+# ------------------------------------------------------------------------------ the delay
+
+def test_the_delay_of_an_exact_model_is_that_of_the_formula() -> None:
+    """At three rates of the states, and for any effort above the level."""
+    for rate in (100.0, 500.0, 1000.0):
+        for ratio in (1.05, 2.0, 10.0):
+            dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+            observer = ExternalEffort(dynamics, BANDWIDTH)
+            detector = ContactDetector(
+                ContactLevels(np.array([5.0, 5.0]), np.zeros(2)), ('a', 'b'))
+            q, zero = np.array([0.4, 0.3]), np.zeros(2)
+            hold, push = dynamics.gravity(q), np.array([0.0, 5.0 * ratio])
+            observer.update(1.0 / rate, q, zero, hold)
+            k = 0
+            while True:
+                k += 1
+                r = observer.update(1.0 / rate, q, zero, hold - push)
+                assert r is not None
+                if detector.update(1.0 / rate, zero, r) is not None:
+                    break
+            bound = float(detection_delay(5.0, 5.0 * ratio, BANDWIDTH)) + 1.0 / rate
+            assert bound - 1.0 / rate <= k / rate <= bound + 1e-9
+
+
+class Push(NamedTuple):
+    """A detected push: the delay, and the bounds without and with the error of the estimate."""
+
+    delay: float
+    formula: float
+    with_error: float
+
+
+def pushed(name: str, seed: int) -> Push:
+    """
+    Push an arm in lock-step by twice its level while it moves or rests.
+
+    Its twin with the same noise is not pushed: the effort of the push adds to that of the twin.
+    """
+    model = model_arm(name)
+    frame, period = tool_link(model), 1.0 / LOOP_RATE
+    twins = [WrongModel(model, np.random.default_rng(seed)) for _ in range(2)]
+    levels = learned(model, twins[0].plant.arm, seed + 50)
+    observers = [ExternalEffort(ArmDynamics(model), BANDWIDTH) for _ in twins]
+    detector, goal = ContactDetector(levels, model.joint_names), twins[0].goal()
+    for twin, observer in zip(twins, observers):
+        twin.follow(goal)
+        twin.rng = np.random.default_rng(seed)
+        for _ in range(round((0.6 + 0.5 * (seed % 4)) * LOOP_RATE)):
+            observer.update(period, *twin.step())
+    J = ExternalWrenchEstimator(ArmDynamics(model), observers[0], frame).jacobian(
+        twins[0].plant.q)
+    theta = levels.at(twins[0].plant.v)
+    F = np.random.default_rng(seed).normal(size=6)
+    joint = int(np.argmax(np.abs(J.T @ F) / theta))
+    F *= 2.0 * theta[joint] / np.abs(J.T @ F)[joint]
+    sign, tau = np.sign(J.T @ F)[joint], 2.0 * float(theta[joint])
+    wrench, errors = ExternalWrench(frame, F[:3], F[3:]), []
+    for _ in range(round(0.3 * LOOP_RATE)):
+        samples = twins[0].step([wrench]), twins[1].step()
+        r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
+        assert r is not None
+        assert error is not None
+        errors.append(sign * error[joint])
+        v = samples[0].v
+        if detector.update(period, v, r) is not None:
+            break
+    level = float(levels.at(v)[joint])
+    # 5 %: the effort of a wrench changes as the arm moves
+    bounds = ((level, tau), (level - min(errors), 0.95 * tau))
+    return Push(len(errors) * period, *(
+        float(detection_delay(one, effort, BANDWIDTH)) + period for one, effort in bounds))
+
+
+@pytest.mark.parametrize('name', ARMS)
+def test_the_delay_on_arms_with_friction_and_noise(name: str) -> None:
+    """The error of the estimate adds to the push, and may delay the detection."""
+    pushes = [pushed(name, seed) for seed in range(4)]
+    assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
+    assert np.mean([push.delay <= push.formula + 1e-9 for push in pushes]) >= 0.5
+
+
+# ------------------------------------------------------------------------------ files, bad input
+
+@pytest.fixture(scope='module')
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a recording of 70 s without contact, with noise, and the URDF."""
+    folder = tmp_path_factory.mktemp('contacts')
+    arm = load_arm(default_arm_urdf())
+    states = moves_with_pauses(arm, 100.0, 70.0)
+    effort = ArmDynamics(arm).inverse_dynamics_batch(states.q, states.v, states.a)
+    effort += np.random.default_rng(0).normal(size=effort.shape)
+    stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
+    write_recording(folder / 'bag', encoded(
+        stamps, arm.joint_names, states.q, states.v, effort))
+    (folder / 'arm.urdf').write_text(default_arm_urdf())
+    return folder
+
+
+def learn(folder: Path, *words: str) -> int:
+    return run('learn_contact_levels', make_parser().parse_args([
+        'learn_contact_levels', str(folder / 'bag'), '--urdf', str(folder / 'arm.urdf'), *words]))
+
+
+def test_the_verb_writes_a_parameter_file(
+    recording: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Without a node."""
+    path = recording / 'levels.yaml'
+    assert learn(recording, '-o', str(path)) == 0
+    assert 'extrapolated from 70 s' in capsys.readouterr().out
+    text = path.read_text(encoding='utf-8')
+    assert 'extrapolated' in text
+    parameters = read_parameter_file(path)
+    assert parameters['joints'] == ['joint1', 'joint2']
+    assert 1.0 < min(parameters['contact.effort']) < max(parameters['contact.effort']) < 10.0
+    assert learn(recording, '-o', str(path)) == 2  # the file exists
+    assert learn(recording, '--alarms-per-hour', '0') == 2
+    assert 'alarms_per_hour is 0, expected a number > 0' in capsys.readouterr().err
+
+
+def test_bad_motions_are_rejected() -> None:
+    t, v = np.arange(0.0, 100.0, 0.1), np.zeros((1000, 2))
+    with pytest.raises(InvalidInputError, match=r'lasts 10\.0 s, expected at least 60 s'):
+        learn_contact_levels(t[:100], v[:100], v[:100] + 1.0, ('a', 'b'))
+    with pytest.raises(InvalidInputError, match="external effort at 'a' is 0 throughout"):
+        learn_contact_levels(t, v, v, ('a', 'b'))

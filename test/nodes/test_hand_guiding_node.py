@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`command: hand_guiding`, `~/force_feedback` and `~/set_point` on running nodes."""
+
+from collections.abc import Iterator
+
+from closed_loop import closed_loop, NAMES, START
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+import pytest
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
+from sensor_msgs.msg import JointState
+
+LAW = {'command': 'hand_guiding', 'joints': NAMES, 'hand_guiding.feedback_gain': [0.5]}
+ARM = ArmDynamics(load_arm(default_arm_urdf()))
+
+
+def is_at_rest(message: JointState) -> bool:
+    return bool(np.abs(message.velocity).max() < 1e-3)
+
+
+def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client: RosClient) -> None:
+    with client.collect(JointState, '/guided/joint_states') as states, \
+            closed_loop('/guided', LAW, rate=500.0):
+        states.wait_count(200)
+        assert states.messages[-1].position == pytest.approx(START, abs=1e-4)
+        push = WrenchStamped()
+        push.header.frame_id = 'tool0'
+        push.wrench.force.z = 5.0
+        wrenches = client.publisher(WrenchStamped, '/guided/simulated_arm/external_wrench')
+        wrenches.publish(push)
+        moved = states.wait_for(
+            lambda m: np.abs(np.subtract(m.position, START)).max() > 0.3, LONG)
+        wrenches.publish(WrenchStamped(header=push.header))
+        speeds = np.abs([m.velocity for m in states.messages])
+        assert moved
+        assert speeds.max() < 2.0
+        result, = client.set_parameters('/guided/dynamics', {'command': 'computed_torque'})
+        assert result.successful
+        wait_until(lambda: is_at_rest(states.messages[-1]), 'rest', LONG)
+        held = states.messages[-1].position
+        states.wait_count(len(states.messages) + 200)
+        assert states.messages[-1].position == pytest.approx(held, abs=0.01)
+
+
+@pytest.fixture
+def guided(client: RosClient) -> Iterator[NodeProcess]:
+    with closed_loop('/felt', LAW, rate=250.0, lock_step=False) as node:
+        yield node
+
+
+def test_a_force_is_felt_and_ends_with_its_messages(
+    client: RosClient, guided: NodeProcess,
+) -> None:
+    force = JointState(name=['gripper', *NAMES[::-1]], effort=[1.0, -0.6, 0.4])
+    publisher = client.publisher(JointState, '/felt/dynamics/force_feedback')
+
+    def excess(message: JointState) -> np.ndarray:
+        at = states.messages[-1].position
+        return np.subtract(message.effort, ARM.gravity(at))
+
+    with client.collect(JointState, '/felt/joint_states') as states, \
+            client.collect(JointState, '/felt/effort_command') as efforts:
+        states.wait_count(100)
+        efforts.wait_count(100)
+
+        def is_felt() -> bool:
+            publisher.publish(force)
+            return bool(np.allclose(excess(efforts.messages[-1]), [0.2, -0.3], atol=0.1))
+        wait_until(is_felt, 'the force', LONG)
+        wait_until(lambda: bool(np.abs(excess(efforts.messages[-1])).max() < 0.1), 'its end', LONG)
+        publisher.publish(JointState(name=['joint1'], effort=[1.0]))
+        wait_until(lambda: "name leaves out ['joint2']" in guided.log, 'the refusal', LONG)
+        publisher.publish(JointState(name=NAMES, effort=[1.0, float('nan')]))
+        wait_until(lambda: 'effort[1] (joint2) is nan' in guided.log or (
+            'name leaves out' in guided.log), 'the refusal', LONG)
+
+
+def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
+    client: RosClient,
+) -> None:
+    """Nodes and remappings are those of leader_and_follower.launch.py."""
+    effort = '/follower/dynamics/external_effort'
+    leader = NodeProcess(DYNAMICS, LAW, namespace='/leader', arguments=(
+        '--ros-args', '-r', f'~/force_feedback:={effort}', '-r',
+        f'~/force_feedback_deviation:={effort}_deviation'))
+    follower = NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/follower', arguments=(
+        '--ros-args', '-r', '~/set_point:=/leader/joint_states'))
+    arms = [NodeProcess(SIMULATED_ARM, {'rate': 250.0, 'initial_position': START}, namespace=name)
+            for name in ('/leader', '/follower')]
+    push = WrenchStamped()
+    push.header.frame_id = 'tool0'
+
+    def error() -> float:
+        at = [one.messages[-1].position for one in (led, followed)]
+        return float(np.abs(np.subtract(*at)).max())
+
+    with client.collect(JointState, '/leader/joint_states') as led, \
+            client.collect(JointState, '/follower/joint_states') as followed, \
+            client.collect(JointState, '/leader/effort_command') as efforts, \
+            running(leader, follower, *arms):
+        for one in (led, followed, efforts):
+            one.wait_count(100)
+        push.wrench.force.z = 3.0
+        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(push)
+        wait_until(lambda: np.abs(np.subtract(led.messages[-1].position, START)).max() > 0.3,
+                   'a motion of the leader', LONG)
+        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(
+            WrenchStamped(header=push.header))
+        wait_until(lambda: is_at_rest(led.messages[-1]) and error() < 0.01, 'the follower', LONG)
+        push.wrench.force.z = 10.0
+        client.publisher(WrenchStamped, '/follower/simulated_arm/external_wrench').publish(push)
+
+        def is_felt() -> bool:
+            at = led.messages[-1].position
+            return bool(np.abs(np.subtract(efforts.messages[-1].effort, ARM.gravity(at))).max() > 1)
+        wait_until(is_felt, 'the push at the leader', LONG)
+
+
+def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client: RosClient) -> None:
+    goal = [START[0] - 0.3, START[1] + 0.2]
+    with client.collect(JointState, '/moved/joint_states') as states, \
+            closed_loop('/moved', {'joints': NAMES}) as node:
+        states.wait_count(50)
+        publisher = client.publisher(JointState, '/moved/dynamics/set_point')
+        publisher.publish(JointState(name=NAMES, position=[0.1]))
+        wait_until(lambda: 'position has 1 values, expected 2' in node.log, 'a refusal', LONG)
+        publisher.publish(JointState(
+            name=['gripper', *NAMES], position=[0.0, *goal], velocity=[0.0] * 3))
+        states.wait_for(lambda m: np.abs(np.subtract(m.position, goal)).max() < 1e-3, LONG)
+
+
+def test_illegal_options_are_refused_by_name(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/illegal') as node:
+        for name, value in (('hand_guiding.friction_share', [0.9]),
+                            ('hand_guiding.feedback_gain', [0.6]),
+                            ('hand_guiding.speed', [1.0, 2.0, 3.0])):
+            result, = client.set_parameters('/illegal/dynamics', {name: value})
+            assert not result.successful
+            assert name in result.reason
+        assert 'Traceback' not in node.log

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Teach by hand, record, and play back, as docs/hand_guiding.md describes it."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+from children import run, TIMEOUT
+from closed_loop import START
+from geometry_msgs.msg import WrenchStamped
+import numpy as np
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
+from sensor_msgs.msg import JointState
+
+EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'play_back.py'
+RECORD = [sys.executable, '-m', 'robot_dynamics.tools.ros2_dynamics', 'record', 'joint_states']
+
+
+def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> None:
+    def push(z: float) -> None:
+        message = WrenchStamped()
+        message.header.frame_id, message.wrench.force.z = 'tool0', z
+        client.publisher(WrenchStamped, '/simulated_arm/external_wrench').publish(message)
+
+    nodes = running(
+        NodeProcess(DYNAMICS, {
+            'command': 'hand_guiding', 'condition_references': True, 'scale_gains': True}),
+        NodeProcess(SIMULATED_ARM, {'rate': 250.0, 'initial_position': START}))
+    with client.collect(JointState, '/joint_states') as states, nodes:
+        states.wait_count(100)
+        bag = tmp_path / 'taught'
+        recorder = subprocess.Popen([*RECORD, '--output', str(bag), '--duration', '6'])
+        wait_until(bag.exists, 'the recording', LONG)
+        push(3.0)
+        wait_until(lambda: np.abs(np.subtract(states.messages[-1].position, START)).max() > 0.3,
+                   'a motion', LONG)
+        push(0.0)
+        assert recorder.wait(TIMEOUT) == 0
+        last = states.messages[-1].position
+        result, = client.set_parameters('/dynamics', {'command': 'computed_torque'})
+        assert result.successful
+        begin = len(states.messages)
+        done = run([sys.executable, str(EXAMPLE), str(bag)], stdout=subprocess.PIPE,
+                   stderr=subprocess.STDOUT, text=True, timeout=TIMEOUT)
+        assert done.returncode == 0, done.stdout
+        wait_until(lambda: np.abs(np.subtract(states.messages[-1].position, last)).max() < 0.02,
+                   'the last position', LONG)
+        played = np.array([m.position for m in states.messages[begin:]])
+        assert np.abs(played - START).max(axis=1).min() < 0.02
