@@ -10,7 +10,8 @@ from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.cartesian import make_cartesian
+from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
+from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
@@ -31,6 +32,8 @@ WALL_STIFFNESS = (1e4, 1e5, 1e6)
 """[N/m]"""
 DEPTH = 0.03
 """[m] of the reference behind the wall, and of the start before it."""
+DIVERGED = 100.0
+"""[rad/s] at which a run ends."""
 FINE = 50
 """Steps of the plant per ms in contact."""
 
@@ -41,10 +44,35 @@ def rotored(arm: ArmModel, least: float = 0.0) -> ArmModel:
     return arm.with_reflected_inertia(np.maximum(ROTORS * limit, least))
 
 
+class UnitMass(ControlLaw):
+    """
+    The same spring with the damping D = 2√K, which is critical for a mass of 1 kg.
+
+    The posture has 5 N·m/rad in the null space, and its damping 2√5. Nothing scales the gains.
+    """
+
+    def __init__(self, cartesian: Cartesian) -> None:
+        self._K, self._kinematics = cartesian.stiffness, cartesian.kinematics()
+
+    def effort(self, state: LawInput) -> FloatArray:
+        """Return C q̇ + g + Jᵀ (K e − D J q̇), and the effort of the posture."""
+        e_q, body = state.position_error, state.dynamics.rigid_body
+        p_ref, R_ref = self._kinematics.pose(state.q + e_q)
+        p, R, J = self._kinematics.jacobian(state.q)
+        e = np.concatenate([p_ref - p, rotation_vector(R_ref @ R.T)])
+        posture = 5.0 * e_q - 2.0 * np.sqrt(5.0) * state.v
+        N = np.eye(len(e_q)) - np.linalg.pinv(J) @ J
+        return body.nonlinear(state.q, state.v) + N @ posture + J.T @ (
+            self._K * e - 2.0 * np.sqrt(self._K) * (J @ state.v))
+
+
 class CartesianArm:
     """An arm without friction, with states at a rate [Hz] and efforts `delay` [ms] late."""
 
-    def __init__(self, robot: str, rate: int, delay: int, rotors: bool) -> None:
+    def __init__(
+        self, robot: str, rate: int, delay: int, rotors: bool, unit_mass: bool = False,
+    ) -> None:
+        """With `unit_mass` under the law `UnitMass`."""
         arm = smooth_arm(robot)
         self.arm = rotored(arm) if rotors else arm
         self.cartesian = make_cartesian(self.arm)
@@ -53,7 +81,8 @@ class CartesianArm:
         self.controller = Controller(self.arm, ControllerOptions(
             make_gains(arm.joint_names), command='cartesian_impedance',
             cartesian=self.cartesian, scales_gains=True, stops_and_holds=True,
-            effort_rate=default_effort_rates(arm)))
+            effort_rate=default_effort_rates(arm)),
+            law=UnitMass(self.cartesian) if unit_mass else None)
         self.q = np.array(POSES.get(robot, middle(arm)))
         self.v = np.zeros_like(self.q)
         self._period, self._delay, self._k = round(1e3 / rate), delay, 0
@@ -77,6 +106,8 @@ class CartesianArm:
                 self.q, self.v = self.q + 0.5 * h * (self.v + v), v
             rows.append((self.q, self.v))
             self._k += 1
+            if not np.abs(self.v).max() < DIVERGED:
+                break
         return np.array(rows)
 
     def follow(self, translation: FloatArray, rotation: FloatArray) -> None:
@@ -98,6 +129,18 @@ class CartesianArm:
             moved = np.concatenate([p_now - p, rotation_vector(R_now @ R.T)])
             way.append(moved[axis] / size)
         return np.array(way)
+
+    def pushed(self, axis: int, force: float, pulse: float, seconds: float) -> FloatArray:
+        """Push the frame along an axis for `pulse` [s]; return its displacement (m,) [m]."""
+        self.run(0.1)
+        start = self.kinematics.pose(self.q)[0][axis]
+        self.push = lambda q: force * self.kinematics.jacobian(q)[2][axis]
+        rows = [self.run(pulse)]
+        self.push = lambda q: 0.0
+        if np.abs(self.v).max() < DIVERGED:
+            rows.append(self.run(seconds - pulse))
+        return np.array([
+            self.kinematics.pose(q)[0][axis] - start for q, _ in np.concatenate(rows)])
 
     def press_on_a_wall(self, stiffness: float) -> FloatArray:
         """
