@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`command: cartesian_impedance` on running nodes: poses, refusals, a load, and the verb `pose`."""
+"""`command: cartesian_impedance` on running nodes: poses, refusals, a load, the verb `pose`."""
 
 from collections.abc import Iterator, Sequence
 import json

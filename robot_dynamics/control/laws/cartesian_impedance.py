@@ -18,7 +18,8 @@ A K Aᵀ + ω_n² N = V Ω² Vᵀ contains the double diagonalisation of Λ and 
 because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c) Vᵀ Lᵀ with
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
-the limit is away, is braked (`limited`).
+the limit is away, is braked, and so is one that is faster than its reference and than SPEED_SHARE
+of its velocity limit (`limited`).
 """
 
 import numpy as np
@@ -39,6 +40,8 @@ LENGTH, SINGULAR = 0.25, 0.1
 """[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
 """[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
+SPEED_SHARE = 0.5
+"""Share of the velocity limit above which a push has to overcome the brake."""
 LEAST_FREQUENCY = 2.0
 """[rad/s] at which directions with little stiffness are damped at least."""
 
@@ -60,6 +63,7 @@ class CartesianImpedance(ModalImpedance):
         limits = cartesian.arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
+        self._fastest = SPEED_SHARE * limits.velocity
         self._turn: tuple[int, FloatArray] | None = None
         """The stamp and the rotation (3, 3) to which the spring turns."""
 
@@ -119,14 +123,17 @@ class CartesianImpedance(ModalImpedance):
 
     def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
         """
-        Return the effort (n,) that brakes joints before their limits.
+        Return the effort (n,) that brakes joints before their limits of position and velocity.
 
-        With D it is critically damped at Ω_c. A reference beyond the margin is no limit of its
-        joint: the arm follows it undisturbed.
+        With D it is critically damped at Ω_c. A reference beyond the margin, or faster, is no
+        limit of its joint: the arm follows it undisturbed.
         """
-        rate = 0.5 * self.largest_frequency
-        above = -e_dot - rate * np.maximum(self._upper - state.q, e)
-        below = e_dot - rate * np.maximum(state.q - self._lower, -e)
+        assert state.v is not None
+        rate, v, fastest = 0.5 * self.largest_frequency, state.v, self._fastest
+        above = np.maximum(
+            -e_dot - rate * np.maximum(self._upper - state.q, e), np.minimum(v - fastest, -e_dot))
+        below = np.maximum(
+            e_dot - rate * np.maximum(state.q - self._lower, -e), np.minimum(-fastest - v, e_dot))
         a = self._brake * (np.maximum(below, 0.0) - np.maximum(above, 0.0))
         return np.asarray(self._M @ a) if a.any() else 0.0
 
