@@ -64,8 +64,8 @@ class CartesianImpedance(ModalImpedance):
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
         self._fastest = SPEED_SHARE * limits.velocity
-        self._turn: tuple[int, FloatArray] | None = None
-        """The stamp and the rotation (3, 3) to which the spring turns."""
+        self._turn: tuple[int, FloatArray, FloatArray] = 0, np.zeros(3), np.eye(3)
+        """The last stamp, rotation (3,) of the spring, and rotation (3, 3) of the frame."""
 
     def stiffness(self, M: FloatArray) -> FloatArray:
         """Return the diagonal of K at the last state; before, that of the closed loop."""
@@ -144,12 +144,17 @@ class CartesianImpedance(ModalImpedance):
         The shortest way from R to R_ref jumps at 180°. The spring therefore does not turn to R_ref
         at once, but from its last rotation.
         """
-        last, dt = R, 0.0
-        if self._turn is not None and 0.0 <= 1e-9 * (stamp_ns - self._turn[0]) <= LONGEST_STEP:
-            last, dt = self._turn[1], 1e-9 * (stamp_ns - self._turn[0])
-        turned = rotation_matrix(_at_most(SLEW * dt, rotation_vector(R_ref @ last.T))) @ last
-        error = _at_most(LARGEST_ANGLE, rotation_vector(turned @ R.T))
-        self._turn = stamp_ns, rotation_matrix(error) @ R
+        error, (last_ns, before, last) = rotation_vector(R_ref @ R.T), self._turn
+        dt = 1e-9 * (stamp_ns - last_ns)
+        change = error - before
+        if not 0.0 <= dt <= LONGEST_STEP:
+            error = np.zeros(3)
+        elif error @ error > LARGEST_ANGLE**2 or change @ change > (SLEW * dt)**2:
+            last = rotation_matrix(before) @ last
+            turn = _at_most(SLEW * dt, rotation_vector(R_ref @ last.T))
+            error = _at_most(
+                LARGEST_ANGLE, rotation_vector(rotation_matrix(turn) @ last @ R.T))
+        self._turn = stamp_ns, error, R
         return error
 
 
