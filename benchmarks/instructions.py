@@ -76,6 +76,7 @@ MODES = {
     'trajectory': ('computed_torque', COMMAND_TOPIC),
     'hand_guiding': ('hand_guiding', COMMAND_TOPIC),
     'joint_impedance': ('joint_impedance', COMMAND_TOPIC),
+    'cartesian_impedance': ('cartesian_impedance', COMMAND_TOPIC),
     FEED_FORWARD: ('computed_torque', FEED_FORWARD)}
 """The parameter `command`, and the topic at whose message counting ends."""
 ENVIRONMENT = {

@@ -63,7 +63,8 @@ Modes that need joint states at least at this rate [Hz].
 Steps of slower commands are ripples of the velocity of a drive; late gravity compensation is
 unstable without feedback.
 """
-COMMANDS = ('computed_torque', 'joint_impedance', HAND_GUIDING, FEED_FORWARD)
+COMMANDS = (
+    'computed_torque', 'joint_impedance', 'cartesian_impedance', HAND_GUIDING, FEED_FORWARD)
 SHOWN = 10
 """Bad runs that are listed."""
 STYLES = dict(zip(ARMS, (

@@ -38,6 +38,7 @@ from benchmarks.safe_motion_scene import AT_GOAL, Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import NO_COMMAND
+from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
@@ -272,10 +273,12 @@ def static_sag(scene: Scene) -> FloatArray:
     """
     Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
 
-    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e; or that of
-    drives with the stiffness k_p, at which known dry friction can hold the arm besides.
+    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e; that of
+    the stiffness K of a Cartesian impedance; or that of drives with the stiffness k_p, at which
+    known dry friction can hold the arm besides.
     """
-    e, drives = np.zeros(scene.arm.joint_count), scene.drives
+    e: FloatArray = np.zeros(scene.arm.joint_count)
+    drives = scene.drives
     held = e if drives is None else scene.arm.friction.at_rest.static / drives.stiffness
     if not scene.has_unknown_load or scene.goal is None:
         return held
@@ -284,9 +287,12 @@ def static_sag(scene: Scene) -> FloatArray:
     for _ in range(TRIES):
         q = scene.goal - e
         e = _acceleration(scene.arm, scene.arm, scene.plant.arm, q) / kp
+        law = controller._own_law
+        g, g_0 = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
         if drives is not None:
-            g = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
-            e = np.subtract(*g) / drives.stiffness
+            e = (g - g_0) / drives.stiffness
+        elif isinstance(law, CartesianImpedance):
+            e = np.asarray(np.linalg.solve(law.gains(controller.dynamics, q)[0], g - g_0))
     return SAG_TOLERANCE * np.abs(e) + held
 
 

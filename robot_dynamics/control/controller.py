@@ -19,6 +19,7 @@ from robot_dynamics.control.control_output import ControlOutput, non_finite_effo
 from robot_dynamics.control.followed_reference import FollowedReference
 from robot_dynamics.control.gains.adaptation import Adaptation
 from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
+from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -47,6 +48,7 @@ from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 LAWS: dict[str, LawFactory] = {
+    'cartesian_impedance': CartesianImpedance,
     'computed_torque': ComputedTorque,
     'gravity_compensation': GravityCompensation,
     'hand_guiding': HandGuiding,

@@ -25,6 +25,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller, NO_COMMAND, Prepared
+from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.laws.guiding import make_guiding
@@ -159,7 +160,7 @@ class ControlLoop:
         defaults: dict[str, Any] = {
             'gains': make_gains(arm.joint_names),
             'impedance': make_impedance(arm.joint_names, arm.limits.effort),
-            'guiding': make_guiding(arm), 'effort_rate': (
+            'guiding': make_guiding(arm), 'cartesian': make_cartesian(arm), 'effort_rate': (
                 rates if arm.drive is None else arm.drive.scale * rates),
             'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
             'estimates_velocity': True, 'checks_goals': True}

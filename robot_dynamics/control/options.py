@@ -9,6 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.cartesian import Cartesian
 from robot_dynamics.control.laws.error_feedback import Gains
 from robot_dynamics.control.laws.guiding import Guiding
 from robot_dynamics.control.laws.impedance import Impedance
@@ -66,6 +67,8 @@ class ControllerOptions:
     """Stiffness and damping ratio of the law `joint_impedance`, which requires them."""
     guiding: Guiding | None = None
     """Options of the law `hand_guiding`, which requires them."""
+    cartesian: Cartesian | None = None
+    """Options of the law `cartesian_impedance`, which requires them."""
     drive_stiffness: FloatArray | None = None
     """k_p (n,) [N·m/rad] or [N/m] of drives that move the arm with `FeedForward`."""
 

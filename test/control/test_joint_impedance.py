@@ -19,7 +19,8 @@ import pytest
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import LEAST_RATIO
 from robot_dynamics.control.laws.impedance import make_impedance
-from robot_dynamics.control.laws.joint_impedance import JointImpedance, LARGEST_FREQUENCY
+from robot_dynamics.control.laws.joint_impedance import JointImpedance
+from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError

@@ -8,6 +8,16 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import command_modes
+from robot_dynamics.control.laws.cartesian import (
+    FORCE_LIMIT,
+    LARGEST_NULL_SPACE_FREQUENCY,
+    LARGEST_WRENCH,
+    make_cartesian,
+    NULL_SPACE_FREQUENCY,
+    ROTATION_STIFFNESS,
+    TORQUE_LIMIT,
+    TRANSLATION_STIFFNESS,
+)
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
@@ -61,6 +71,7 @@ from robot_dynamics.ros.parameters.robot_description import (
     ROBOT_GRAVITY_SPEC,
     UNCERTAINTY_SPECS,
 )
+from robot_dynamics.validation import LARGEST_VALUE
 
 GOAL_SPECS = (
     numbers('goal.path_tolerance', 0.0, 1e9, (
@@ -139,7 +150,7 @@ SPECS = (
     *PAYLOAD_SPECS,
     text('command', 'computed_torque', (
         'Control law whose efforts effort_command contains; none publishes no command. '
-        'computed_torque and joint_impedance stop the arm from the first joint state and hold it; '
+        'computed_torque and the impedances stop the arm from the first joint state and hold it; '
         'gravity_compensation does not hold it, hand_guiding lets it be moved by hand. Other '
         'packages may add laws.'),
         choices=command_modes()),
@@ -175,6 +186,25 @@ SPECS = (
     numbers('hand_guiding.feedback_gain', 0.0, LARGEST_FEEDBACK_GAIN, (
         'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for all '
         'joints or one per joint.'), default=[DEFAULT_FEEDBACK_GAIN]),
+    text('cartesian.frame', '', (
+        'Link whose origin cartesian_impedance and ~/pose_reference control. If empty, the last '
+        'link that most joints move.')),
+    numbers('cartesian.translation_stiffness', 0.0, LARGEST_VALUE, (
+        'Stiffness [N/m] of cartesian_impedance; one value for all axes or one per axis of the '
+        'base frame.'), default=[TRANSLATION_STIFFNESS]),
+    number('cartesian.rotation_stiffness', ROTATION_STIFFNESS, 0.0, LARGEST_VALUE, (
+        'Stiffness [N·m/rad] of cartesian_impedance.')),
+    number('cartesian.damping_ratio', DEFAULT_DAMPING_RATIO, LEAST_DAMPING_RATIO, 1e4, (
+        'Damping ratio of cartesian_impedance in each direction, with the inertia in the present '
+        'configuration.')),
+    number('cartesian.null_space_frequency', NULL_SPACE_FREQUENCY, 0.0,
+           LARGEST_NULL_SPACE_FREQUENCY, (
+               'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not '
+               'move the frame.')),
+    number('cartesian.force_limit', FORCE_LIMIT, 0.0, LARGEST_WRENCH, (
+        'Largest force [N] of the spring of cartesian_impedance.')),
+    number('cartesian.torque_limit', TORQUE_LIMIT, 0.0, LARGEST_WRENCH, (
+        'Largest torque [N·m] of the spring of cartesian_impedance.')),
     flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
         'false, the arm can oscillate.')),
@@ -218,6 +248,10 @@ GAINS = ('gains.natural_frequency', 'gains.damping_ratio', 'gains.kp', 'gains.kd
 IMPEDANCE = ('impedance.stiffness', 'impedance.damping_ratio', 'impedance.damping')
 GUIDING = ('hand_guiding.friction_share', 'hand_guiding.speed', 'hand_guiding.feedback_gain')
 
+CARTESIAN = (
+    'frame', 'translation_stiffness', 'rotation_stiffness', 'damping_ratio',
+    'null_space_frequency', 'force_limit', 'torque_limit')
+
 
 def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
     """Return checked options; raise InvalidInputError if they do not match the arm."""
@@ -239,6 +273,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         impedance=make_impedance(
             arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
         guiding=make_guiding(arm, *(values[name] for name in GUIDING)),
+        cartesian=make_cartesian(arm, *(values[f'cartesian.{name}'] for name in CARTESIAN)),
         drive_stiffness=optional_values('drive.stiffness', values, arm))
 
 

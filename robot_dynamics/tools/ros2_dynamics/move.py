@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`ros2 dynamics move`: publish a goal, wait until the node has reached it, report the errors."""
+"""`ros2 dynamics move`, `pose`: publish a goal, wait until it is reached, report the errors."""
 
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,6 +12,7 @@ import time
 from typing import Any, NoReturn
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
 import numpy as np
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
@@ -118,9 +119,13 @@ class MotionWatch:
         if self._status != 'none':
             client.wait(lambda: self.reference is not None, _REFERENCE_TIME)
 
-    def wait_taken(self, goal: Sequence[float], publish: Callable[[], None]) -> None:
+    def wait_taken(
+        self, goal: Sequence[float] | None, publish: Callable[[], None],
+    ) -> Sequence[float]:
         """
-        Publish a goal and wait until the node has accepted it.
+        Publish a goal, wait until the node has accepted it, and return it.
+
+        Without a `goal` of the joints it is the one that the node has computed.
 
         Raises ToolError with the reason of a rejection or if the node has accepted only another
         goal, NoAnswerError.
@@ -133,7 +138,8 @@ class MotionWatch:
             if self.rejections != known:
                 raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
             accepted, newest = self._accepted
-            return accepted > count and self.reference is not None and self.is_at(goal, newest)
+            return accepted > count and self.reference is not None and (
+                goal is None or self.is_at(goal, newest))
 
         if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
             if self._accepted[0] > count:
@@ -141,7 +147,8 @@ class MotionWatch:
             raise NoAnswerError(
                 f'{self._client.name} neither accepts nor rejects the goal; its status '
                 f'`reference` is: {self._status}')
-        self._goal = goal
+        self._goal = self._accepted[1] if goal is None else goal
+        return self._goal
 
     def _raise_replaced(self) -> NoReturn:
         raise ToolError(
@@ -250,16 +257,49 @@ def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
         data = {'node': client.name, 'joint_names': names, 'goal': goal, 'duration': duration}
         if arguments.no_wait:
             return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')
-        position = watch.measured()
-        error = watch.error(goal, position).tolist()
-        units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
-        data |= {'shortfall': shortfall, 'position': position, 'error': error}
-        return Answer(
-            data, f'{client.name} reached the end of a motion of {duration:.2f} s\n'
-            + units.table(names, {
-                f'goal [{units.position}]': goal, f'position [{units.position}]': position,
-                f'error [{units.error}]': [1e3 * each for each in error]})
-            + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
+        return _reached(watch, data, f'the end of a motion of {duration:.2f} s', kinds)
+
+
+def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Move the frame of the node to a pose, and return the position that the joints reached."""
+    names, kinds = client.joint_names(), client.joint_kinds()
+    message = PoseStamped()
+    message.header.frame_id = arguments.frame_id or client.base_link()
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = arguments.translation
+    turn.x, turn.y, turn.z, turn.w = _quaternion(arguments.rpy) if arguments.rpy else [0.0] * 4
+    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    with watch.following(), publication(client, PoseStamped, '~/pose_reference') as publish:
+        watch.wait_ready()
+        goal = watch.wait_taken(None, lambda: publish(message))
+        data = {'node': client.name, 'joint_names': names, 'goal': list(goal)}
+        if arguments.no_wait:
+            return Answer(data, f'{client.name} moves to the pose')
+        watch.wait_end(goal, lambda _: None)
+        return _reached(watch, data, 'the pose', kinds)
+
+
+def _quaternion(rpy: Sequence[float]) -> list[float]:
+    """Return x y z w of R = R_z(yaw) R_y(pitch) R_x(roll), with angles [rad] as in a URDF."""
+    (r, p, y), (c_r, c_p, c_y) = (f(0.5 * np.array(rpy)).tolist() for f in (np.sin, np.cos))
+    return [r * c_p * c_y - c_r * p * y, c_r * p * c_y + r * c_p * y,
+            c_r * c_p * y - r * p * c_y, c_r * c_p * c_y + r * p * y]
+
+
+def _reached(
+    watch: MotionWatch, data: dict[str, Any], what: str, kinds: Mapping[str, str],
+) -> Answer:
+    """Return the answer of a motion that has ended at data['goal']."""
+    names, goal, position = data['joint_names'], data['goal'], watch.measured()
+    error = watch.error(goal, position).tolist()
+    units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
+    data |= {'shortfall': shortfall, 'position': position, 'error': error}
+    return Answer(
+        data, f'{data["node"]} reached {what}\n'
+        + units.table(names, {
+            f'goal [{units.position}]': goal, f'position [{units.position}]': position,
+            f'error [{units.error}]': [1e3 * each for each in error]})
+        + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
 
 
 def _move_by_topic(
@@ -317,12 +357,18 @@ def goal_publication(
     plans the motion from its present reference. Raises NoAnswerError without a subscription of
     the node.
     """
-    topic, node = client.resolve('~/joint_trajectory'), client.node
     message = goal_message(client, names)
-    publisher = node.create_publisher(JointTrajectory, topic, _RELIABLE)
+    with publication(client, JointTrajectory, '~/joint_trajectory') as publish:
+        yield lambda goal, duration: publish(message(goal, duration))
 
-    def publish(goal: Sequence[float], duration: float) -> None:
-        publisher.publish(message(goal, duration))
+
+@contextmanager
+def publication(
+    client: DynamicsClient, message_type: type, topic: str,
+) -> Iterator[Callable[[Any], None]]:
+    """Yield a function that publishes, once the node and all others have subscribed."""
+    topic, node = client.resolve(topic), client.node
+    publisher = node.create_publisher(message_type, topic, _RELIABLE)
 
     def has_subscriber() -> bool:
         subscriptions = node.get_subscriptions_info_by_topic(topic)
@@ -334,6 +380,6 @@ def goal_publication(
         if not client.wait(has_subscriber):
             raise NoAnswerError(
                 f'{client.name} does not subscribe to {topic} in {client.timeout:g} s')
-        yield publish
+        yield publisher.publish
     finally:
         node.destroy_publisher(publisher)

@@ -14,7 +14,8 @@ EFFECTS = {
     'gravity_compensation': 'the arm can be moved by hand, and is not held',
     'computed_torque': 'the arm stops and is held',
     'hand_guiding': 'the arm can be moved by hand, and friction holds it',
-    'joint_impedance': 'the arm stops, and springs hold it'}
+    'joint_impedance': 'the arm stops, and springs hold it',
+    'cartesian_impedance': 'the arm stops, and springs hold its frame'}
 """What a node does after the change to a law of this package."""
 
 

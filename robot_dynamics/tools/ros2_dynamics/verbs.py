@@ -134,6 +134,20 @@ def _move_arguments(parser: argparse.ArgumentParser) -> None:
         help='Return as soon as the node follows the motion, and do not wait for its end.')
 
 
+def _pose_arguments(parser: argparse.ArgumentParser) -> None:
+    _add(parser, complete_nothing, 'translation', nargs=3, type=float, metavar=('X', 'Y', 'Z'),
+         help='Translation of the frame of the node (its parameter cartesian.frame) [m]')
+    _add(parser, complete_nothing, '--rpy', nargs=3, type=float, metavar=('R', 'P', 'Y'),
+         help='Rotation as roll, pitch and yaw [rad], as in a URDF. The default is the present '
+              'rotation.')
+    _add(parser, complete_links, '--frame-id', default='', metavar='LINK',
+         help='Link that no joint moves, in whose frame the pose is given. The default is the '
+              'root link of the URDF.')
+    parser.add_argument(
+        '--no-wait', action='store_true',
+        help='Return as soon as the node follows the motion, and do not wait for its end.')
+
+
 def _retime_arguments(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_nothing, 'file', type=Path, metavar='FILE',
          help='Trajectory file (YAML, a trajectory_msgs/JointTrajectory)')
@@ -249,6 +263,9 @@ VERBS: Mapping[str, Verb] = {
     'move': Verb(
         'Move the arm to a position, and report the position that it reached', _move_arguments,
         'move'),
+    'pose': Verb(
+        'Move a link to a pose, and report the position that the joints reached',
+        _pose_arguments, 'move'),
     'stop': Verb(
         'Stop the arm within its limits, and hold it', _no_arguments, 'orders'),
     'command': Verb(

@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Draw docs/images/cartesian_steps.png: steps and pushes with `cartesian_impedance` and D = 2√K.
+
+The steps are those that test/control/test_cartesian_impedance.py checks, with rotors: without
+rotors D = 2√K diverges for most arms. The largest values are printed.
+"""
+
+from pathlib import Path
+import sys
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.reporting.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    styled_figure,
+    VERMILION,
+)
+
+sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
+from cartesian_arm import CartesianArm, ROBOTS  # noqa: E402
+
+CONDITIONS = ((1000, 0), (250, 8))
+"""Rate of the joint states [Hz], and delay of the efforts [ms]."""
+COLORS = dict(zip(ROBOTS, (BLUE, ORANGE, GREEN, PURPLE, VERMILION)))
+SECONDS = 1.2
+FORCE, PULSE = 20.0, 0.3
+"""Of a push [N], [s]."""
+MOTIONS = ('step of 5 cm', 'step of 0.3 rad', 'push of 20 N for 0.3 s')
+LIMITS = ((-0.1, 1.4), (-0.1, 1.4), (-0.05, 0.08))
+
+
+def run(arm: CartesianArm, motion: str) -> FloatArray:
+    """Return the share of the way, or the displacement [m], for each ms."""
+    if motion == MOTIONS[0]:
+        return arm.step(2, 0.05, SECONDS)
+    return arm.step(4, 0.3, SECONDS) if motion == MOTIONS[1] else (
+        arm.pushed(1, FORCE, PULSE, SECONDS))
+
+
+def main(directory: Path) -> None:
+    """Write the picture into a directory."""
+    with styled_figure(12.0, 6.4) as figure:
+        grid = figure.subplots(len(CONDITIONS), len(MOTIONS), sharex=True)
+        for row, (rate, delay) in zip(grid, CONDITIONS):
+            for axes, motion, limits in zip(row, MOTIONS, LIMITS):
+                for robot, color in COLORS.items():
+                    for unit_mass, style in ((True, ':'), (False, '-')):
+                        try:
+                            way = run(CartesianArm(robot, rate, delay, True, unit_mass), motion)
+                        except RobotDynamicsError:  # it has diverged
+                            continue
+                        axes.plot(
+                            1e-3 * np.arange(len(way)), way, color=color, linestyle=style,
+                            linewidth=1.0 if unit_mass else 2.0,
+                            label=None if unit_mass else robot)
+                        print(f'{robot} {rate} Hz {delay} ms {motion} '
+                              f'{"D = 2√K" if unit_mass else "cartesian_impedance"}: largest '
+                              f'{way.max():.3f}{", diverges" if len(way) < 1000 else ""}')
+                axes.set(ylim=limits, title=f'{motion}, {rate} Hz, {delay} ms')
+        for axes in grid[-1]:
+            axes.set_xlabel('time [s]')
+        for row in grid:
+            row[0].set_ylabel('share of the way')
+            row[2].set_ylabel('displacement [m]')
+        grid[0][0].plot([], [], color=GREY, linestyle=':', label='D = 2√K')
+        handles, labels = grid[0][0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc='outside lower center', ncols=len(ROBOTS) + 1)
+        figure.savefig(directory / 'cartesian_steps.png')
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]))

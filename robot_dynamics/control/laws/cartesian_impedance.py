@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Cartesian impedance: a spring and a damper between a frame and its reference, and a posture.
+
+The reference pose is that of the reference of the joints, so that it has their limits. With the
+error e (6,) of the frame and M = L Lᵀ, A = L⁻¹ Jᵀ,
+
+    τ_spring = C (Jᵀ K e + ω_n² L N Lᵀ e_q).
+
+N (n, n) projects onto the null space of J, consistently with the dynamics: the posture e_q does
+not accelerate the frame. Directions that J is about to lose pass over to the posture: with
+S J = U σ Vᵀ, B = L⁻¹ V and weights w = min(1, σ/σ_0)², N = I − B √w Y⁻¹ √w Bᵀ,
+Y = √w BᵀB √w + m (1 − w); m is the mean of the diagonal of BᵀB.
+
+A K Aᵀ + ω_n² N = V Ω² Vᵀ contains the double diagonalisation of Λ and K of `modal_impedance`,
+because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c) Vᵀ Lᵀ with
+Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
+the fast ones. A joint that approaches a position limit faster than its reference, and faster than
+the limit is away, is braked, and so is one that is faster than its reference and than SPEED_SHARE
+of its velocity limit (`limited`).
+"""
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.control_law import LawInput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.task_space.frame_kinematics import rotation_matrix, rotation_vector
+
+LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
+"""[m], [rad], and [rad] or [m] of all joints together: the springs do not extend further."""
+SLEW, LONGEST_STEP = 10.0, 0.5
+"""[rad/s] of the rotation of the spring, and [s] between two states in which it turns."""
+LENGTH, SINGULAR = 0.25, 0.1
+"""[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
+LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
+"""[rad] or [m] before a position limit, at most this share of the range, where a joint stops."""
+SPEED_SHARE = 0.5
+"""Share of the velocity limit above which a push has to overcome the brake."""
+LEAST_FREQUENCY = 2.0
+"""[rad/s] at which directions with little stiffness are damped at least."""
+
+
+class CartesianImpedance(ModalImpedance):
+    """The law τ = M q̈_ref + C q̇ + g + friction + τ_spring + D ė."""
+
+    def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
+        """Raise InvalidInputError if the options contain no Cartesian impedance."""
+        cartesian = options.cartesian
+        if cartesian is None:
+            raise InvalidInputError(
+                'cartesian is not given, expected that of make_cartesian for cartesian_impedance')
+        n = len(feedback.gains.kp)
+        super().__init__(feedback, options, np.full(n, cartesian.damping_ratio))
+        self._cartesian, self._frame = cartesian, cartesian.kinematics()
+        self._C = self._posture = self._M = np.zeros((n, n))
+        self._brake = np.zeros(n)
+        limits = cartesian.arm.limits
+        margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
+        self._lower, self._upper = limits.lower + margin, limits.upper - margin
+        self._fastest = SPEED_SHARE * limits.velocity
+        self._turn: tuple[int, FloatArray, FloatArray] = 0, np.zeros(3), np.eye(3)
+        """The last stamp, rotation (3,) of the spring, and rotation (3, 3) of the frame."""
+
+    def stiffness(self, M: FloatArray) -> FloatArray:
+        """Return the diagonal of K at the last state; before, that of the closed loop."""
+        return super().stiffness(M) if self._gains_at is None else np.diagonal(self._K)
+
+    def gains(
+        self, dynamics: UncheckedArmDynamics, q: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
+        try:
+            self._M = dynamics.rigid_body.mass_matrix(q)
+            L = root_of(self._M)
+            inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
+            J = self._frame.jacobian(q)[2]
+            N = self._null_space(J, inverse)
+            A = inverse @ J.T
+            posture = self._cartesian.null_space_frequency**2 * N
+            squares, V = np.linalg.eigh((A * self._cartesian.stiffness) @ A.T + posture)
+        except np.linalg.LinAlgError:  # the rounding of M, or no finite J
+            self._C = self._posture = K = np.full_like(self._K, np.nan)
+            return K, K
+        largest, Q = self.largest_frequency, L @ V
+        natural = np.sqrt(np.maximum(squares, 0.0))
+        omega = np.minimum(natural, largest)
+        with np.errstate(divide='ignore'):
+            self._C = (Q * np.minimum(1.0, (largest / natural)**2)) @ V.T @ inverse
+        self._posture = L @ posture @ L.T
+        damping = 2.0 * self._cartesian.damping_ratio * np.maximum(
+            omega, min(LEAST_FREQUENCY, largest))
+        damped = np.einsum('ij,ij->i', inverse.T @ (V * damping), Q)  # diagonal of M⁻¹ D
+        self._brake = np.maximum(2.0 * largest - damped, 0.0)
+        return (Q * omega**2) @ Q.T, (Q * damping) @ Q.T
+
+    @staticmethod
+    def _null_space(J: FloatArray, inverse: FloatArray) -> FloatArray:
+        """Return N (n, n); `inverse` is L⁻¹."""
+        S = np.array([1.0 / LENGTH] * 3 + [1.0] * 3)
+        _, sigma, Vt = np.linalg.svd(S[:, np.newaxis] * J, full_matrices=False)
+        w = np.minimum(1.0, sigma / SINGULAR)**2
+        B = inverse @ Vt.T
+        G = B.T @ B
+        B *= np.sqrt(w)
+        Y = np.sqrt(np.outer(w, w)) * G + np.diag((1.0 - w) * np.diagonal(G).mean())
+        return np.asarray(np.eye(len(inverse)) - B @ np.linalg.solve(Y, B.T))
+
+    def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
+        """Return C (Jᵀ F + the effort of the posture) at an error e (n,) of the joints."""
+        p_ref, R_ref = self._frame.pose(state.q + e)
+        p, R, J = self._frame.jacobian(state.q)
+        most, K = self._cartesian, self._cartesian.stiffness
+        F = np.concatenate([
+            _at_most(most.force_limit, K[:3] * _at_most(LARGEST_DISTANCE, p_ref - p)),
+            _at_most(most.torque_limit, K[3:] * self._rotation_error(state.stamp_ns, R_ref, R))])
+        return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
+
+    def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
+        """
+        Return the effort (n,) that brakes joints before their limits of position and velocity.
+
+        With D it is critically damped at Ω_c. A reference beyond the margin, or faster, is no
+        limit of its joint: the arm follows it undisturbed.
+        """
+        assert state.v is not None
+        rate, v, fastest = 0.5 * self.largest_frequency, state.v, self._fastest
+        above = np.maximum(
+            -e_dot - rate * np.maximum(self._upper - state.q, e), np.minimum(v - fastest, -e_dot))
+        below = np.maximum(
+            e_dot - rate * np.maximum(state.q - self._lower, -e), np.minimum(-fastest - v, e_dot))
+        a = self._brake * (np.maximum(below, 0.0) - np.maximum(above, 0.0))
+        return np.asarray(self._M @ a) if a.any() else 0.0
+
+    def _rotation_error(self, stamp_ns: int, R_ref: FloatArray, R: FloatArray) -> FloatArray:
+        """
+        Return the rotation (3,) of the spring [rad], at most LARGEST_ANGLE.
+
+        The shortest way from R to R_ref jumps at 180°. The spring therefore does not turn to R_ref
+        at once, but from its last rotation.
+        """
+        error, (last_ns, before, last) = rotation_vector(R_ref @ R.T), self._turn
+        dt = 1e-9 * (stamp_ns - last_ns)
+        change = error - before
+        if not 0.0 <= dt <= LONGEST_STEP:
+            error = np.zeros(3)
+        elif error @ error > LARGEST_ANGLE**2 or change @ change > (SLEW * dt)**2:
+            last = rotation_matrix(before) @ last
+            turn = _at_most(SLEW * dt, rotation_vector(R_ref @ last.T))
+            error = _at_most(
+                LARGEST_ANGLE, rotation_vector(rotation_matrix(turn) @ last @ R.T))
+        self._turn = stamp_ns, error, R
+        return error
+
+
+def _at_most(length: float, vector: FloatArray) -> FloatArray:
+    """Return a vector, shortened to this length."""
+    norm = float(np.sqrt(vector @ vector))
+    return vector if norm <= length else vector * (length / norm)

@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Laws of springs and dampers whose modes are known in the present configuration.
+
+τ = M(q) q̈_ref + C(q, q̇) q̇ + g(q) + friction + τ_spring + D ė. Without the first term the arm
+would leave a moving reference and pass its end (B. Paden, R. Panja, Int. J. Control 47(6), 1988).
+The double diagonalisation M(q) = Q Qᵀ, K = Q Ω² Qᵀ yields the natural frequencies Ω of the
+present configuration (A. Albu-Schäffer, C. Ott, U. Frese, G. Hirzinger, *Cartesian impedance
+control of redundant robots*, ICRA 2003). Sampled feedback cannot control the fast ones: at most
+Ω_c = LARGEST_FREQUENCY times the scale of the gains are permitted.
+"""
+
+from functools import partial
+import math
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
+from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
+from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+
+LARGEST_FREQUENCY = 30.0
+"""[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
+LEAST_INERTIA = 1e-9
+"""Share of M_jj, and [kg·m²] or [kg], added to M_jj, which can be 0 without rotors."""
+NEARBY = 0.01
+"""[rad] or [m] from the position of the gains in use, within which they are not computed again."""
+
+
+class ModalImpedance(ControlLaw):
+    """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
+
+    def __init__(
+        self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
+    ) -> None:
+        """`damping_ratio` (n,) is that of the joints at Ω_c, at most."""
+        n = len(damping_ratio)
+        self._damping_ratio = damping_ratio
+        self._friction = FrictionCompensation(options.friction_compensation, n)
+        self._reference = feedback.scaled(0.0)
+        """Returns the reference and the errors, without an effort of their own."""
+        self._effort_rate = np.full(n, np.inf)
+        self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
+        """The dynamics and the position (n,) of the gains in use."""
+        self._K = self._D = np.zeros((n, n))
+
+    def gains(
+        self, dynamics: UncheckedArmDynamics, q: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return K and D (n, n) at q (n,), NaN far outside of the range of the model."""
+        raise NotImplementedError
+
+    def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
+        """Return the effort (n,) of the spring at an error e (n,) of the joints."""
+        return np.asarray(self._K @ e)
+
+    def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
+        """Return the effort (n,) at position limits, at errors (n,) of position and velocity."""
+        return 0.0
+
+    @property
+    def largest_frequency(self) -> float:
+        """Ω_c [rad/s] at the scale of the gains."""
+        return LARGEST_FREQUENCY * float(np.min(self.scale, initial=1.0))
+
+    def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:
+        """Limit the change of the feedback to a fraction of the rate limit of the effort."""
+        self._effort_rate = effort_rate
+
+    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
+        """Scale the compensation of dry friction."""
+        self._friction.scale(stiffness, share)
+
+    def scale_gains(self, scale: FloatArray) -> None:
+        """Scale the largest frequency."""
+        super().scale_gains(scale)
+        self._gains_at = None
+
+    def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the closed loop at the largest frequency, which no mode exceeds in any pose."""
+        c = LARGEST_FREQUENCY
+        return c * c * np.eye(len(M)), np.diag(2.0 * c * self._damping_ratio)
+
+    def __call__(self, state: LawInput) -> LawOutput:
+        """Return the effort of spring and damper, and that of the arm along the reference."""
+        dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
+        if trajectory is None or v is None:
+            raise ValueError('an impedance needs a reference and a velocity')
+        a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
+            trajectory, state.stamp_ns, state.q, v)
+        e_dot, s, at = v_ref - v, 1.0, self._gains_at
+        if at is None or at[0] is not dynamics or not (
+                math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
+            self._K, self._D = self.gains(dynamics, q)
+            self._gains_at = dynamics, q
+        K, D = self._K, self._D
+        spring, damper = self.spring(state, e), D @ e_dot + self.limited(state, e, e_dot)
+        change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
+        if not (np.abs(change) <= CHANGE_FRACTION * self._effort_rate).all():
+            share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
+            spring, damper = share * spring, s * damper
+        feedback = spring + damper
+        effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
+        friction = self._friction.none
+        if not dynamics.is_frictionless:
+            damping = np.diagonal(D)
+            rate = np.divide(
+                np.diagonal(K), damping, out=np.zeros_like(e), where=damping > 0.0)
+            friction = self._friction.effort(dynamics, v_ref, e, v, rate, effort)
+            effort = effort + friction
+        return LawOutput(
+            effort, partial(self._terms, state, a_ref, feedback, friction), friction,
+            exceeds_limit, scale=s)
+
+    def _terms(
+        self, state: LawInput, a_ref: FloatArray, feedback: FloatArray, friction: FloatArray,
+    ) -> EffortTerms:
+        q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
+        assert v is not None
+        a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
+        return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
+
+
+def root_of(M: FloatArray) -> FloatArray:
+    """Return L (n, n) with M = L Lᵀ; raise LinAlgError if M is not positive definite."""
+    return np.asarray(
+        np.linalg.cholesky(M + np.diag(LEAST_INERTIA * np.diagonal(M) + LEAST_INERTIA)))

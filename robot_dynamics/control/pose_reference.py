@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A pose of the frame of the Cartesian impedance, as a set-point of the joints."""
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.task_space.inverse_kinematics import joints_at
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.validation import check_vector, is_empty, LARGEST_VALUE
+
+NORMS = (0.99, 1.01)
+"""Range of the norm of a quaternion."""
+
+
+def pose_set_point(
+    controller: Controller, frame_id: str, translation: npt.ArrayLike,
+    orientation: npt.ArrayLike = (),
+) -> JointTrajectory:
+    """
+    Return the set-point near the present reference, or state, at which the frame has a pose.
+
+    `translation` (3,) [m] and `orientation`, a quaternion x y z w, are given in the frame of a
+    link that no joint moves. An empty orientation, or one of zeros, keeps the present one. The
+    frame is that of `options.cartesian`. Raises InvalidInputError for another frame, for values
+    that are no pose, without a state, and for a pose out of reach.
+    """
+    arm, cartesian, state = controller.arm, controller.options.cartesian, controller.state
+    base = _fixed_frame(arm, frame_id)
+    p = check_vector('pose.position', translation, 3, ('x', 'y', 'z'), LARGEST_VALUE)
+    turn = np.zeros(4) if is_empty(orientation) else check_vector(
+        'pose.orientation', orientation, 4, ('x', 'y', 'z', 'w'), LARGEST_VALUE)
+    if cartesian is None:
+        raise InvalidInputError('cartesian is not given, expected that of make_cartesian')
+    q = controller.reference_position()
+    if q is None and state is None:
+        raise InvalidInputError(
+            'no joint state with velocities has been received, so that there is no pose to start '
+            'from')
+    start = np.asarray(q if state is None or q is not None else state[1])
+    kinematics, norm = cartesian.kinematics(), float(np.linalg.norm(turn))
+    if norm == 0.0:
+        R = kinematics.pose(start)[1]
+    elif NORMS[0] <= norm <= NORMS[1]:
+        R = base.rotation @ pin.Quaternion(turn / norm).matrix()
+    else:
+        raise InvalidInputError(f'pose.orientation has the norm {norm:g}, expected 1, or 0')
+    goal = joints_at(arm, kinematics, start, base.act(p), R)
+    return make_trajectory(arm.joint_names, [0.0], [goal], (), (), arm.joint_names)
+
+
+def _fixed_frame(arm: ArmModel, frame_id: str) -> pin.SE3:
+    """Return the placement of a link that no joint moves."""
+    fixed = [name for name in arm.link_names if arm.link_frame(name).parentJoint == 0]
+    if frame_id not in fixed:
+        raise InvalidInputError(
+            f'header.frame_id is {frame_id!r}, expected one of the links that no joint moves: '
+            f'{fixed}')
+    return arm.link_frame(frame_id).placement

@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The Cartesian impedance: its stiffness, its modes, steps, contact, and its bounds."""
+
+from cartesian_arm import CartesianArm, ROBOTS, rotored, WALL_STIFFNESS
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.cartesian import make_cartesian
+from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance, LEAST_FREQUENCY
+from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
+from robot_dynamics.task_space import TaskSpace
+
+REGULAR = 0.15
+"""Smallest singular value of a regular pose, with 0.25 m as unit of length."""
+arms = pytest.mark.parametrize('robot', ['ur5', 'panda', 'xarm7', 'z1'])
+seeds = given(seed=st.integers(0, 10_000))
+
+
+def law_of(arm: ArmModel, **options: object) -> CartesianImpedance:
+    loop = ControlLoop.of_arm(
+        arm, command='cartesian_impedance', cartesian=make_cartesian(arm, **options))
+    return CartesianImpedance(loop.controller._feedback, loop.controller.options)
+
+
+def random_pose(arm: ArmModel, seed: int) -> np.ndarray:
+    lower, upper = np.maximum(arm.limits.lower, -2.0), np.minimum(arm.limits.upper, 2.0)
+    return np.random.default_rng(seed).uniform(lower, upper)
+
+
+def is_regular(J: np.ndarray) -> bool:
+    scaled = np.diag([4.0] * 3 + [1.0] * 3) @ J
+    return len(J.T) >= 6 and np.linalg.svd(scaled)[1][5] > REGULAR
+
+
+@arms
+@settings(max_examples=30, deadline=None)
+@seeds
+def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(
+    robot: str, seed: int,
+) -> None:
+    """The compliance of the frame, J K⁻¹ Jᵀ, is the inverse of the stiffness, in all six axes."""
+    arm = rotored(smooth_arm(robot), 5.0)
+    q, kt = random_pose(arm, seed), [300.0, 500.0, 700.0]
+    law = law_of(arm, translation_stiffness=kt)
+    state = TaskSpace(arm, make_cartesian(arm).frame).at(q)
+    if not is_regular(state.jacobian):
+        return
+    J, M = state.jacobian, state.mass_matrix
+    K, D = law.gains(UncheckedArmDynamics(arm), q)
+    compliance = J @ np.linalg.solve(K, J.T)
+    assert compliance == pytest.approx(np.diag(1.0 / np.array([*kt, 30.0, 30.0, 30.0])), abs=1e-6)
+    assert np.abs(J @ np.linalg.solve(M, law._posture)).max() < 1e-6 * np.abs(K).max()
+    zeta, Lambda = 1.0, state.inertia
+    modes = np.linalg.eigvals(np.linalg.solve(Lambda, np.diag([*kt, 30.0, 30.0, 30.0]))).real
+    if modes.min() > LEAST_FREQUENCY**2:  # D = 2 ζ Q √B₀ Qᵀ, in task space
+        damping = np.linalg.inv(J @ np.linalg.solve(D, J.T))
+        lambda_d = np.linalg.eigvals(np.linalg.solve(Lambda, damping)).real
+        assert np.sort(lambda_d) == pytest.approx(2.0 * zeta * np.sort(np.sqrt(modes)), rel=1e-3)
+
+
+@pytest.mark.parametrize('robot', ['default', 'ur5', 'panda', 'z1', 'so100'])
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), singular=st.booleans())
+def test_no_mode_is_too_fast_and_each_is_damped_in_any_pose(
+    robot: str, seed: int, singular: bool,
+) -> None:
+    """Also at singularities: with all joints at 0, or in turns at their limits."""
+    arm = smooth_arm(robot)
+    q = random_pose(arm, seed)
+    if singular:
+        q = np.where(np.random.default_rng(seed).uniform(size=len(q)) < 0.7, 0.0, q)
+    law, M = law_of(arm), ArmDynamics(arm).rigid_body.mass_matrix(q)
+    K, D = law.gains(UncheckedArmDynamics(arm), q)
+    L = np.linalg.inv(np.linalg.cholesky(M))
+    squares, rates = (np.linalg.eigvalsh(L @ A @ L.T) for A in (K, D))
+    assert squares[-1] <= LARGEST_FREQUENCY**2 * (1.0 + 1e-4)
+    assert rates[0] >= 2.0 * LEAST_FREQUENCY * (1.0 - 1e-4)
+    assert rates[-1] <= 2.0 * LARGEST_FREQUENCY * (1.0 + 1e-4)
+    if len(q) >= 6:
+        assert squares[0] > 0.0
+
+
+@arms
+def test_a_lost_direction_is_held_by_the_posture(robot: str) -> None:
+    """The stiffness is continuous along a motion through a singularity."""
+    arm = rotored(smooth_arm(robot), 1.0)
+    law, dynamics, before = law_of(arm), UncheckedArmDynamics(arm), None
+    far = random_pose(arm, 1)
+    for s in np.linspace(-0.3, 0.3, 1201):
+        K, _ = law.gains(dynamics, s * far)
+        assert before is None or np.abs(K - before).max() < 0.1 * np.abs(K).max()
+        assert np.linalg.eigvalsh(K)[0] > 0.1
+        before = K
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+@pytest.mark.parametrize('rotors', [False, True])
+@pytest.mark.parametrize(('rate', 'delay'), [(1000, 0), (250, 8)])
+def test_a_step_overshoots_by_at_most_5_percent(
+    robot: str, rotors: bool, rate: int, delay: int,
+) -> None:
+    for axis in range(6):
+        one = CartesianArm(robot, rate, delay, rotors)
+        way = one.step(axis, 0.05 if axis < 3 else 0.3, 1.5)
+        assert way.max() <= 1.05
+        assert way[-1] == pytest.approx(1.0, abs=0.06)
+
+
+@pytest.mark.parametrize('robot', ['panda', 'z1'])
+@pytest.mark.parametrize('stiffness', WALL_STIFFNESS)
+def test_contact_with_a_wall_never_gains_energy(robot: str, stiffness: float) -> None:
+    """The energy of arm, spring and wall falls in each ms, with states at 1 kHz."""
+    one = CartesianArm(robot, 1000, 0, rotors=True)
+    energy = one.press_on_a_wall(stiffness)
+    assert (np.diff(energy) <= 1e-6 * energy[0]).all()
+    assert np.abs(one.v).max() < 1e-4
+
+
+def test_late_contact_ends_with_a_fraction_of_the_energy() -> None:
+    """At 250 Hz with 8 ms a rebound may be larger than the one before, but they end."""
+    one = CartesianArm('ur10', 250, 8, rotors=True)
+    energy = one.press_on_a_wall(1e6)
+    assert (energy <= 1.01 * energy[0]).all()
+    assert energy[-1] < 0.6 * energy[0]
+    assert np.abs(one.v).max() < 0.02
+
+
+def test_a_rotation_error_of_half_a_turn_does_not_jump() -> None:
+    arm = smooth_arm('ur5')
+    loop = ControlLoop.of_arm(
+        arm, command='cartesian_impedance', conditions_references=False, scales_gains=False)
+    controller, q0 = loop.controller, np.array([0.0, -1.2, 1.6, -1.9, -1.57, 0.0])
+    controller.update(FIRST_STAMP, q0, 0.0 * q0)
+    controller.update(FIRST_STAMP + 2 * MS, q0, 0.0 * q0)
+    before = None
+    for k, angle in enumerate(np.linspace(2.9, 3.4, 1000)):  # the last joint turns past 180°
+        q = q0 + np.array([0.0] * 5 + [angle])
+        tau = controller.update(FIRST_STAMP + (4 + 2 * k) * MS, q, 0.0 * q).law.effort[5]
+        assert before is None or k < 100 or abs(tau - before) < 1e-3
+        before = tau
+
+
+@arms
+@settings(max_examples=20, deadline=None)
+@seeds
+def test_the_wrench_is_bounded(robot: str, seed: int) -> None:
+    """The effort at any error is that of a wrench within the bounds, and of the posture."""
+    arm = rotored(smooth_arm(robot), 5.0)
+    q = random_pose(arm, seed)
+    task = TaskSpace(arm, make_cartesian(arm).frame).at(q)
+    if not is_regular(task.jacobian):
+        return
+    loop = ControlLoop.of_arm(
+        arm, command='cartesian_impedance', conditions_references=False, scales_gains=False,
+        cartesian=make_cartesian(arm, '', 1500.0, 200.0, force_limit=40.0, torque_limit=5.0))
+    loop.controller.update(FIRST_STAMP, q, 0.0 * q)
+    far = random_pose(arm, seed + 1)
+    g = ArmDynamics(arm).rigid_body.gravity
+    at_rest = TaskSpace(arm, make_cartesian(arm).frame)
+    for k in range(1, 200):
+        answer = loop.controller.update(FIRST_STAMP + 2 * k * MS, far, 0.0 * q)
+    wrench = at_rest.at(far).dynamic_inverse.T @ (answer.law.effort - g(far))
+    if is_regular(at_rest.at(far).jacobian) and answer.reference is not None and not (
+            answer.reference.velocity.any() or answer.reference.acceleration.any()):
+        assert np.linalg.norm(wrench[:3]) <= 40.0 * (1.0 + 1e-6)
+        assert np.linalg.norm(wrench[3:]) <= 5.0 * (1.0 + 1e-6)
+
+
+def test_a_push_does_not_move_a_joint_past_its_limit() -> None:
+    arm = rotored(smooth_arm('panda'))
+    q = middle(arm)
+    q[5] = arm.limits.upper[5] - 0.15
+    one = LockStep(arm, q=q, rate=500.0, command='cartesian_impedance')
+    one.run(0.3)
+    one.push = lambda t: np.array([0.0] * 5 + [4.0, 0.0]) if 0.3 < t < 0.6 else 0.0
+    trace = one.run(2.0)
+    assert trace.q[:, 5].max() > q[5] + 0.05
+    assert (trace.q <= arm.limits.upper).all()
+    assert one.loop.supervisor.fault is None
+
+
+@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
+def test_a_motion_has_no_error(name: str) -> None:
+    one = LockStep(smooth_arm(name), rate=1000.0, command='cartesian_impedance')
+    one.run(0.5)
+    goal = one.q + 0.3
+    one.follow(goal, 2.0)
+    for _ in range(4):
+        one.run(0.25)
+        assert one.loop.reference is not None
+        assert one.q == pytest.approx(one.loop.reference.position, abs=5e-3)
+    one.run(3.0)
+    assert one.q == pytest.approx(goal, abs=1e-3)
+
+
+@pytest.mark.parametrize(('field', 'value'), [
+    ('translation_stiffness', -1.0), ('translation_stiffness', [1.0, 2.0]),
+    ('translation_stiffness', float('nan')), ('rotation_stiffness', -2.0),
+    ('damping_ratio', 0.1), ('null_space_frequency', 31.0), ('force_limit', -1.0),
+    ('torque_limit', float('inf')), ('frame', 'no_link')])
+def test_a_wrong_option_is_named(field: str, value: object) -> None:
+    with pytest.raises(InvalidInputError, match=f'cartesian.{field}'):
+        make_cartesian(smooth_arm('default'), **{field: value})
+
+
+def test_the_law_requires_its_options() -> None:
+    arm = smooth_arm('default')
+    options = ControlLoop.of_arm(arm).controller.options
+    with pytest.raises(InvalidInputError, match='cartesian is not given'):
+        Controller(arm, ControllerOptions(options.gains, command='cartesian_impedance'))

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""An arm under `cartesian_impedance` without the supervisor: steps, pushes and walls."""
+
+from collections import deque
+from collections.abc import Callable
+
+from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
+from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
+from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.options import ControllerOptions, default_effort_rates
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.task_space.frame_kinematics import rotation_matrix, rotation_vector
+from robot_dynamics.task_space.inverse_kinematics import joints_at
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+
+POSES = {
+    'ur10': [0.0, -1.2, 1.6, -1.9, -1.57, 0.3], 'kinova': [0.0, 3.7, 2.0, 1.0, 2.0, 1.2],
+    'panda': [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], 'z1': [0.0, 1.2, -1.2, 0.4, 0.2, 0.0],
+    'xarm7': [0.0, -0.3, 0.0, 0.9, 0.0, 1.2, 0.0]}
+ROBOTS = tuple(POSES)
+ROTORS = 0.005
+"""[kg·m²] per N·m of the effort limit of a joint, which is usual for harmonic drives."""
+LARGEST_LIMIT = 300.0
+WALL_STIFFNESS = (1e4, 1e5, 1e6)
+"""[N/m]"""
+DEPTH = 0.03
+"""[m] of the reference behind the wall, and of the start before it."""
+DIVERGED = 100.0
+"""[rad/s] at which a run ends."""
+FINE = 50
+"""Steps of the plant per ms in contact."""
+
+
+def rotored(arm: ArmModel, least: float = 0.0) -> ArmModel:
+    """Return an arm with usual rotors, and at least this inertia [kg·m²] at each joint."""
+    limit = np.minimum(arm.limits.effort, LARGEST_LIMIT)
+    return arm.with_reflected_inertia(np.maximum(ROTORS * limit, least))
+
+
+class UnitMass(ControlLaw):
+    """
+    The same spring with the damping D = 2√K, which is critical for a mass of 1 kg.
+
+    The posture has 5 N·m/rad in the null space, and its damping 2√5. Nothing scales the gains.
+    """
+
+    def __init__(self, cartesian: Cartesian) -> None:
+        self._K, self._kinematics = cartesian.stiffness, cartesian.kinematics()
+
+    def effort(self, state: LawInput) -> FloatArray:
+        """Return C q̇ + g + Jᵀ (K e − D J q̇), and the effort of the posture."""
+        e_q, body = state.position_error, state.dynamics.rigid_body
+        p_ref, R_ref = self._kinematics.pose(state.q + e_q)
+        p, R, J = self._kinematics.jacobian(state.q)
+        e = np.concatenate([p_ref - p, rotation_vector(R_ref @ R.T)])
+        posture = 5.0 * e_q - 2.0 * np.sqrt(5.0) * state.v
+        N = np.eye(len(e_q)) - np.linalg.pinv(J) @ J
+        return body.nonlinear(state.q, state.v) + N @ posture + J.T @ (
+            self._K * e - 2.0 * np.sqrt(self._K) * (J @ state.v))
+
+
+class CartesianArm:
+    """An arm without friction, with states at a rate [Hz] and efforts `delay` [ms] late."""
+
+    def __init__(
+        self, robot: str, rate: int, delay: int, rotors: bool, unit_mass: bool = False,
+    ) -> None:
+        """With `unit_mass` under the law `UnitMass`."""
+        arm = smooth_arm(robot)
+        self.arm = rotored(arm) if rotors else arm
+        self.cartesian = make_cartesian(self.arm)
+        self.kinematics, self.body = (
+            self.cartesian.kinematics(), UncheckedArmDynamics(self.arm).rigid_body)
+        self.controller = Controller(self.arm, ControllerOptions(
+            make_gains(arm.joint_names), command='cartesian_impedance',
+            cartesian=self.cartesian, scales_gains=True, stops_and_holds=True,
+            effort_rate=default_effort_rates(arm)),
+            law=UnitMass(self.cartesian) if unit_mass else None)
+        self.q = np.array(POSES.get(robot, middle(arm)))
+        self.v = np.zeros_like(self.q)
+        self._period, self._delay, self._k = round(1e3 / rate), delay, 0
+        self._tau = self.body.gravity(self.q)
+        self._pending: deque[tuple[int, FloatArray]] = deque()
+        self.push: Callable[[FloatArray], FloatArray | float] = lambda q: 0.0
+        """Effort (n,) of the environment at q (n,)."""
+
+    def run(self, seconds: float, fine: int = 1) -> FloatArray:
+        """Continue; return position and velocity after each ms, (m, 2, n)."""
+        rows, h = [], 1e-3 / fine
+        for _ in range(round(1e3 * seconds)):
+            if self._k % self._period == 0:
+                self._pending.append((self._k + self._delay, self.controller.update(
+                    FIRST_STAMP + self._k * MS, self.q, self.v).command))
+            while self._pending and self._pending[0][0] <= self._k:
+                self._tau = self._pending.popleft()[1]
+            for _ in range(fine):
+                q = self.q + 0.5 * h * self.v
+                v = self.v + h * self.body.acceleration(q, self.v, self._tau + self.push(q))
+                self.q, self.v = self.q + 0.5 * h * (self.v + v), v
+            rows.append((self.q, self.v))
+            self._k += 1
+            if not np.abs(self.v).max() < DIVERGED:
+                break
+        return np.array(rows)
+
+    def follow(self, translation: FloatArray, rotation: FloatArray) -> None:
+        """Move the reference to a pose in one step."""
+        goal = joints_at(self.arm, self.kinematics, self.q, translation, rotation)
+        names = self.arm.joint_names
+        self.controller.follow(make_trajectory(names, [0.0], [goal], (), (), names))
+
+    def step(self, axis: int, size: float, seconds: float) -> FloatArray:
+        """Step by size [m] or [rad] along or about an axis; return the share of the way (m,)."""
+        self.run(0.1)
+        p, R = self.kinematics.pose(self.q)
+        d = np.zeros(6)
+        d[axis] = size
+        self.follow(p + d[:3], rotation_matrix(d[3:]) @ R)
+        way = []
+        for q, _ in self.run(seconds):
+            p_now, R_now = self.kinematics.pose(q)
+            moved = np.concatenate([p_now - p, rotation_vector(R_now @ R.T)])
+            way.append(moved[axis] / size)
+        return np.array(way)
+
+    def pushed(self, axis: int, force: float, pulse: float, seconds: float) -> FloatArray:
+        """Push the frame along an axis for `pulse` [s]; return its displacement (m,) [m]."""
+        self.run(0.1)
+        start = self.kinematics.pose(self.q)[0][axis]
+        self.push = lambda q: force * self.kinematics.jacobian(q)[2][axis]
+        rows = [self.run(pulse)]
+        self.push = lambda q: 0.0
+        if np.abs(self.v).max() < DIVERGED:
+            rows.append(self.run(seconds - pulse))
+        return np.array([
+            self.kinematics.pose(q)[0][axis] - start for q, _ in np.concatenate(rows)])
+
+    def press_on_a_wall(self, stiffness: float) -> FloatArray:
+        """
+        Fall onto a wall below the frame, without friction; return the energy (m,) [J].
+
+        The energy is that of the motion, of the spring of the law, which ends behind the wall,
+        and of the wall.
+        """
+        self.run(0.1)
+        p, R = self.kinematics.pose(self.q)
+        height = p[2] - DEPTH
+
+        def wall(q: FloatArray) -> FloatArray:
+            place, _, J = self.kinematics.jacobian(q)
+            return np.asarray(J[2] * stiffness * max(height - place[2], 0.0))
+
+        goal = p - np.array([0.0, 0.0, 2.0 * DEPTH])
+        self.push = wall
+        self.follow(goal, R)
+        K, energy = self.cartesian.stiffness, []
+        for q, v in self.run(3.0, FINE):
+            place, turned = self.kinematics.pose(q)
+            e = np.concatenate([goal - place, rotation_vector(R @ turned.T)])
+            energy.append(
+                self.body.kinetic_energy(q, v) + 0.5 * float(K @ (e * e))
+                + 0.5 * stiffness * max(height - place[2], 0.0)**2)
+        return np.array(energy)
