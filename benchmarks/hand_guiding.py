@@ -57,6 +57,8 @@ CREEP_TIME, CALM_TIME = 10.0, 20.0
 """[s]"""
 WALL_WAY, WALLS = 0.08, (500.0, 10000.0)
 """[rad] to the wall of the follower, and its stiffness [N·m/rad]."""
+THROW = (0.2, 0.7)
+"""Speed [rad/s] at which the leader is thrown, or share of a lower velocity limit."""
 IMPACT, IMPACT_TIME, SET_POINT_PERIOD = 300, 3000, 10
 """[ms]"""
 HAND, SHOWN = 30.0, 0
@@ -225,7 +227,7 @@ def impact(
     for k in range(IMPACT_TIME):
         stamp = FIRST_STAMP + MS * k
         if k == IMPACT and not hand:
-            leader.v[j] = sign * rng.uniform(0.2, 0.8)
+            leader.v[j] = sign * rng.uniform(*THROW) * min(1.0, arm.limits.velocity[j])
         if k % 2 == 0:
             r = observer.update(2e-3, follower.q, follower.v, efforts[1])
             if r is not None:
