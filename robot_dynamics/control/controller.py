@@ -416,7 +416,7 @@ class Controller:
             self._is_estimated = True
         else:
             self._is_estimated = False
-        law, q_ahead, trajectory = self._law_at_rest, q, None
+        law, q_ahead, lag, trajectory = self._law_at_rest, q, 0.0, None
         if v is None:
             self._lose_velocity()
         else:
@@ -432,10 +432,11 @@ class Controller:
         if trajectory is not None:
             law = self._law_with_reference
             if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
-                q_ahead = q + gains.lag * v
+                lag = gains.lag
+                q_ahead = q + lag * v
         state = LawInput(
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback,
-            self.force_feedback)
+            self.force_feedback, lag)
         answer, options, drive = law(state), self._options, self.arm.drive
         self._followed = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds

@@ -49,6 +49,8 @@ LEAST_FREQUENCY = 2.0
 class CartesianImpedance(ModalImpedance):
     """The law τ = M q̈_ref + C q̇ + g + friction + τ_spring + D ė."""
 
+    is_soft = True
+
     def __init__(self, feedback: ErrorFeedback, options: ControllerOptions) -> None:
         """Raise InvalidInputError if the options contain no Cartesian impedance."""
         cartesian = options.cartesian

@@ -46,6 +46,8 @@ class LawInput(NamedTuple):
     feedback: ErrorFeedback
     force_feedback: FloatArray | None = None
     """External effort of a follower (n,) [N·m] or [N], None without one."""
+    lag: float = 0.0
+    """Time [s] of `q_ahead` after `stamp_ns`."""
 
     @property
     def gravity(self) -> FloatArray:

@@ -14,6 +14,7 @@ control of redundant robots*, ICRA 2003). Sampled feedback cannot control the fa
 
 from functools import partial
 import math
+from typing import ClassVar
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -34,6 +35,9 @@ NEARBY = 0.01
 
 class ModalImpedance(ControlLaw):
     """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
+
+    is_soft: ClassVar[bool] = False
+    """Whether q̈_ref is that of the time at which the effort acts: no stiff spring corrects it."""
 
     def __init__(
         self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
@@ -105,6 +109,8 @@ class ModalImpedance(ControlLaw):
             share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
             spring, damper = share * spring, s * damper
         feedback = spring + damper
+        if self.is_soft and state.lag > 0.0:
+            a_ref = trajectory.sample(state.stamp_ns + round(1e9 * state.lag)).acceleration
         effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
         if not dynamics.is_frictionless:
