@@ -11,6 +11,7 @@ the friction that the loop knows, or less. Random poses, joints, rates and delay
 import argparse
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -26,6 +27,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
 from robot_dynamics.control.laws.guiding import LARGEST_FEEDBACK_GAIN, LARGEST_SHARE, make_guiding
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -241,7 +243,9 @@ def impact(
             set_points.append((k + link, np.array([leader.q, leader.v])))
         while set_points and set_points[0][0] <= k:
             q, v = set_points.popleft()[1]
-            moved.follow(make_trajectory(arm.joint_names, [0.0], [q], [v], [], arm.joint_names))
+            with suppress(TrajectoryError):  # during a fault
+                moved.follow(
+                    make_trajectory(arm.joint_names, [0.0], [q], [v], [], arm.joint_names))
         contact = np.zeros(n)
         contact[j] = -sign * stiffness * max(sign * (follower.q[j] - wall), 0.0)
         pull = np.zeros(n)

@@ -73,8 +73,8 @@ EMPTY, PUBLISHED, UNPUBLISHED = 'empty', 'published', 'unpublished'
 FEED_FORWARD = 'feed_forward'
 MODES = {
     'gravity_compensation': ('gravity_compensation', COMMAND_TOPIC),
-    'trajectory': ('computed_torque', COMMAND_TOPIC),
     'hand_guiding': ('hand_guiding', COMMAND_TOPIC),
+    'trajectory': ('computed_torque', COMMAND_TOPIC),
     'joint_impedance': ('joint_impedance', COMMAND_TOPIC),
     'cartesian_impedance': ('cartesian_impedance', COMMAND_TOPIC),
     FEED_FORWARD: ('computed_torque', FEED_FORWARD)}
@@ -245,7 +245,7 @@ def _run(library: str) -> None:
     with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
         for mode, (law, topic) in MODES.items():
             node.set_command(law)
-            if law != 'gravity_compensation':
+            if law not in ('gravity_compensation', 'hand_guiding'):
                 node.follow()
             for end in (UNPUBLISHED, PUBLISHED):
                 _count(node, counter, node.commands[topic], end == PUBLISHED)

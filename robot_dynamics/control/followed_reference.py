@@ -107,11 +107,10 @@ class FollowedReference:
 
         Raises TrajectoryError, also if the trajectory would end more than `latest` [s] late.
         """
-        before, limits = self._follower.active, self._follower.limits
-        # A planned motion, or a stop from one, may be faster than the limits of references.
-        self._limit_braking(*state[1:], before is not None and (
-            not before.trajectory.is_set_point
-            or limits is not None and limits.brake is not None and state[0] < before.end_ns))
+        before = self._follower.active
+        # A planned motion may be faster than the limits of references.
+        self._limit_braking(
+            *state[1:], before is not None and not before.trajectory.is_set_point)
         active = self._follower.start(trajectory, *state, stamp_ns=stamp_ns)
         late_ns = active.end_ns - (stamp_ns or state[0]) - trajectory.times_ns[-1]
         if late_ns > 1e9 * latest:

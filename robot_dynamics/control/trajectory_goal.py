@@ -217,7 +217,7 @@ class TrajectoryGoal:
     def _is_at_rest(self) -> bool:
         """Return whether the recent states are close to the last one; see MOVED."""
         (first, _), (stamp, q) = self._recent[0], self._recent[-1]
-        most = MOVED * min(1.0, (stamp - first) / REST_TIME_NS)
+        most = MOVED * min(2.0, (stamp - first) / REST_TIME_NS)  # slow states are further apart
         return len(self._recent) > 1 and all(bool(
             (np.abs(self._controller.position_error(one, q)) <= most).all())
             for _, one in self._recent)
