@@ -235,7 +235,7 @@ def impact(
             if r is not None:
                 forces.append((k + link, r))
             while forces and forces[0][0] <= k:
-                guided.set_force_feedback(forces.popleft()[1], 1e-9 * stamp)
+                guided.set_force_feedback(forces.popleft()[1])
             for i, (loop, plant) in enumerate(((guided, leader), (moved, follower))):
                 answer = loop.answer(stamp, plant.q, plant.v).effort
                 efforts[i] = efforts[i] if answer is None else answer

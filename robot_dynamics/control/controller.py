@@ -111,8 +111,6 @@ class Controller:
         """The stop at a first state, which the second state replaces."""
         self.has_lost_velocity = False
         """Whether a reference has ended because states have no velocity; the reader resets it."""
-        self.force_feedback: FloatArray | None = None
-        """External effort of a follower (n,), which `hand_guiding` lets feel, or None."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self._options = options
@@ -381,6 +379,11 @@ class Controller:
                 self._load.begin_gravity_change(load, rate)
                 self._limit_motion()
 
+    def feel(self, external: FloatArray) -> None:
+        """Let the law without a reference feel an external effort (n,) from the last state on."""
+        if self.state is not None:
+            self._law_at_rest.feel(external, self.state[0])
+
     def __repr__(self) -> str:
         following = 'following a reference' if self.has_reference else 'no reference'
         return f'<Controller of {self.loaded_arm!r}, {self._options.command}, {following}>'
@@ -435,8 +438,7 @@ class Controller:
                 lag = gains.lag
                 q_ahead = q + lag * v
         state = LawInput(
-            load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback,
-            self.force_feedback, lag)
+            load.dynamics, stamp_ns, q, v, q_ahead, trajectory, self._feedback, lag)
         answer, options, drive = law(state), self._options, self.arm.drive
         self._followed = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds

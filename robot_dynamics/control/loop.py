@@ -75,8 +75,6 @@ AT_REST, SLOW = 0.002, 0.03
 """[rad] or [m] that no joint moves in REST_TIME when it has stopped, and its velocity then."""
 REST_TIME_NS = 100_000_000
 """[ns]"""
-FEEDBACK_TIME = 0.05
-"""[s] for which a force feedback is felt without a newer one."""
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
 FROZEN_RECOVERY = 25
@@ -129,8 +127,6 @@ class ControlLoop:
         """The goal that is executed, or None."""
         self.interruption = ''
         """Reason why the last reference ended early, until the next reference."""
-        self._feedback_until = math.inf
-        """Steady time [s] until which the force feedback counts."""
         self.notice = ''
         """Message for the operator; the caller that logs it sets it to an empty string."""
         self.restarts: Counter[str] = Counter()
@@ -278,11 +274,10 @@ class ControlLoop:
             self.stream.arrived(trajectory.is_set_point, self._steady)
             self.interruption = ''
 
-    def set_force_feedback(self, external: FloatArray, now: float) -> None:
-        """Let `hand_guiding` feel the external effort (n,) of a follower for FEEDBACK_TIME."""
+    def set_force_feedback(self, external: FloatArray) -> None:
+        """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
         with self.lock:
-            self.controller.force_feedback = external
-            self._feedback_until = now + FEEDBACK_TIME
+            self.controller.feel(external)
 
     def end_goal(self, reason: str) -> None:
         """End the goal that is executed, if there is one."""
@@ -368,8 +363,6 @@ class ControlLoop:
             clock_ns = stamp_ns if clock_ns is None else clock_ns
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
-            if now > self._feedback_until:
-                self.controller.force_feedback, self._feedback_until = None, math.inf
             try:
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)

@@ -44,8 +44,6 @@ class LawInput(NamedTuple):
     q_ahead: FloatArray
     trajectory: ActiveTrajectory | None
     feedback: ErrorFeedback
-    force_feedback: FloatArray | None = None
-    """External effort of a follower (n,) [N·m] or [N], None without one."""
     lag: float = 0.0
     """Time [s] of `q_ahead` after `stamp_ns`."""
 
@@ -140,6 +138,10 @@ class ControlLaw:
         `stiffness` is that of efforts per position error at rest, `share` that of all efforts
         against dry friction.
         """
+        return
+
+    def feel(self, external: FloatArray, stamp_ns: int) -> None:
+        """Take the external effort (n,) [N·m] or [N] of a follower at a stamp."""
         return
 
     def limit_rate(self, effort_rate: FloatArray, inertia: FloatArray) -> None:

@@ -42,6 +42,8 @@ DAMPING = 1.0
 WALL_PUSH, LARGEST_WALL = 10.0, 0.1
 """A push at this acceleration of the joint [rad/s²] is held within a position limit, if the effort
 begins less than this distance [rad] before it."""
+FEEDBACK_TIME_NS = 50_000_000
+"""[ns] for which a force feedback is felt without a newer one."""
 LONGEST_STEP = 0.1
 """[s] between two states after which the motion between them is unknown."""
 
@@ -60,7 +62,12 @@ class HandGuiding(ControlLaw):
         self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(len(self._gains.kp))
-        self._z = self._v = self._zero
+        self._z = self._v = self._external = self._zero
+        self._felt_until_ns = 0
+
+    def feel(self, external: FloatArray, stamp_ns: int) -> None:
+        """Let a person feel this effort (n,) of a follower for FEEDBACK_TIME_NS."""
+        self._external, self._felt_until_ns = external, stamp_ns + FEEDBACK_TIME_NS
 
     def closed_loop(self, M: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return K_p and K_d, which act at a limit."""
@@ -80,10 +87,10 @@ class HandGuiding(ControlLaw):
         effort = gravity + friction
         if a.any():
             effort = effort + dynamics.rigid_body.mass_matrix(state.q) @ a
-        if state.force_feedback is None:
+        if state.stamp_ns > self._felt_until_ns:
             self._feedback.restart()
         else:
-            f = self._feedback.effort(state.force_feedback, moved, self._v, dt, remaining)
+            f = self._feedback.effort(self._external, moved, self._v, dt, remaining)
             effort = effort + f
         return LawOutput(
             effort, partial(self._terms, state, gravity, a, friction, f), friction, False,

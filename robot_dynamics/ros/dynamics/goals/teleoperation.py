@@ -4,7 +4,6 @@
 """What two arms of a teleoperation send each other: set-points, and the force of the follower."""
 
 from collections.abc import Sequence
-import time
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -65,7 +64,7 @@ class Teleoperation:
         if deviation is not None and len(deviation) == len(effort):
             effort = np.sign(effort) * np.maximum(np.abs(effort) - DEVIATIONS * deviation, 0.0)
         if loop is not None:
-            loop.set_force_feedback(effort, time.monotonic())
+            loop.set_force_feedback(effort)
 
     def _take_deviation(self, message: JointState) -> None:
         try:
