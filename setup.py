@@ -109,6 +109,7 @@ setup(
             'inverse = robot_dynamics.tools.ros2_dynamics.ros2cli:InverseVerb',
             'equation = robot_dynamics.tools.ros2_dynamics.ros2cli:EquationVerb',
             'task_space = robot_dynamics.tools.ros2_dynamics.ros2cli:TaskSpaceVerb',
+            'pose = robot_dynamics.tools.ros2_dynamics.ros2cli:PoseVerb',
             'check = robot_dynamics.tools.ros2_dynamics.ros2cli:CheckVerb',
             'payload = robot_dynamics.tools.ros2_dynamics.ros2cli:PayloadVerb',
             'estimate_payload = robot_dynamics.tools.ros2_dynamics.ros2cli:EstimatePayloadVerb',

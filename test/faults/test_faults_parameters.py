@@ -58,7 +58,8 @@ BAD_VALUES = {
     'an integer, for every floating-point parameter': [
         Parameter(spec.name, Type.INTEGER, 1) for spec in NUMBERS if spec.kind is Type.DOUBLE],
     'three values for two joints': [
-        Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0, 1.0]) for spec in ARRAYS],
+        Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0, 1.0]) for spec in ARRAYS
+        if not spec.name.startswith('cartesian.')],  # one per axis
     'two values without an order of the joints': [
         Parameter(spec.name, Type.DOUBLE_ARRAY, [1.0, 1.0]) for spec in ARRAYS],
     'an unknown choice': [Parameter(spec.name, Type.STRING, 'fly') for spec in CHOICES],

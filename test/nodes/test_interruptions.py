@@ -108,7 +108,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     if command == 'none':
         arm.wait_silent()
     move_by_hand(arm, ELSEWHERE)
-    wait_rejected(arm, f"command is '{command}', expected 'computed_torque'")
+    wait_rejected(arm, f"command is '{command}', expected 'cartesian_impedance'")
     if command != 'none':
         arm.efforts.clear()
         arm.efforts.wait_for(

@@ -62,6 +62,10 @@ class TaskSpaceVerb(VerbExtension):
     """Pose, Jacobian, inertia and forces at a point of a link."""
 
 
+class PoseVerb(VerbExtension):
+    """Move a link to a pose, and report the position that the joints reached."""
+
+
 class CheckVerb(VerbExtension):
     """Whether the model of the node is fit to compute with."""
 
