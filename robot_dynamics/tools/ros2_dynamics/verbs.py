@@ -135,8 +135,8 @@ def _move_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _pose_arguments(parser: argparse.ArgumentParser) -> None:
-    _add(parser, complete_nothing, 'translation', nargs=3, type=float, metavar=('X', 'Y', 'Z'),
-         help='Translation of the frame of the node (its parameter cartesian.frame) [m]')
+    _add(parser, complete_nothing, 'translation', nargs=3, type=float, metavar='COORDINATE',
+         help='X, Y and Z of the frame of the node (its parameter cartesian.frame) [m]')
     _add(parser, complete_nothing, '--rpy', nargs=3, type=float, metavar=('R', 'P', 'Y'),
          help='Rotation as roll, pitch and yaw [rad], as in a URDF. The default is the present '
               'rotation.')
