@@ -148,16 +148,16 @@ def test_a_cancelled_goal_ends_at_rest(client: RosClient) -> None:
 
 
 def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client) -> None:
-    first = arm.send(goal_of((60.0, GOAL)))
-    second = arm.send(goal_of((60.0, GOAL)))
+    first = arm.send(goal_of((3600.0, GOAL)))
+    second = arm.send(goal_of((3600.0, GOAL)))
     assert first.result() == (
         GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL,
         'another goal has replaced this one: [0.4, 0.9]')
     publisher = client.publisher(JointTrajectory, '/goals/dynamics/joint_trajectory')
-    publisher.publish(goal_of((60.0, START)).trajectory)
+    publisher.publish(goal_of((3600.0, START)).trajectory)
     assert second.result()[2] == 'another goal has replaced this one: [0.8, 0.5]'
     client.node.destroy_publisher(publisher)
-    third = arm.send(goal_of((60.0, GOAL)))
+    third = arm.send(goal_of((3600.0, GOAL)))
     assert client.call(Trigger, '/goals/dynamics/stop').success
     assert third.result() == (
         GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, '~/stop was called')
@@ -166,7 +166,7 @@ def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client
 
 def test_the_result_arrives_when_the_node_ends(client: RosClient) -> None:
     with served(client, '/ending', lock_step=False) as (server, node):
-        sent = server.send(goal_of((60.0, GOAL)))
+        sent = server.send(goal_of((3600.0, GOAL)))
         wait_until(lambda: bool(sent.feedback), 'feedback')
         node.interrupt()
         status, code, message = sent.result()
