@@ -107,7 +107,7 @@ class MotionConsistency:
         self._bits, self._is_measured = b'', False
         self._mark, self._alert = [0.0] * n, 0.0
         """e at the last check, and the distance from it that requires a check."""
-        self._store_ns = self._check_ns = 0
+        self._store_ns = self._check_ns = self._same_ns = 0
         self._variance, self._density = np.zeros((2, n))
         """Of the noise: variance of each velocity, spectral density of its integral at rest."""
         self._rests = np.zeros(n)
@@ -150,6 +150,7 @@ class MotionConsistency:
         """
         bits = q.tobytes()
         if bits == self._bits and (v is None or v is self._v or v.tobytes() == self._v.tobytes()):
+            self._same_ns = stamp_ns
             if stamp_ns >= self._store_ns and stamp_ns > self._stamp_ns:
                 self._store_ns, self._all_repeat = stamp_ns + _STEP_NS, True
                 self._follow_repeats(
@@ -231,6 +232,11 @@ class MotionConsistency:
                 self._integral = self._integral + turns
                 self._positions[:self._row] += turns
                 e = self._integral - q
+        if self._same_ns > self._stamp_ns and not self._v.any():
+            # At rest, the motion began at an unknown time since then.
+            most, least = 0.5 * dt * v, 0.5 * _NS * (stamp_ns - self._same_ns) * v
+            change = np.clip(q - self._q, np.minimum(least, most), np.maximum(least, most)) - most
+            self._integral, e = self._integral + change, e + change
         t, row = _NS * (stamp_ns - self._base_ns), self._row
         if not np.isfinite(e).all():  # velocities beyond the range of the numbers
             self.reason = 'the integral of the velocities is not finite'

@@ -118,6 +118,22 @@ def test_impacts_are_no_contradiction(
         no_alarm(sampled(t, q, v, regular(t, rate) + phase))
 
 
+@laws
+@given(
+    st.sampled_from(RATES), st.floats(0.001, 0.2), st.floats(0.1, 2.0), st.floats(-3.0, 3.0),
+    st.floats(0.01, 0.3))
+def test_a_push_after_a_short_rest_is_no_contradiction(
+    rate: int, rest: float, begin: float, speed: float, decay: float,
+) -> None:
+    """The samples repeat exactly at rest, so that the last one that differed is older."""
+    t = np.arange(0.0, 3.0, FINE)
+    v = np.where(t < begin, -0.05, np.where(
+        t < begin + rest, 0.0, speed * np.exp(-(t - begin - rest) / decay)))[:, None] * np.ones(N)
+    q = np.concatenate((np.zeros((1, N)), np.cumsum(0.5 * FINE * (v[1:] + v[:-1]), axis=0)))
+    q[(t >= begin) & (t < begin + rest)] = q[np.argmax(t >= begin)]
+    no_alarm(sampled(t, q, v, regular(t, rate)))
+
+
 @pytest.mark.parametrize(('rate', 'repeats'), [(500, 2), (500, 4), (500, 5), (1000, 5), (100, 3)])
 def test_drivers_may_send_each_sample_several_times(rate: int, repeats: int) -> None:
     t, q, v = smooth_motion(np.random.default_rng(0), 6.0, 2.0)
