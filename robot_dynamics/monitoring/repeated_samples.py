@@ -28,7 +28,11 @@ CONFIRMATIONS = 3
 REFERENCE = 0.03
 """[rad] that the reference of a joint that stands still may move while its sample repeats."""
 LIVELY = 8
-"""Stored states of a slow joint without a repetition: its noise or motion changes every sample."""
+"""
+Stored states of a slow joint without a repetition: its noise or motion changes every sample.
+
+They take 40 ms, so that a repetition of half of LONGEST_REPEATS is not one of the driver.
+"""
 STANDING = 1e-6
 """[rad/s] up to which a joint whose sample repeats stood still."""
 REST = 0.0002
@@ -118,7 +122,8 @@ class RepeatedSamples:
         if self._is_held is not None and desired is not None and is_left.any():
             is_left &= was_moving | ~self._is_held(q, desired - q)
         self._left = np.where(is_left, self._left + 1, 0)
-        is_lively = was_moving & (self.lively >= LIVELY) & (duration > LONGEST_REPEATS)
+        is_lively = was_moving & (self.lively >= LIVELY) & (
+            duration > 0.5 * LONGEST_REPEATS)
         if is_lively.any():
             is_lively &= speed * duration > _STEPS * smallest_step()
         frozen = same & (self.frozen | (excess > 0.0) & (
