@@ -141,7 +141,7 @@ def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
     one = consistency()
     row, reason = next(alarms(one, states, np.zeros_like(states.q)))
     assert one.frozen.tolist() == [True] + [False] * (N - 1)
-    assert 0.04 < (row - k) / rate < 0.1
+    assert 0.02 < (row - k) / rate < 0.07
     assert "'joint1' have not changed for" in reason
 
 
