@@ -6,10 +6,10 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from identification_bench import moves_with_pauses
+from free_motion_recording import learn_contact_levels as run_verb
+from free_motion_recording import record_free_motion
 import numpy as np
 import pytest
-from recordings import encoded, START_NS, write_recording
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -25,7 +25,6 @@ from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
 from wrong_arms import model_arm, true_arm, WrongModel
 from wrong_arms import RATE as LOOP_RATE
@@ -213,22 +212,9 @@ def test_the_delay_on_arms_with_friction_and_noise(name: str) -> None:
 
 @pytest.fixture(scope='module')
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a recording of 70 s without contact, with noise, and the URDF."""
     folder = tmp_path_factory.mktemp('contacts')
-    arm = load_arm(default_arm_urdf())
-    states = moves_with_pauses(arm, 100.0, 70.0)
-    effort = ArmDynamics(arm).inverse_dynamics_batch(states.q, states.v, states.a)
-    effort += np.random.default_rng(0).normal(size=effort.shape)
-    stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
-    write_recording(folder / 'bag', encoded(
-        stamps, arm.joint_names, states.q, states.v, effort))
-    (folder / 'arm.urdf').write_text(default_arm_urdf())
+    record_free_motion(folder)
     return folder
-
-
-def learn(folder: Path, *words: str) -> int:
-    return run('learn_contact_levels', make_parser().parse_args([
-        'learn_contact_levels', str(folder / 'bag'), '--urdf', str(folder / 'arm.urdf'), *words]))
 
 
 def test_the_verb_writes_a_parameter_file(
@@ -236,15 +222,15 @@ def test_the_verb_writes_a_parameter_file(
 ) -> None:
     """Without a node."""
     path = recording / 'levels.yaml'
-    assert learn(recording, '-o', str(path)) == 0
+    assert run_verb(recording, '-o', str(path)) == 0
     assert 'extrapolated from 70 s' in capsys.readouterr().out
     text = path.read_text(encoding='utf-8')
     assert 'extrapolated' in text
     parameters = read_parameter_file(path)
     assert parameters['joints'] == ['joint1', 'joint2']
     assert 1.0 < min(parameters['contact.effort']) < max(parameters['contact.effort']) < 10.0
-    assert learn(recording, '-o', str(path)) == 2  # the file exists
-    assert learn(recording, '--alarms-per-hour', '0') == 2
+    assert run_verb(recording, '-o', str(path)) == 2  # the file exists
+    assert run_verb(recording, '--alarms-per-hour', '0') == 2
     assert 'alarms_per_hour is 0, expected a number > 0' in capsys.readouterr().err
 
 
