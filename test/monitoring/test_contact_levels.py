@@ -86,9 +86,9 @@ def test_false_alarms_on_unseen_motion_keep_the_promise(name: str) -> None:
 @pytest.mark.soak
 @pytest.mark.parametrize('seed', range(3))
 @pytest.mark.parametrize('name', WRONG_ARMS)
-def test_one_false_alarm_per_hour_in_ten_hours(name: str, seed: int) -> None:
-    """Learned from an hour: from ten minutes the promise is missed by more than its factor."""
-    assert 1.0 / SPREAD <= alarm_rate(name, seed, 1.0, 10, HOUR) <= SPREAD
+def test_five_false_alarms_per_hour_from_an_hour(name: str, seed: int) -> None:
+    """As many as the recording shows; fewer are extrapolated with a larger factor."""
+    assert 1.0 / SPREAD <= alarm_rate(name, seed, 5.0, 10, HOUR) <= SPREAD
 
 
 @pytest.mark.parametrize(('law', 'largest'), [
@@ -224,20 +224,20 @@ def pushed(name: str, seed: int) -> Push:
     joint = int(np.argmax(np.abs(J.T @ F) / theta))
     F *= 2.0 * theta[joint] / np.abs(J.T @ F)[joint]
     sign, tau = np.sign(J.T @ F)[joint], 2.0 * float(theta[joint])
-    wrench, errors = ExternalWrench(frame, F[:3], F[3:]), []
+    wrench, thresholds = ExternalWrench(frame, F[:3], F[3:]), []
     for _ in range(round(0.3 * LOOP_RATE)):
         samples = twins[0].step([wrench]), twins[1].step()
         r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
         assert r is not None
         assert error is not None
-        errors.append(sign * error[joint])
         v = samples[0].v
+        level = float(levels.at(v)[joint])
+        thresholds.append(level - sign * error[joint])
         if detector.update(period, v, r) is not None:
             break
-    level = float(levels.at(v)[joint])
     # 5 %: the effort of a wrench changes as the arm moves
-    bounds = ((level, tau), (level - min(errors), 0.95 * tau))
-    return Push(len(errors) * period, *(
+    bounds = ((level, tau), (max(thresholds), 0.95 * tau))
+    return Push(len(thresholds) * period, *(
         float(detection_delay(one, effort, BANDWIDTH)) + period for one, effort in bounds))
 
 
