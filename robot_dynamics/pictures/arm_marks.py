@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Marks of an arm for a 3-D view: arcs of effort at its joints, a force at its tool, its payloads.
+Marks of an arm for a 3-D view: its joints and payloads, the pose and manipulability of a link.
 
 All points are in the base frame [m].
 """
@@ -28,10 +28,6 @@ _MARK_SIZE, _LEAST_SIZE, _LARGEST_SIZE = 0.12, 0.02, 0.3
 """Radius of an arc: as a fraction of the reach; smallest and largest [m]."""
 _PAYLOAD_DENSITY = 2000.0
 """Density [kg/m³] of the ball that represents a payload."""
-_UNEXPLAINED = 0.2
-"""Largest fraction of the external effort that a displayed tool force does not explain."""
-_SMALL_FORCE = 1e-3
-"""Fraction of the arm's weight; a smaller force is noise."""
 
 
 class JointPlace(NamedTuple):
@@ -52,13 +48,15 @@ class Ball(NamedTuple):
 class ArmMarks:
     """The marks of one arm with its loads. Not for two threads at a time."""
 
-    def __init__(self, arm: ArmModel) -> None:
+    def __init__(self, arm: ArmModel, link: str = '') -> None:
+        """Mark the pose of `link` (if empty, the one at the end), which must be in the arm."""
         self._arm, self._data = arm, arm.pinocchio_model.createData()
         self._joints = [arm.pinocchio_model.getJointId(name) for name in arm.joint_names]
-        self._tool = arm.pinocchio_model.getFrameId(tool_link(arm), pin.FrameType.BODY)
+        end, self._link = (arm.pinocchio_model.getFrameId(name, pin.FrameType.BODY) for name in (
+            tool_link(arm), link or tool_link(arm)))
         offsets = [float(np.linalg.norm(place.translation))
                    for place in list(arm.pinocchio_model.jointPlacements)[2:]]
-        tip = float(np.linalg.norm(arm.pinocchio_model.frames[self._tool].placement.translation))
+        tip = float(np.linalg.norm(arm.pinocchio_model.frames[end].placement.translation))
         self.reach = max(sum(offsets) + tip, _LEAST_SIZE / _MARK_SIZE)
         """The length of the arm from its first joint to its end, stretched out [m]."""
         self.size = min(max(_MARK_SIZE * self.reach, _LEAST_SIZE), _LARGEST_SIZE)
@@ -86,26 +84,23 @@ class ArmMarks:
                 np.array(column[:3] if slides else column[3:]), slides))
         return places
 
-    def tool(self) -> FloatArray:
-        """Return the origin of the link at the end (3,)."""
-        return np.array(self._data.oMf[self._tool].translation)
+    def pose(self) -> tuple[FloatArray, FloatArray]:
+        """Return origin (3,) and rotation to the base frame (3, 3) of the link."""
+        pose = self._data.oMf[self._link]
+        return np.array(pose.translation), np.array(pose.rotation)
 
-    def tool_force(self, external_effort: FloatArray) -> FloatArray | None:
+    def manipulability(self) -> tuple[FloatArray, FloatArray]:
         """
-        Return the force (3,) [N] on the link at the end that exerts Jᵀf (n,) on the joints.
+        Return the half-axes (3,) [m/s] and their directions, as the columns of a rotation (3, 3).
 
-        The force is the smallest one of the best fit; None if no force explains most of the
-        effort, or if the force is too small to show.
+        They span the velocities of the link's origin at joint velocities with the norm 1 rad/s,
+        or m/s: the ellipsoid of J Jᵀ (T. Yoshikawa, Int. J. Robotics Research 4(2), 1985).
         """
-        model, x = self._arm.pinocchio_model, self._arm.coordinates
-        J = pin.getFrameJacobian(model, self._data, self._tool, pin.LOCAL_WORLD_ALIGNED)[:3]
-        transposed = np.column_stack([x.effort(np.array(row)) for row in J])
-        force, *_ = np.linalg.lstsq(transposed, external_effort, rcond=1e-6)
-        missed = float(np.linalg.norm(transposed @ force - external_effort))
-        if missed > _UNEXPLAINED * float(np.linalg.norm(external_effort)):
-            return None
-        is_small = float(np.linalg.norm(force)) < _SMALL_FORCE * self.weight
-        return None if is_small else np.asarray(force)
+        J = pin.getFrameJacobian(
+            self._arm.pinocchio_model, self._data, self._link, pin.LOCAL_WORLD_ALIGNED)[:3]
+        J = self._arm.coordinates.jacobian(J)
+        squares, U = np.linalg.eigh(J @ J.T)
+        return np.sqrt(np.maximum(squares, 0.0)), U * [1.0, 1.0, np.linalg.det(U)]
 
     def payloads(self) -> list[Ball]:
         """Return the loads."""

@@ -180,17 +180,20 @@ def errors_by_deviation(name: str, seed: int) -> np.ndarray:
     """
     Return the errors of the wrench (m, 6) by the stated deviations, in one run of an arm.
 
-    A run ends early with a fault of the loop.
+    A run ends early with a fault of the loop. Two joints do not determine the force in their
+    plane, so that its interval contains the expected torque: the planar arm gets the wrenches
+    that its estimator expects. The others get a quarter of these.
     """
+    largest, share_of_it = ((5.0, 0.5), 1.0) if name == 'default' else ((100.0, 10.0), 0.25)
     rng = np.random.default_rng(seed)
     model = model_arm(name)
     arm, dynamics = WrongModel(model, rng), ArmDynamics(model)
     observer = ExternalEffort(dynamics, 10.0)
-    estimator = ExternalWrenchEstimator(dynamics, observer, tool_link(model))
+    estimator = ExternalWrenchEstimator(dynamics, observer, tool_link(model), *largest)
     limit = np.where(model.limits.effort > 0.0, model.limits.effort, np.inf)
     found = []
     for _ in range(3):
-        F = rng.normal(size=6) * np.repeat([25.0, 2.5], 3)
+        F = share_of_it * rng.normal(size=6) * np.repeat(largest, 3)
         share = np.abs(estimator.jacobian(arm.plant.q).T @ F) / limit
         F *= min(1.0, 0.2 / share.max())
         wrench = ExternalWrench(estimator.frame, F[:3], F[3:])
@@ -212,23 +215,20 @@ def check_coverage(name: str, runs: int, least: float) -> None:
     found = [errors_by_deviation(name, seed) for seed in range(runs)]
     z = np.concatenate([errors for errors in found if len(errors)])
     assert len(z) >= 5 * runs
-    narrow = 0.4
-    if name == 'default':  # planar: two components are observable but for a torque of 10 N·m
-        z, narrow = z[:, [0, 2]], 0.2
     assert np.mean(np.abs(z) < COVERED) >= least
-    assert np.sqrt(np.mean(z**2)) > narrow  # the intervals are not far too wide
+    assert np.sqrt(np.mean(z**2)) > 0.4  # the intervals are not far too wide
 
 
 @pytest.mark.parametrize('name', ARMS)
 def test_the_intervals_contain_the_true_wrench(name: str) -> None:
-    """Two runs with three wrenches each; samples of one run are not independent."""
-    check_coverage(name, 2, 0.93)
+    """Three wrenches per run; samples of one run are not independent."""
+    check_coverage(name, *((8, 0.9) if name == 'default' else (2, 0.93)))
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize('name', ARMS)
 def test_the_intervals_contain_the_true_wrench_in_many_runs(name: str) -> None:
-    check_coverage(name, 40, 0.95)
+    check_coverage(name, 40, 0.94 if name == 'default' else 0.95)
 
 
 def test_the_deviation_covers_the_residual_of_a_real_ur10(tmp_path: Path) -> None:

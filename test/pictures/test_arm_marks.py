@@ -1,14 +1,12 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Marks of a 3-D view at an arm: arcs at joints, forces equivalent to efforts, payloads."""
+"""Marks of a 3-D view at an arm: arcs at joints, the ellipsoid of a link, payloads."""
 
 import numpy as np
 import numpy.testing as npt
 import pytest
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import (
     ArmMarks,
@@ -18,7 +16,6 @@ from robot_dynamics.pictures.arm_marks import (
     JointPlace,
     LARGEST_RATIO,
 )
-from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
@@ -80,7 +77,7 @@ def test_joints_of_the_planar_arm_are_where_trigonometry_puts_them():
     origin = base.origin + [np.sin(0.7), 0.0, np.cos(0.7)]  # links of 1 m and 0.8 m, from upright
     npt.assert_allclose(elbow.origin, origin, atol=1e-12)
     npt.assert_allclose(
-        marks.tool(), origin + 0.8 * np.array([np.sin(1.1), 0.0, np.cos(1.1)]), atol=1e-12)
+        marks.pose()[0], origin + 0.8 * np.array([np.sin(1.1), 0.0, np.cos(1.1)]), atol=1e-12)
     for place in (base, elbow):
         npt.assert_allclose(place.axis, [0.0, 1.0, 0.0], atol=1e-12)
         assert not place.slides
@@ -95,37 +92,39 @@ def test_axes_are_what_turns_the_tool(name):
     marks, step = ArmMarks(arm), 1e-6
     q = np.clip(np.linspace(0.3, 1.2, arm.joint_count), arm.limits.lower, arm.limits.upper)
     marks.move(q)
-    places, tool = marks.joints(), marks.tool()
+    places, tool = marks.joints(), marks.pose()[0]
     for i, place in enumerate(places):
         moved = q.copy()
         moved[i] += step
         marks.move(moved)
-        found = (marks.tool() - tool) / step
+        found = (marks.pose()[0] - tool) / step
         expected = place.axis if place.slides else np.cross(place.axis, tool - place.origin)
         if i < 6:  # fingers do not all move the last link
             npt.assert_allclose(found, expected, atol=1e-5)
 
 
-def test_the_force_at_the_tool_is_found_from_the_effort_that_it_exerts():
-    arm = load_arm(robot_urdf('ur10'))
-    marks, q = ArmMarks(arm), np.array([0.3, -1.2, 1.4, 0.5, 0.8, 0.2])
+@pytest.mark.parametrize(('name', 'link'), [
+    ('ur10', 'forearm_link'), ('panda', ''), ('z1', ''), ('default', '')])
+def test_the_link_moves_within_its_ellipsoid(name, link):
+    """Its velocities by differences, at joint velocities with the norm 1, touch the surface."""
+    arm = load_arm(robot_urdf(name))
+    marks, rng, step = ArmMarks(arm, link), np.random.default_rng(1), 1e-6
+    q = 0.5 * np.clip(rng.normal(size=arm.joint_count), arm.limits.lower, arm.limits.upper)
+
+    def origin(q):
+        marks.move(q)
+        return marks.pose()[0]
+
+    J = np.column_stack([
+        (origin(q + step * unit) - origin(q - step * unit)) / (2.0 * step)
+        for unit in np.eye(arm.joint_count)])
     marks.move(q)
-    force = np.array([20.0, -35.0, 50.0])
-    link = tool_link(arm)
-    placement = marks._data.oMf[marks._tool]
-    wrench = ExternalWrench(link, placement.rotation.T @ force, np.zeros(3))
-    effort = -RigidBody(arm).external(q, [wrench])
-    npt.assert_allclose(marks.tool_force(effort), force, atol=1e-8)
-    assert marks.tool_force(1e-9 * effort) is None
-    assert marks.tool_force(np.zeros(6)) is None
-
-
-def test_an_effort_that_no_force_at_the_tool_exerts_has_none():
-    """The last axis of a UR10 passes through the tool's origin: no force there has a moment."""
-    arm = load_arm(robot_urdf('ur10'))
-    marks = ArmMarks(arm)
-    marks.move(np.array([0.3, -1.2, 1.4, 0.5, 0.8, 0.2]))
-    assert marks.tool_force(np.array([0.0, 0.0, 0.0, 0.0, 0.0, 30.0])) is None
+    half_axes, U = marks.manipulability()
+    npt.assert_allclose(U @ U.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(U) == pytest.approx(1.0)
+    for axis, length in zip(U.T, half_axes):
+        assert np.linalg.norm(J.T @ axis) == pytest.approx(length, abs=1e-7)
+    npt.assert_allclose(U @ np.diag(half_axes**2) @ U.T, J @ J.T, atol=1e-7)
 
 
 def test_a_payload_is_a_ball_of_its_mass_at_its_centre_of_mass():

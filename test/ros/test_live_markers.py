@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import InertiaStamped
+from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -91,12 +91,13 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
         message = robot.stand_until(markers, bool, [])
     found = by_name(message)
     assert set(found) == {
-        (kind, i) for kind in ('effort', 'effort in numbers') for i in range(2)}
+        *((kind, i) for kind in ('effort', 'effort in numbers') for i in range(2)),
+        *(('frame axes', i) for i in range(3)), ('manipulability', 0)}
     for marker in message.markers:
         assert marker.header.frame_id == 'base_link'
         assert stamp_from_ros(marker.header.stamp) > 1_000_000_000
         assert 0 < marker.lifetime.nanosec <= 500_000_000
-        assert marker.color.a == 1.0
+        assert marker.color.a == (0.25 if marker.ns == 'manipulability' else 1.0)
         assert marker.action == Marker.ADD
     arc = np.array([[p.x, p.y, p.z] for p in found['effort', 1].points])[:-3]
     centre = np.array(ELBOW)
@@ -124,22 +125,38 @@ def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: 
             DiagnosticStatus.OK}
 
 
-def test_a_push_is_an_arrow_that_ends_at_the_tool(client: RosClient, robot: Robot) -> None:
+def ends_of(arrow: Marker) -> np.ndarray:
+    return np.array([[point.x, point.y, point.z] for point in arrow.points])
+
+
+def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
+    client: RosClient, robot: Robot,
+) -> None:
     push = ExternalWrench('tool0', ROTATION.T @ FORCE, ZERO)
     external = -BODY.external(np.array(Q), [push])
+    scale = {'force': 0.5 * 8.0 * 9.81, 'torque': 0.05 * 8.0 * 9.81 * 1.8}
 
     def settled(found: dict[tuple[str, int], Any]) -> bool:
         arrow = found.get(('external force', 0))
-        return arrow is not None and abs(
-            (arrow.points[0].x - TOOL[0]) * FORCE[2] - (arrow.points[0].z - TOOL[2]) * FORCE[0]
-        ) < 1e-6
+        return arrow is not None and np.linalg.norm(np.subtract(*ends_of(arrow))) > 0.65
 
-    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
-        found = by_name(robot.stand_until(markers, settled, (GRAVITY - external).tolist()))
-    start, end = found['external force', 0].points
-    assert at(end) == TOOL
-    assert end.x > start.x
-    assert end.z < start.z
+    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers, \
+            client.collect(WrenchStamped, '/marked/dynamics/external_wrench') as wrenches:
+        wrenches.wait_matched()
+        message = robot.stand_until(markers, settled, (GRAVITY - external).tolist())
+        stamp = message.markers[0].header.stamp
+        wrench = wrenches.wait_for(lambda wrench: wrench.header.stamp == stamp)
+    assert wrench.header.frame_id == 'tool0'
+    found = by_name(message)
+    for kind in ('force', 'torque'):
+        start, end = ends_of(found[f'external {kind}', 0])
+        vector = getattr(wrench.wrench, kind)
+        np.testing.assert_allclose(
+            (end - start) * scale[kind] / 1.8,
+            ROTATION @ [vector.x, vector.y, vector.z], atol=1e-9)
+        np.testing.assert_allclose(end if kind == 'force' else start, TOOL, atol=1e-9)
+    axes = [np.diff(ends_of(found['frame axes', i]), axis=0)[0] for i in range(3)]
+    np.testing.assert_allclose(axes / np.linalg.norm(axes[0]), ROTATION.T, atol=1e-9)
     assert {('external effort', 0), ('external effort', 1)} <= set(found)
 
 
@@ -163,16 +180,15 @@ def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight() -> None:
     marks, lengths = ArmMarks(arm), []
     for share in (0.25, 0.5, 2.0):
         push = share * marks.weight * FORCE / np.linalg.norm(FORCE)
-        external = -BODY.external(np.array(Q), [ExternalWrench('tool0', ROTATION.T @ push, ZERO)])
-        arrow = by_name(drawn(marks, arm, np.array(Q), GRAVITY, external))['external force', 0]
-        (start, end) = (np.array([p.x, p.y, p.z]) for p in arrow.points)
-        lengths.append(np.linalg.norm(end - start))
+        found = by_name(drawn(marks, arm, np.array(Q), GRAVITY, None, np.append(push, ZERO)))
+        lengths.append(np.linalg.norm(np.subtract(*ends_of(found['external force', 0]))))
+    assert ('external torque', 0) not in found
     assert lengths == pytest.approx([0.5 * marks.reach, marks.reach, marks.reach])
 
 
 def test_the_display_shows_all_that_is_drawn() -> None:
     arm = load_arm(default_arm_urdf()).with_payloads([make_payload('tool0', 1.0)])
-    message = drawn(ArmMarks(arm), arm, np.array(Q), GRAVITY, np.array([3.0, 1.0]))
+    message = drawn(ArmMarks(arm), arm, np.array(Q), GRAVITY, np.array([3.0, 1.0]), np.ones(6))
     display = yaml.safe_load(
         (Path(__file__).parents[2] / 'rviz' / 'dynamics.rviz').read_text(encoding='utf-8'))
     shown = {entry['Name']: entry for entry in display['Visualization Manager']['Displays']}

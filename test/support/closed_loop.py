@@ -17,14 +17,18 @@ START = [0.8, 0.5]
 
 @contextmanager
 def closed_loop(
-    namespace: str, dynamics: Mapping[str, Any] | None = None, patient: bool = True, **arm: Any,
+    namespace: str, dynamics: Mapping[str, Any] | None = None, patient: bool = True,
+    arguments: Sequence[str] = (), **arm: Any,
 ) -> Iterator[NodeProcess]:
     """
     Run `dynamics` and `simulated_arm` with these parameters; yield the process of `dynamics`.
 
+    `arguments` are those of `dynamics`.
+
     By default the arm starts at `START` and runs in lock-step at 250 Hz.
     """
-    node = NodeProcess(DYNAMICS, dynamics, namespace=namespace, patient=patient)
+    node = NodeProcess(
+        DYNAMICS, dynamics, namespace=namespace, patient=patient, arguments=arguments)
     defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
     with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
         yield node

@@ -227,6 +227,23 @@ def size_of(wrench):
     return float(np.linalg.norm((force.x, force.y, force.z)))
 
 
+def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(default_arm, client):
+    page, _ = default_arm
+    drawn = {f'/marks/{mark}' for mark in (
+        'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
+        'manipulability/0')}
+    pushes = client.publisher(WrenchStamped, '/default_arm/simulated_arm/external_wrench')
+    push = WrenchStamped()
+    push.header.frame_id, push.wrench.force.x, push.wrench.torque.y = 'tool0', 10.0, 1.0
+    before = page.picture()
+    pushes.publish(push)
+    wait_until(lambda: drawn <= set(page.tab.evaluate(
+        'Object.keys(window.__viserMutable.nodeRefFromName)')), 'the marks of the wrench')
+    assert page.differs_from(before, 0.01)
+    push.wrench.force.x = push.wrench.torque.y = 0.0
+    pushes.publish(push)
+
+
 def test_a_reset_puts_the_simulated_arm_back(default_arm, client):
     page, _ = default_arm
     with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:

@@ -128,9 +128,11 @@ def test_marks_come_change_and_go(server, tmp_path):
     arm = arm_called('default').with_payloads([make_payload('tool0', 2.0)])
     scene = ArmScene(server, arm, default_arm_urdf(), tmp_path)
     q, effort, external = np.array([0.3, 0.4]), np.array([10.0, -5.0]), np.array([3.0, 2.0])
-    marks = drawn(ArmMarks(arm), arm, q, effort, external).markers
+    wrench = np.array([5.0, 0.0, -9.0, 0.0, 1.0, 0.0])
+    marks = drawn(ArmMarks(arm), arm, q, effort, external, wrench).markers
     assert {marker.ns for marker in marks} == {
-        'effort', 'effort in numbers', 'external effort', 'external force', 'payload'}
+        'effort', 'effort in numbers', 'external effort', 'external force', 'external torque',
+        'frame axes', 'manipulability', 'payload'}
     scene.mark(marks)
     first = shown(marks)
     assert None not in first
@@ -139,7 +141,8 @@ def test_marks_come_change_and_go(server, tmp_path):
     start = arrow.points[0]
     assert (start.x, start.y, start.z) in [tuple(point) for point in scene.extent()]
 
-    changed = drawn(ArmMarks(arm), arm, q + 0.5, 2.0 * effort, 2.0 * external).markers
+    changed = drawn(
+        ArmMarks(arm), arm, q + 0.5, 2.0 * effort, 2.0 * external, 2.0 * wrench).markers
     scene.mark(changed)
     assert shown(changed) == first
     assert texts(first) == ['joint1: 20.0 N·m', 'joint2: -10.0 N·m']
@@ -150,6 +153,11 @@ def test_marks_come_change_and_go(server, tmp_path):
         else:
             place = marker.pose.position
             npt.assert_allclose(handle.position, (place.x, place.y, place.z), atol=1e-5)
+        if marker.ns == 'manipulability':
+            size, turn = marker.scale, marker.pose.orientation
+            npt.assert_allclose(2.0 * handle.radius * np.array(handle.scale), (
+                size.x, size.y, size.z))
+            npt.assert_allclose(handle.wxyz, (turn.w, turn.x, turn.y, turn.z), atol=1e-5)
 
     scene.mark([marker for marker in changed if marker.ns == 'effort'])
     left = [marker.ns for marker in changed if shown([marker]) != [None]]

@@ -310,7 +310,9 @@ class ControlPath:
             if joint is not None:
                 self._fail_by_external_effort(served, joint)
         if self.markers.is_on:
-            self.markers.look(state.stamp_ns, q, output, self.estimates.external_effort)
+            self.markers.look(
+                state.stamp_ns, q, output, self.estimates.external_effort,
+                self.estimates.wrench.newest)
         if not served.check.done:
             served.check.look(
                 served.reader, state, q, v, gravity,

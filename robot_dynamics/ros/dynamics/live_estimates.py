@@ -155,7 +155,7 @@ class LiveEstimates:
     """Publishes estimates; the control thread calls `look`, any thread `status`."""
 
     def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
-        """`is_external_wanted` returns whether the node itself needs the external effort."""
+        """`is_external_wanted` returns whether the node itself needs effort and wrench."""
         self._node, self._is_external_wanted = node, is_external_wanted
         self._publishers = (
             node.create_publisher(JointState, '~/external_effort', NEWEST_ONLY),
@@ -163,7 +163,7 @@ class LiveEstimates:
         self._deviations = (
             node.create_publisher(JointState, '~/external_effort_deviation', NEWEST_ONLY),
             node.create_publisher(JointState, '~/residual_deviation', NEWEST_ONLY))
-        self.wrench, self.contacts = LiveWrench(node), LiveContacts(node)
+        self.wrench, self.contacts = LiveWrench(node, is_external_wanted), LiveContacts(node)
         self._counts = [subscription_count(one) for one in self._publishers]
         self._deviation_counts = [subscription_count(one) for one in self._deviations]
         self.counts = (*self._counts, *self._deviation_counts, *self.wrench.counts,
@@ -240,7 +240,7 @@ class LiveEstimates:
 
     def _rest(self) -> None:
         self.is_on, self.is_lacking, self._words = False, False, NO_SUBSCRIBERS
-        self.external_effort = None
+        self.external_effort = self.wrench.newest = None
 
     def _take(
         self, estimates: Estimates, wanted: tuple[bool, bool], reader: JointStateReader,

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
 import numpy as np
+import pinocchio as pin
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
@@ -23,7 +24,15 @@ from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
-from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
+from robot_dynamics.reporting.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -38,13 +47,24 @@ WARM, HOT = 0.5, 0.9
 """Fractions of the effort limit from which an effort is drawn in a warning colour."""
 
 
+AXES = '#FF0000', '#00FF00', '#0000FF'
+"""Colours of x, y and z, as in RViz."""
+SMALL = 0.02
+"""Fraction of the scale of a wrench; a smaller force or torque is noise."""
+FORCE_SCALE, TORQUE_SCALE = 0.5, 0.05
+"""Force by the arm's weight, torque by weight and reach, whose arrow is as long as the arm."""
+MANIPULABILITY_SCALE = 0.25
+"""[s]: length of a half-axis by its velocity."""
+
+
 class _Seen(NamedTuple):
-    """The drawn quantities of a state: all (n,)."""
+    """The drawn quantities of a state: the wrench (6,) at the link, all others (n,)."""
 
     stamp_ns: int
     q: FloatArray
     effort: FloatArray
     external: FloatArray | None
+    wrench: FloatArray | None
 
 
 class LiveMarkers:
@@ -53,7 +73,7 @@ class LiveMarkers:
     def __init__(self, node: Node) -> None:
         self._controller: Controller | None = None
         self._marks: tuple[object, ArmMarks] | None = None
-        self._frame = ''
+        self._frame = self._link = ''
         self._seen: _Seen | None = None
         self._rests_until = 0.0
         self.is_on = False
@@ -73,9 +93,9 @@ class LiveMarkers:
             self._timer.cancel()
             self._seen = None  # outdated for the next subscriber
 
-    def set_controller(self, controller: Controller, frame: str) -> None:
-        """Draw this arm, whose base link is `frame`, from the next state on."""
-        self._controller, self._frame = controller, frame
+    def set_controller(self, controller: Controller, frame: str, link: str) -> None:
+        """Draw this arm, whose base link is `frame`, and the pose of a link."""
+        self._controller, self._frame, self._link = controller, frame, link
         self._seen = self._marks = None
 
     def forget(self) -> None:
@@ -84,11 +104,13 @@ class LiveMarkers:
 
     def look(
         self, stamp_ns: int, q: FloatArray, output: ControlOutput, external: FloatArray | None,
+        wrench: FloatArray | None,
     ) -> None:
-        """Take a state whose command is published, and the estimated external effort (n,)."""
+        """Take a state whose command is published, external effort (n,) and wrench (6,)."""
         effort = output.computed_torque
         self._seen = _Seen(
-            stamp_ns, q, effort if effort is not None else output.gravity_compensation, external)
+            stamp_ns, q, effort if effort is not None else output.gravity_compensation, external,
+            wrench)
 
     def _draw(self) -> None:
         began, controller = time.monotonic(), self._controller
@@ -99,9 +121,9 @@ class LiveMarkers:
         if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
             return
         if self._marks is None or self._marks[0] is not arm:
-            self._marks = arm, ArmMarks(arm)
+            self._marks = arm, ArmMarks(arm, self._link)
         with np.errstate(over='ignore', invalid='ignore'):
-            message = drawn(self._marks[1], arm, seen.q, seen.effort, seen.external)
+            message = drawn(self._marks[1], arm, *seen[1:])
         stamp = stamp_to_ros(seen.stamp_ns)
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
@@ -111,14 +133,15 @@ class LiveMarkers:
 
 def drawn(
     marks: ArmMarks, arm: ArmModel, q: FloatArray, effort: FloatArray,
-    external: FloatArray | None,
+    external: FloatArray | None, wrench: FloatArray | None = None,
 ) -> MarkerArray:
     """
-    Return the markers of an arm at q; all arguments are (n,). The caller sets the headers.
+    Return the markers of an arm at q (n,), to which the caller adds headers.
 
-    There are a line and a text for the effort of each joint, with a colour by its fraction of the
-    limit, and a ball for each payload. If the external effort is known, there are also a line for
-    it at each joint, and the force on the tool that explains it, if one does.
+    There are a line and a text for the effort (n,) of each joint, with a colour by its fraction of
+    the limit, a ball for each payload, the axes of the link of `marks` and its manipulability
+    ellipsoid. If they are known, there are also a line for the external effort (n,) at each joint,
+    and arrows for force and torque of the external wrench (6,) on the link, in its axes.
     """
     marks.move(q)
     places, limit = marks.joints(), arm.limits.effort
@@ -135,16 +158,40 @@ def drawn(
         for i, (place, fraction) in enumerate(zip(places, (external / full).tolist())):
             line = effort_line(place, fraction, 1.3 * marks.size)
             markers.append(_line('external effort', i, line, marks, PURPLE))
-        force = marks.tool_force(external)
-        if force is not None:
-            markers.append(_arrow(marks, force))
     for i, ball in enumerate(marks.payloads()):
         marker = _marker('payload', i, Marker.SPHERE, GREY, 2.0 * ball.radius)
         marker.scale.y = marker.scale.z = 2.0 * ball.radius
         marker.pose.position = _point(ball.centre)
         marker.color.a = 0.6
         markers.append(marker)
-    return MarkerArray(markers=markers)
+    return MarkerArray(markers=markers + _at_link(marks, wrench))
+
+
+def _at_link(marks: ArmMarks, wrench: FloatArray | None) -> list[Marker]:
+    """Return the axes of the link, its manipulability ellipsoid and the wrench (6,) on it."""
+    origin, R = marks.pose()
+    markers = [
+        _arrow('frame axes', i, colour, origin, origin + 1.5 * marks.size * R[:, i], 0.1, marks)
+        for i, colour in enumerate(AXES)]
+    half_axes, U = marks.manipulability()
+    ellipsoid = _marker('manipulability', 0, Marker.SPHERE, GREEN, 0.0)
+    ellipsoid.pose.position, ellipsoid.color.a = _point(origin), 0.25
+    turn, size = ellipsoid.pose.orientation, ellipsoid.scale
+    turn.x, turn.y, turn.z, turn.w = pin.Quaternion(U).coeffs().tolist()
+    size.x, size.y, size.z = np.maximum(
+        2.0 * MANIPULABILITY_SCALE * half_axes, 0.02 * marks.size).tolist()
+    markers.append(ellipsoid)
+    if wrench is None:
+        return markers
+    for kind, vector, colour, full in (
+            ('force', R @ wrench[:3], PURPLE, FORCE_SCALE * marks.weight),
+            ('torque', R @ wrench[3:], SKY, TORQUE_SCALE * marks.weight * marks.reach)):
+        ratio = float(np.linalg.norm(vector)) / full
+        if ratio > SMALL:
+            along = marks.reach / max(ratio, 1.0) / full * vector
+            ends = (origin - along, origin) if kind == 'force' else (origin, origin + along)
+            markers.append(_arrow(f'external {kind}', 0, colour, *ends, 0.25, marks))
+    return markers
 
 
 def _colour_of(fraction: float, has_limit: bool) -> str:
@@ -166,14 +213,15 @@ def _text(i: int, place: FloatArray, text: str, marks: ArmMarks) -> Marker:
     return marker
 
 
-def _arrow(marks: ArmMarks, force: FloatArray) -> Marker:
-    """Return an arrow that ends at the tool, as long as the arm at half of the arm's weight."""
-    marker = _marker('external force', 0, Marker.ARROW, PURPLE, 0.25 * marks.size)
-    marker.scale.y, marker.scale.z = 0.6 * marks.size, 0.8 * marks.size
-    length = 2.0 * marks.reach / marks.weight
-    longest = marks.reach / float(np.linalg.norm(force))
-    tool = marks.tool()
-    marker.points = [_point(tool - min(length, longest) * force), _point(tool)]
+def _arrow(
+    namespace: str, i: int, colour: str, start: FloatArray, end: FloatArray, width: float,
+    marks: ArmMarks,
+) -> Marker:
+    """Return an arrow whose shaft has a width in radii of an arc; a short one is all head."""
+    marker = _marker(namespace, i, Marker.ARROW, colour, width * marks.size)
+    marker.scale.y = 2.4 * width * marks.size
+    marker.scale.z = min(3.2 * width * marks.size, float(np.linalg.norm(end - start)))
+    marker.points = [_point(start), _point(end)]
     return marker
 
 

@@ -269,7 +269,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         estimates = Estimates(controller, options.effort_convention, values)
         self._path.set_loop(loop, check, estimates, is_embedded)
         self._limit_path(values, arm)
-        self._path.markers.set_controller(controller, parse_urdf(xml).root_link)
+        self._path.markers.set_controller(
+            controller, parse_urdf(xml).root_link, estimates.wrench.frame)
         self._dynamics_services.set_controller(controller)
         self._estimation.set_convention(options.effort_convention)
         self._arm, self._controller = arm, controller

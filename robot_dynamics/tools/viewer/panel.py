@@ -16,7 +16,15 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
+from robot_dynamics.reporting.figures import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+)
 from robot_dynamics.ros.dynamics.markers import HOT, WARM
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
 
@@ -211,7 +219,8 @@ def legend() -> str:
     entries = (
         (BLUE, f'effort below {warm} of its limit'), (ORANGE, f'{warm} to {hot}'),
         (VERMILION, f'above {hot}'), (GREY, 'effort without limit; sphere: load'),
-        (PURPLE, 'external effort, and force on the last link'))
+        (PURPLE, 'external effort and force'), (SKY, 'external torque'),
+        (GREEN, 'manipulability'))
     return '<div style="font-size: 12px; line-height: 1.5; padding: 2px 10px">' + ' '.join(
         f'<span style="color: {colour}">&#9632;</span> {text}<br>'
         for colour, text in entries) + '</div>'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The 3-D view of the viewer: the links of an arm, and the efforts and forces of `~/markers`.
+The 3-D view of the viewer: the links of an arm, and the efforts and other marks of `~/markers`.
 
 A link is drawn with the visuals of the URDF and the meshes that are found. A link without visuals
 is drawn as a bone from joint to joint, so that every arm is visible.
@@ -239,8 +239,8 @@ class ArmScene:
                 head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
         if marker.type == Marker.SPHERE:
             return self._scene.add_icosphere(
-                node, radius=0.5 * marker.scale.x, color=colour, opacity=marker.color.a,
-                position=_position(marker))
+                node, radius=0.5, scale=_size(marker), color=colour, opacity=marker.color.a,
+                wxyz=_wxyz(marker), position=_position(marker))
         return self._scene.add_label(node, marker.text, position=_position(marker))
 
 
@@ -268,6 +268,15 @@ def _position(marker: Marker) -> FloatArray:
     return np.array([place.x, place.y, place.z])
 
 
+def _wxyz(marker: Marker) -> FloatArray:
+    turn = marker.pose.orientation
+    return np.array([turn.w, turn.x, turn.y, turn.z])
+
+
+def _size(marker: Marker) -> tuple[float, float, float]:
+    return marker.scale.x, marker.scale.y, marker.scale.z
+
+
 def _rgb(marker: Marker) -> FloatArray:
     return np.array([marker.color.r, marker.color.g, marker.color.b])
 
@@ -285,12 +294,15 @@ def _update_line(handle: Any, marker: Marker) -> None:
 
 def _update_arrow(handle: Any, marker: Marker) -> None:
     handle.points = _points(marker)[None, :2].astype(np.float32)
+    if handle.head_length != marker.scale.z:
+        handle.head_length = marker.scale.z
 
 
 def _update_ball(handle: Any, marker: Marker) -> None:
     _set(handle, 'position', _position(marker))
-    if handle.radius != 0.5 * marker.scale.x:
-        handle.radius = 0.5 * marker.scale.x
+    _set(handle, 'wxyz', _wxyz(marker))
+    if handle.scale != _size(marker):
+        handle.scale = _size(marker)
 
 
 def _update_text(handle: Any, marker: Marker) -> None:

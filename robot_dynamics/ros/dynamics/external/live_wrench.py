@@ -3,9 +3,12 @@
 
 """`~/external_wrench` with its covariance, and `~/zero_external_wrench`."""
 
+from collections.abc import Callable
+
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
@@ -51,8 +54,9 @@ def wrench_estimator(
 class LiveWrench:
     """Publishes the wrench; the control thread calls `publish`, the executor the service."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, is_wanted: Callable[[], bool]) -> None:
+        """`is_wanted` returns whether the node itself needs the wrench."""
+        self._node, self._is_wanted = node, is_wanted
         self._wrench = node.create_publisher(WrenchStamped, '~/external_wrench', NEWEST_ONLY)
         self._covariance = node.create_publisher(
             WrenchCovariance, '~/external_wrench_covariance', NEWEST_ONLY)
@@ -60,6 +64,8 @@ class LiveWrench:
         """Functions that return the number of subscribers of each topic."""
         self.estimator: ExternalWrenchEstimator | None = None
         """The estimator in use, None without a model."""
+        self.newest: FloatArray | None = None
+        """Wrench of the newest state (6,), None if it is not estimated."""
         node.create_service(Trigger, '~/zero_external_wrench', self._zero)
 
     @property
@@ -68,15 +74,16 @@ class LiveWrench:
         return any(count() > 0 for count in self.counts)
 
     def publish(self, stamp_ns: int, dt: float) -> None:
-        """Publish the wrench dt [s] after the previous state; nothing without subscribers."""
-        estimator = self.estimator
+        """Publish the wrench dt [s] after the previous state; nothing if nothing needs it."""
+        estimator, self.newest = self.estimator, None
         if estimator is None:
             return
-        if not self.has_subscribers:
+        if not self.has_subscribers and not self._is_wanted():
             estimator.restart()
             return
         estimate = estimator.update(dt)
         if estimate is not None:
+            self.newest = estimate.wrench
             self._wrench.publish(_wrench_to_ros(stamp_ns, estimator.frame, estimate))
             if self.counts[1]():
                 self._covariance.publish(_covariance_to_ros(stamp_ns, estimator.frame, estimate))
