@@ -211,7 +211,7 @@ class Scene:
     def limits(self) -> MotionLimits:
         """The limits of the references."""
         controller = self.loop.controller
-        workspace = controller.workspace
+        workspace = controller.load.workspace
         if self._limits is None or workspace is not self._limits[0]:
             self._limits = workspace, workspace.motion_limits(
                 controller.options.effort_limit_fraction * self.arm.limits.effort,
@@ -310,7 +310,7 @@ class Scene:
         q, v = (np.array(values) for values in zip(*states))
         return Trace(
             q, v, np.array(judged), self.loop.reference is not None, diverges, self._faults,
-            self._excess, self._doubt, self.loop.interruption)
+            self._excess, self._doubt, self.loop.goals.interruption)
 
     def _is_due(self) -> bool:
         """Return whether the disturbance begins."""
@@ -342,7 +342,7 @@ class Scene:
         else:
             q, v = self.measured(
                 q + (self._noise.normal(0.0, POSITION_NOISE, n) if case.noisy else 0.0), None)
-        before, interruption = self.loop.reference, self.loop.interruption
+        before, interruption = self.loop.reference, self.loop.goals.interruption
         limits = self.limits
         try:
             answer = self.loop.answer(FIRST_STAMP + MS * k, q, v)
@@ -357,13 +357,13 @@ class Scene:
                 self._unknown -= 1
                 self._active = None
                 self.hull.begin(reference, limits)
-            elif self.loop.interruption not in ('', interruption):  # a stop has begun
+            elif self.loop.goals.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
                 self._active = None
-                is_true = self.loop.consistency.is_consistent
+                is_true = self.loop.signals.consistency.is_consistent
                 self.hull.begin(before if is_true else reference, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
-        consistency = self.loop.consistency
+        consistency = self.loop.signals.consistency
         if not self._doubt and not consistency.is_consistent:
             settling = FROZEN_SETTLING if consistency.frozen.any() else SETTLING
             self._doubt, self.quiet_after = consistency.reason, max(
@@ -407,5 +407,5 @@ class Scene:
             return True
         is_at_rest = bool(np.abs(reference.velocity).max() < AT_GOAL)
         return is_at_rest and (
-            self.goal is None or bool(self.loop.interruption)
+            self.goal is None or bool(self.loop.goals.interruption)
             or bool(np.abs(reference.position - self.goal).max() < AT_GOAL))

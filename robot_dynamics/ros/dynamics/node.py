@@ -146,7 +146,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._trajectories = TrajectoryInput(self, self._path)
         self._teleoperation = Teleoperation(self, self._path, self._trajectories)
-        self._poses = PoseInput(self, self._path, self._trajectories)
+        self._poses = PoseInput(self, self._trajectories)
         self._action = FollowJointTrajectoryServer(
             self, self._path, self._trajectories, lambda: self._settings.values)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)

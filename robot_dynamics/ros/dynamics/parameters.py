@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import command_modes
 from robot_dynamics.control.laws.cartesian import (
     FORCE_LIMIT,
     LARGEST_NULL_SPACE_FREQUENCY,
@@ -41,6 +40,7 @@ from robot_dynamics.control.options import (
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TIME,
     default_tolerances,

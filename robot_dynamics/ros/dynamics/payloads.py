@@ -91,7 +91,7 @@ class PayloadKeeper:
         """Set or remove the payload of a link; return a report; raise InvalidInputError."""
         state = controller.state
         payloads = changed_payloads(
-            controller.planning_dynamics.arm.with_payloads(()), self._payloads, message,
+            controller.load.planning.arm.with_payloads(()), self._payloads, message,
             self._values(), state[1] if state is not None else None)
         controller.set_payloads(payloads, transition_time, self._in_force)
         report = describe_change(self._payloads, payloads)

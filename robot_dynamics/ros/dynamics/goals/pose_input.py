@@ -5,8 +5,6 @@
 
 from geometry_msgs.msg import PoseStamped
 from robot_dynamics.control.pose_reference import pose_set_point
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 
@@ -14,26 +12,15 @@ from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 class PoseInput:
     """Passes ~/pose_reference to the loop of a control path, as a set-point of the joints."""
 
-    def __init__(
-        self, node: GuardedCallbacks, path: ControlPath, trajectories: TrajectoryInput,
-    ) -> None:
+    def __init__(self, node: GuardedCallbacks, trajectories: TrajectoryInput) -> None:
         """Subscribe on a node; poses count as goals of `trajectories`."""
-        self._path, self._trajectories = path, trajectories
+        self._trajectories = trajectories
         node.create_subscription(
             PoseStamped, '~/pose_reference', self._follow, 1, refuse=trajectories.refuse)
 
     def _follow(self, message: PoseStamped) -> None:
         """Follow a pose, or count and log why it is rejected."""
-        try:
-            loop = self._path.loop
-            if loop is None:
-                raise InvalidInputError('no model yet: no pose can be followed')
-            p, turn = message.pose.position, message.pose.orientation
-            trajectory = pose_set_point(
-                loop.controller, message.header.frame_id, [p.x, p.y, p.z],
-                [turn.x, turn.y, turn.z, turn.w])
-            loop.follow(trajectory)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self._trajectories.refuse(error)
-            return
-        self._trajectories.accept(loop, trajectory)
+        p, turn = message.pose.position, message.pose.orientation
+        self._trajectories.follow('pose', lambda controller: pose_set_point(
+            controller, message.header.frame_id, [p.x, p.y, p.z],
+            [turn.x, turn.y, turn.z, turn.w]))

@@ -3,6 +3,7 @@
 
 """The trajectories that `dynamics` receives, and the status `reference` of its diagnostics."""
 
+from collections.abc import Callable
 import math
 import re
 
@@ -47,12 +48,19 @@ class TrajectoryInput:
 
     def take(self, message: JointTrajectoryMsg) -> None:
         """Follow a trajectory, or count and log why it is rejected."""
+        self.follow('trajectory', lambda controller: trajectory_from_ros(
+            message, controller.arm.joint_names), stamp_from_ros(message.header.stamp))
+
+    def follow(
+        self, kind: str, read: Callable[[Controller], JointTrajectory], stamp_ns: int = 0,
+    ) -> None:
+        """Follow what `read` returns from `stamp_ns` on, or count and log why it is rejected."""
         try:
             loop = self._path.loop
             if loop is None:
-                raise InvalidInputError('no model yet: no trajectory can be followed')
-            trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
-            loop.follow(trajectory, stamp_from_ros(message.header.stamp))
+                raise InvalidInputError(f'no model yet: no {kind} can be followed')
+            trajectory = read(loop.controller)
+            loop.follow(trajectory, stamp_ns)
         except Exception as error:  # an exception here would end the spin of rclpy
             self.refuse(error)
             return
@@ -63,7 +71,7 @@ class TrajectoryInput:
         self.refusal = ''
         self._accepted += 1
         self._goal = trajectory.points[-1].position.tolist()
-        if loop.stream.deadline == math.inf:
+        if loop.goals.stream.deadline == math.inf:
             self._reported = self._accepted
 
     def refuse(self, error: Exception) -> None:
@@ -81,18 +89,18 @@ class TrajectoryInput:
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self.refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
-        oscillation = '' if loop is None else str(loop.controller.adaptation)
-        if loop is not None and loop.interruption:
-            level, words = WARN, f'ended early: {loop.interruption}'
+        oscillation = '' if loop is None else str(loop.controller.laws.adaptation)
+        if loop is not None and loop.goals.interruption:
+            level, words = WARN, f'ended early: {loop.goals.interruption}'
         elif missing or oscillation:
             level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self.refusal,
             'accepted': self._accepted, 'goal of the latest': self._goal,
-            'streams that paused': 0 if loop is None else loop.paused_streams,
-            'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
+            'streams that paused': 0 if loop is None else loop.goals.paused_streams,
+            'slowed down by': 1.0 if loop is None else round(loop.controller.followed.slowness, 3),
             'share of the gains that the state rate allows':
-                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
+                1.0 if loop is None else round(loop.controller.gains.least, 3),
             **({} if loop is None else _stiffness_values(loop.controller))}, self._reported)
 
 
