@@ -10,7 +10,6 @@ not re-encoded, and any reader can decode them.
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from robot_dynamics.dependencies import optional
@@ -76,8 +75,5 @@ class RecordingWriter:
     def __enter__(self) -> 'RecordingWriter':
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
