@@ -4,8 +4,9 @@
 """Gains within the limits by rate and noise of the joint states."""
 
 import cmath
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
+from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -89,14 +90,16 @@ def test_a_stiffness_without_damping_has_no_margin() -> None:
     assert observing(found).scale.tolist() == [0.0, 0.0]
 
 
+def impedance(K: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], Any]:
+    """Return the closed loop with these matrices of torques."""
+    return lambda M: (np.linalg.solve(M, K), np.linalg.solve(M, D))
+
+
 def test_the_least_favourable_pose_counts_joint_by_joint() -> None:
     """An impedance: K is the same in each pose, and M is not."""
     K, D = np.diag([100.0, 50.0]), np.diag([20.0, 10.0])
     heavy, light = np.diag([4.0, 0.1]), np.diag([0.5, 2.0])
-
-    def closed_loop(M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.linalg.solve(M, K), np.linalg.solve(M, D)
-
+    closed_loop = impedance(K, D)
     both = loop_gains(closed_loop, [heavy, light])
     first, second = loop_gains(closed_loop, [light]), loop_gains(closed_loop, [heavy])
     assert both.crossover == pytest.approx([first.crossover[0], second.crossover[1]])
@@ -108,13 +111,7 @@ def test_coupling_raises_the_frequencies_by_at_most_the_stated_factor() -> None:
     for _ in range(50):
         A = rng.normal(size=(4, 4))
         M, K = A @ A.T + 0.1 * np.eye(4), np.diag(rng.uniform(1.0, 100.0, 4))
-
-        def closed_loop(
-            M: np.ndarray, K: np.ndarray = K,
-        ) -> tuple[np.ndarray, np.ndarray]:
-            return np.linalg.solve(M, K), 0.2 * np.linalg.solve(M, K)
-
-        found = loop_gains(closed_loop, [M])
+        found = loop_gains(impedance(K, 0.2 * K), [M])
         highest = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.max()))
         assert highest <= found.crossover.max() * (1.0 + 1e-9)
 
@@ -128,14 +125,17 @@ def observing(
     return one
 
 
+def scales(one: StableGains) -> tuple[float, list[float], float]:
+    return one.least, one.scale.tolist(), one.reference_scale
+
+
 def take(
     one: StableGains, dt: float, q: np.ndarray, v: np.ndarray, velocity_delay: float = 0.0,
 ) -> np.ndarray:
     """Take a state and evaluate it; return the velocity to use."""
     used = one.take(dt, q, v, velocity_delay)
-    before = one.least, one.scale.tolist(), one.reference_scale
-    has_changed = one.evaluate()
-    assert has_changed or before == (one.least, one.scale.tolist(), one.reference_scale)
+    before = scales(one)
+    assert one.evaluate() or before == scales(one)
     assert not one.evaluate()  # a state is evaluated once
     return used
 
@@ -161,8 +161,7 @@ def observe(
 
 def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are() -> None:
     gains, error = observe(500.0)
-    assert gains.least == 1.0
-    assert gains.scale.tolist() == [1.0, 1.0]
+    assert scales(gains) == (1.0, [1.0, 1.0], 1.0)
     assert not gains.differs
     assert error == 0.0
     assert gains.period == pytest.approx(0.002)
@@ -222,7 +221,6 @@ def test_until_the_quality_is_known_the_gains_are_low() -> None:
 
 
 def test_a_longer_period_counts_at_once_and_a_shorter_one_later() -> None:
-    """References follow the mean period."""
     gains = after(FAST, 2)
     take(gains, 0.05, Q, np.zeros(2))
     assert gains.period == 0.05
@@ -290,9 +288,9 @@ def changes(one: StableGains, period: float, count: int) -> list[int]:
     """Take more states at rest; return which of them changed a scale."""
     changed = []
     for k in range(count):
-        before = one.least, one.scale.tolist(), one.reference_scale
+        before = scales(one)
         take(one, period, Q, np.zeros(2))
-        if (one.least, one.scale.tolist(), one.reference_scale) != before:
+        if scales(one) != before:
             changed.append(k)
     return changed
 
@@ -302,8 +300,7 @@ def test_without_gains_the_scale_is_1_and_no_state_changes_it(is_used: bool) -> 
     one = observing(None) if is_used else StableGains(KINDS)
     for k in range(20):
         assert take(one, SLOW if k else 0.0, Q, V) is V
-    assert one.least == one.reference_scale == 1.0
-    assert one.scale.tolist() == [1.0, 1.0]
+    assert scales(one) == (1.0, [1.0, 1.0], 1.0)
 
 
 @pytest.mark.parametrize('period', [FAST, 0.02, SLOW])
@@ -384,8 +381,7 @@ def test_other_gains_are_scaled_at_once_for_any_change() -> None:
     one.set_loop_gains(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
     assert one.least == pytest.approx(scale_at(SLOW, omega))
     one.set_loop_gains(None, NO_LIMIT)
-    assert one.least == one.reference_scale == 1.0
-    assert one.scale.tolist() == [1.0, 1.0]
+    assert scales(one) == (1.0, [1.0, 1.0], 1.0)
 
 
 # --- references ----------------------------------------------------------------------------------
@@ -414,23 +410,20 @@ def test_references_follow_a_lower_rate_within_the_time_of_the_mean() -> None:
     assert one.reference_scale == pytest.approx(scale_at(SLOW), rel=0.1)
 
 
-def noisy(effort_rate: float) -> tuple[StableGains, float, float]:
-    """Take states until their noise is known; return the last scales that were reported."""
+def noisy(effort_rate: float) -> StableGains:
+    """Take states until their noise is known."""
     one, rng = after(FAST, 0), np.random.default_rng(1)
     one.set_loop_gains(loop_of(make_gains(KINDS, [OMEGA]), MASS), np.full(2, effort_rate))
     for k in range(17):
-        q, v = (Q + rng.normal(0.0, 0.002, 2), rng.normal(0.0, 0.5, 2)) if k < 16 else (
-            Q, np.zeros(2))
-        take(one, FAST if k else 0.0, q, v)
-        scale, reference_scale = one.least, one.reference_scale
+        q, v = (rng.normal(0.0, [[0.002], [0.5]], (2, 2)) if k < 16 else np.zeros((2, 2)))
+        take(one, FAST if k else 0.0, Q + q, v)
         assert one.is_known == (k == 16)
-    return one, scale, reference_scale
+    return one
 
 
 def test_references_are_slowed_down_if_noise_allows_no_more_than_the_first_scale() -> None:
     """Until the noise is known, gains have half of the bandwidth, and references full speed."""
-    one, scale, _ = noisy(100.0)
-    assert one.reference_scale == one.least == scale < 0.5
-    one, scale, reference_scale = noisy(100.0 * (0.52 / scale) ** 2)
-    assert one.least == scale == pytest.approx(0.52)
-    assert one.reference_scale == reference_scale == pytest.approx(scale)
+    one = noisy(100.0)
+    assert one.reference_scale == one.least < 0.5
+    one = noisy(100.0 * (0.52 / one.least) ** 2)
+    assert one.reference_scale == one.least == pytest.approx(0.52)
