@@ -3,10 +3,8 @@
 
 """Gains within the limits by rate and noise of the joint states."""
 
-import cmath
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import math
-from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,22 +13,19 @@ import pytest
 from robot_dynamics.control.gains.gain_scaling import (
     CROSSOVER,
     DELAY_LAG,
-    longest_period,
     LOOP_DELAY,
-    loop_gains,
     LoopGains,
     slowest_rate,
     StableGains,
     USUAL_FREQUENCY,
     USUAL_MARGIN,
 )
-from robot_dynamics.control.laws.computed_torque import ComputedTorque
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
-from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import WorkspaceInertia
+from tracking_loop import loop_of
 
 ARM = load_arm(default_arm_urdf())
 WORKSPACE = WorkspaceInertia(ArmDynamics(ARM))
@@ -38,82 +33,10 @@ GAINS = make_gains(ARM.joint_names)
 RATE = ARM.limits.effort / 0.1
 KINDS = ('revolute', 'revolute')
 OMEGA = 20.0
-MASS, NO_LIMIT = np.diag([2.0, 0.5])[np.newaxis], np.full(2, math.inf)
+NO_LIMIT = np.full(2, math.inf)
 Q, V = np.array([0.3, -0.2]), np.array([0.1, 0.4])
 FAST, SLOW = 0.002, 0.05
-
-
-def loop_of(gains: Gains, mass_matrices: np.ndarray = WORKSPACE.matrices) -> LoopGains:
-    """Return the loop of computed torque with these gains."""
-    n = len(gains.kp)
-    law = ComputedTorque(ErrorFeedback(gains, ('revolute',) * n), ControllerOptions(gains))
-    return loop_gains(law.closed_loop, mass_matrices)
-
-
-DEFAULT = loop_of(GAINS)
-
-
-# --- the closed loop -----------------------------------------------------------------------------
-
-@given(omega=st.floats(0.1, 100.0), zeta=st.floats(0.01, 3.0))
-def test_the_crossover_and_the_margin_are_those_of_the_open_loop(
-    omega: float, zeta: float,
-) -> None:
-    """The open loop of ë = −K e − D ė is (D s + K)/s²."""
-    gains = make_gains(['a', 'b'], [omega], [zeta])
-    found = loop_of(gains, MASS)
-    for j in range(2):
-        w = float(found.crossover[j])
-        open_loop = (1j * w * gains.kd[j] + gains.kp[j]) / (1j * w)**2
-        assert abs(open_loop) == pytest.approx(1.0)
-        margin = math.pi - abs(cmath.phase(open_loop))
-        assert found.lag[j] == pytest.approx(
-            DELAY_LAG * min(1.0, margin / USUAL_MARGIN), rel=1e-6)
-        assert found.frequency[j] == pytest.approx(max(omega, zeta * omega))
-    assert found.noise == pytest.approx(MASS[0] @ np.diag(gains.kd))
-
-
-@pytest.mark.parametrize('kd', [0.0, 0.5, 5.0])
-def test_without_stiffness_damping_is_the_loop_and_without_both_there_is_none(kd: float) -> None:
-    found = loop_of(Gains(np.zeros(2), np.full(2, kd)), MASS)
-    assert found.crossover == pytest.approx(kd)
-    if kd:
-        assert found.lag == pytest.approx(DELAY_LAG)  # with a margin of 90°
-    assert longest_period(found) == pytest.approx(
-        2.0 * (DELAY_LAG / kd - LOOP_DELAY) if kd else math.inf)
-
-
-def test_a_stiffness_without_damping_has_no_margin() -> None:
-    found = loop_of(Gains(np.full(2, 100.0), np.zeros(2)), MASS)
-    assert found.lag.tolist() == [0.0, 0.0]
-    assert longest_period(found) == 0.0
-    assert observing(found).scale.tolist() == [0.0, 0.0]
-
-
-def impedance(K: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], Any]:
-    """Return the closed loop with these matrices of torques."""
-    return lambda M: (np.linalg.solve(M, K), np.linalg.solve(M, D))
-
-
-def test_the_least_favourable_pose_counts_joint_by_joint() -> None:
-    """An impedance: K is the same in each pose, and M is not."""
-    K, D = np.diag([100.0, 50.0]), np.diag([20.0, 10.0])
-    heavy, light = np.diag([4.0, 0.1]), np.diag([0.5, 2.0])
-    closed_loop = impedance(K, D)
-    both = loop_gains(closed_loop, [heavy, light])
-    first, second = loop_gains(closed_loop, [light]), loop_gains(closed_loop, [heavy])
-    assert both.crossover == pytest.approx([first.crossover[0], second.crossover[1]])
-    assert both.noise == pytest.approx(D)
-
-
-def test_coupling_raises_the_frequencies_by_at_most_the_stated_factor() -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        A = rng.normal(size=(4, 4))
-        M, K = A @ A.T + 0.1 * np.eye(4), np.diag(rng.uniform(1.0, 100.0, 4))
-        found = loop_gains(impedance(K, 0.2 * K), [M])
-        highest = float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.max()))
-        assert highest <= found.crossover.max() * (1.0 + 1e-9)
+DEFAULT = loop_of(GAINS, WORKSPACE.matrices)
 
 
 def observing(
@@ -278,7 +201,7 @@ def after(
     ratio: Sequence[float] = (1.0,),
 ) -> StableGains:
     """Return the gains after `count` states at rest with this period [s]."""
-    one = observing(loop_of(make_gains(KINDS, omega, ratio), MASS))
+    one = observing(loop_of(make_gains(KINDS, omega, ratio)))
     for k in range(count):
         take(one, period if k else 0.0, Q, np.zeros(2))
     return one
@@ -322,7 +245,7 @@ def test_each_joint_has_the_scale_of_its_own_bandwidth() -> None:
 @pytest.mark.parametrize('ratio', [0.05, 0.3, 1.0, 2.0])
 def test_a_low_damping_ratio_has_a_smaller_margin_and_scale(ratio: float) -> None:
     """The phase lag of the delay stays below the same fraction of the margin."""
-    crossover = loop_of(make_gains(KINDS, [OMEGA], [ratio]), MASS).crossover[0]
+    crossover = loop_of(make_gains(KINDS, [OMEGA], [ratio])).crossover[0]
     lag = after(SLOW, ratio=[ratio]).least * crossover * (0.5 * SLOW + LOOP_DELAY)
     margin = math.atan(2.0 * ratio * crossover / OMEGA)
     assert lag == pytest.approx(DELAY_LAG * min(1.0, margin / USUAL_MARGIN))
@@ -378,7 +301,7 @@ def test_full_gains_begin_and_end_with_any_change(scale: float) -> None:
 def test_other_gains_are_scaled_at_once_for_any_change() -> None:
     one = after(SLOW)
     omega = 1.02 * OMEGA
-    one.set_loop_gains(loop_of(make_gains(KINDS, [omega]), MASS), NO_LIMIT)
+    one.set_loop_gains(loop_of(make_gains(KINDS, [omega])), NO_LIMIT)
     assert one.least == pytest.approx(scale_at(SLOW, omega))
     one.set_loop_gains(None, NO_LIMIT)
     assert scales(one) == (1.0, [1.0, 1.0], 1.0)
@@ -413,7 +336,7 @@ def test_references_follow_a_lower_rate_within_the_time_of_the_mean() -> None:
 def noisy(effort_rate: float) -> StableGains:
     """Take states until their noise is known."""
     one, rng = after(FAST, 0), np.random.default_rng(1)
-    one.set_loop_gains(loop_of(make_gains(KINDS, [OMEGA]), MASS), np.full(2, effort_rate))
+    one.set_loop_gains(loop_of(make_gains(KINDS, [OMEGA])), np.full(2, effort_rate))
     for k in range(17):
         q, v = (rng.normal(0.0, [[0.002], [0.5]], (2, 2)) if k < 16 else np.zeros((2, 2)))
         take(one, FAST if k else 0.0, Q + q, v)
