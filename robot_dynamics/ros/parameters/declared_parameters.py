@@ -113,6 +113,16 @@ def numbers(
         name, Type.DOUBLE_ARRAY, list(default), description, read_only, minimum, maximum)
 
 
+def numbers_per_joint(
+    name: str, minimum: float, maximum: float, description: str, rest: str = '.',
+    default: Sequence[float] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the same for an array that has one value for all joints or one per joint."""
+    return numbers(
+        name, minimum, maximum,
+        f'{description}; one value for all joints or one per joint{rest}', default, read_only)
+
+
 def flag(name: str, default: bool, description: str, read_only: bool = False) -> ParameterSpec:
     """Return the specification of a parameter that is true or false."""
     return ParameterSpec(name, Type.BOOL, default, description, read_only)

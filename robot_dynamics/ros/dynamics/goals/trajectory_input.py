@@ -1,15 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trajectories that `dynamics` receives, and the status `reference` of its diagnostics."""
+"""The trajectories and poses that `dynamics` receives, and the status `reference`."""
 
 from collections.abc import Callable
 import math
 import re
 
+from geometry_msgs.msg import PoseStamped
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.pose_reference import pose_set_point
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.units import units_of
@@ -33,7 +35,7 @@ _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 
 
 class TrajectoryInput:
-    """Passes the messages on ~/joint_trajectory to the loop of a control path."""
+    """Passes ~/joint_trajectory, and ~/pose_reference as set-points, to the loop of a path."""
 
     def __init__(self, node: GuardedCallbacks, path: ControlPath) -> None:
         """Subscribe on a node."""
@@ -45,11 +47,19 @@ class TrajectoryInput:
         """Number of accepted goals that is published at once; a stream does not change it."""
         node.create_subscription(
             JointTrajectoryMsg, '~/joint_trajectory', self.take, 10, refuse=self.refuse)
+        node.create_subscription(
+            PoseStamped, '~/pose_reference', self._take_pose, 1, refuse=self.refuse)
 
     def take(self, message: JointTrajectoryMsg) -> None:
         """Follow a trajectory, or count and log why it is rejected."""
         self.follow('trajectory', lambda controller: trajectory_from_ros(
             message, controller.arm.joint_names), stamp_from_ros(message.header.stamp))
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        p, turn = message.pose.position, message.pose.orientation
+        self.follow('pose', lambda controller: pose_set_point(
+            controller, message.header.frame_id, [p.x, p.y, p.z],
+            [turn.x, turn.y, turn.z, turn.w]))
 
     def follow(
         self, kind: str, read: Callable[[Controller], JointTrajectory], stamp_ns: int = 0,
