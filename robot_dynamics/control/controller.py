@@ -70,7 +70,8 @@ class Controller:
         """Whether a reference has ended because states have no velocity; the reader resets it."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
-        self._options = options
+        self.options = options
+        """The options in use."""
         self.set_options(options)
 
     def set_options(self, options: ControllerOptions) -> None:
@@ -85,14 +86,14 @@ class Controller:
         robot = None if options.effort_convention.robot_gravity is None else (
             UncheckedArmDynamics(self.arm.with_gravity(options.effort_convention.robot_gravity)))
         with self.lock:
-            if options.command != self._options.command:
-                self.followed.clear()
-            self._options, self.laws, self._bounds, self._robot = options, laws, bounds, robot
+            if options.command != self.options.command:
+                self.followed.end()
+            self.options, self.laws, self._bounds, self._robot = options, laws, bounds, robot
             self._limit_motion()
 
     def _limit_motion(self) -> None:
         """Derive the limits of references and gains from the arm, the load and the options."""
-        options, workspace, scaled = self._options, self.load.workspace, self._bounds.scaled
+        options, workspace, scaled = self.options, self.load.workspace, self._bounds.scaled
         rate = np.broadcast_to(options.effort_rate, scaled.shape)
         self.followed.limit(
             workspace.motion_limits(scaled, rate) if options.conditions_references else None,
@@ -122,7 +123,7 @@ class Controller:
     def prepare(self, trajectory: JointTrajectory) -> Prepared:
         """Return a trajectory that the arm can follow, for `start`; raise TrajectoryError."""
         self._check_follows()
-        return self.followed.feasible(trajectory, self.load.planning, self._options)
+        return self.followed.feasible(trajectory, self.load.planning, self.options)
 
     def start(self, prepared: Prepared, stamp_ns: int, latest: float = math.inf) -> None:
         """
@@ -144,7 +145,7 @@ class Controller:
     def stop(self) -> str:
         """Stop as early as the limits permit, and hold; return a report."""
         with self.lock:
-            if self._options.command == NO_COMMAND or self.state is None:
+            if self.options.command == NO_COMMAND or self.state is None:
                 return 'nothing to stop: the node does not command the arm'
             start = 'along the reference' if self.followed.active else 'from the measured state'
             self.followed.stop(*self.state)
@@ -156,26 +157,16 @@ class Controller:
         active = self.followed.active
         return active is None or self.state is not None and self.state[0] >= active.end_ns
 
-    def forget_reference(self) -> None:
-        """End the reference; a law that follows continues with a stop, if `stops_and_holds`."""
-        with self.lock:
-            self.followed.clear()
-
     def stop_from_state(self) -> None:
         """End the reference; stop from the next measured state and hold if `stops_and_holds`."""
         with self.lock:
-            self.followed.stop_from_next(self._options.stops_and_holds)
+            self.followed.end(self.options.stops_and_holds)
 
     def restart_states(self) -> None:
         """Treat the next state as a first one: it need not be consistent with the last state."""
         with self.lock:
             self.state = None
             self._velocity.restart()
-
-    def shift_time(self, shift_ns: int) -> None:
-        """Continue the reference unchanged when the stamps of the states decrease by shift_ns."""
-        with self.lock:
-            self.followed.shift_time(shift_ns)
 
     @property
     def reference(self) -> Reference | None:
@@ -198,11 +189,6 @@ class Controller:
         return None if reference is None else reference.position
 
     # ------------------------------------------------------------------ the arm
-
-    @property
-    def options(self) -> ControllerOptions:
-        """The options in use."""
-        return self._options
 
     @property
     def loaded_arm(self) -> ArmModel:
@@ -261,7 +247,7 @@ class Controller:
 
     def __repr__(self) -> str:
         following = 'no reference' if self.trajectory is None else 'following a reference'
-        return f'<Controller of {self.loaded_arm!r}, {self._options.command}, {following}>'
+        return f'<Controller of {self.loaded_arm!r}, {self.options.command}, {following}>'
 
     # ------------------------------------------------------------------ the control path
 
@@ -286,7 +272,7 @@ class Controller:
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
             load.advance(stamp_ns)
-        if v is None and self._options.estimates_velocity:
+        if v is None and self.options.estimates_velocity:
             if self.state is not None and not self._is_estimated:
                 self._velocity.restart()
                 self._velocity.update(*self.state[:2])
@@ -316,7 +302,7 @@ class Controller:
                 q_ahead = q + lag * v
         state = LawInput(
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
-        answer, options, drive = law(state), self._options, self.arm.drive
+        answer, options, drive = law(state), self.options, self.arm.drive
         laws.last = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds
         is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
@@ -355,7 +341,7 @@ class Controller:
     def _lose_velocity(self) -> None:
         """End the reference: without velocities, no motion can be followed or started."""
         if self.followed.active is not None:
-            self.followed.stop_from_next(self._options.stops_and_holds)
+            self.followed.end(self.options.stops_and_holds)
             self.has_lost_velocity = True
         self.state = None
 
@@ -375,7 +361,7 @@ class Controller:
 
     def stiffness(self, q: FloatArray) -> FloatArray | None:
         """Return the scaled stiffness (n,) [N·m/rad] or [N/m] at q (n,), None without one."""
-        if not self.laws.follows or self._options.command == NO_COMMAND:
+        if not self.laws.follows or self.options.command == NO_COMMAND:
             return None
         return self.laws.with_reference.stiffness(self.load.dynamics.rigid_body.mass_matrix(q))
 

@@ -137,12 +137,7 @@ class FollowedReference:
             limits = replace(self._follower.limits, brake=None)
             self._follower.limits = self._brake(limits, q, v) if is_local else limits
 
-    def clear(self) -> None:
-        """Follow nothing."""
-        self._follower.clear()
-        self.active, self.stops_next = None, False
-
-    def stop_from_next(self, holds: bool) -> None:
+    def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
         self._follower.clear()
         self.active, self.stops_next = None, holds

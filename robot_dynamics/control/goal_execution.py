@@ -26,8 +26,8 @@ class GoalExecution:
     """
     Set-points, trajectories and goals of one arm; safe to call from several threads.
 
-    Times `now` [s] are those of a steady clock. `ControlLoop` calls `judge`, `fail`, `interrupt`,
-    `stop` and `pause` with its lock held.
+    Times `now` [s] are those of a steady clock. `ControlLoop` calls `judge`, `fail`, `interrupt`
+    and `pause` with its lock held.
     """
 
     def __init__(self, controller: Controller, obstacle: Callable[[], str]) -> None:
@@ -44,14 +44,16 @@ class GoalExecution:
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int, now: float) -> None:
         """Follow a trajectory as `ControlLoop.follow` does."""
-        self._start(trajectory, self._prepare(trajectory), stamp_ns, now)
+        self._check_obstacle()
+        self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, now)
 
     def execute(
         self, trajectory: JointTrajectory, stamp_ns: int, tolerances: Tolerances | None,
         when_done: Callable[[], object], now: float,
     ) -> TrajectoryGoal:
         """Follow a trajectory and judge it as `ControlLoop.execute` does."""
-        prepared = self._prepare(trajectory)
+        self._check_obstacle()
+        prepared = self._controller.prepare(trajectory)
         if prepared[1] > NO_SLOWER:
             raise TrajectoryError(
                 f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
@@ -64,10 +66,6 @@ class GoalExecution:
                 self._controller, tolerances or default_tolerances(trajectory.joint_names),
                 when_done)
             return self.goal
-
-    def _prepare(self, trajectory: JointTrajectory) -> Prepared:
-        self._check_obstacle()
-        return self._controller.prepare(trajectory)
 
     def _check_obstacle(self) -> None:
         obstacle = self._obstacle()
@@ -125,19 +123,16 @@ class GoalExecution:
         else:
             self.interrupt(str(fault))
 
-    def interrupt(self, reason: str) -> None:
-        """End the reference; the arm stops from the next measured state, and is held."""
+    def interrupt(self, reason: str, holds: bool = False) -> None:
+        """
+        End the reference; the arm stops from the next measured state, and is held.
+
+        With `holds` an arm that has stopped is held at the end of its reference.
+        """
         self.stream.end()
         if self._controller.trajectory is not None:
             self.interruption = reason
-            self._controller.stop_from_state()
-
-    def stop(self, reason: str) -> None:
-        """End a reference that is in motion in the same way, and stop along one that has ended."""
-        if self._controller.trajectory is not None:
-            self.interruption = reason
-            self.stream.end()
-            if self._controller.has_stopped:
+            if holds and self._controller.has_stopped:
                 self._controller.stop()
             else:
                 self._controller.stop_from_state()

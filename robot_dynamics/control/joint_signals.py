@@ -57,7 +57,7 @@ class JointSignals:
                 self._goals.notice = (
                     f'{consistency.reason}. Velocities are estimated from the positions; a '
                     'motion ends with a stop.')
-                self._goals.stop(consistency.reason)
+                self._goals.interrupt(consistency.reason, holds=True)
         if not is_frozen:
             if self.frozen is not None:
                 self.frozen = None

@@ -380,7 +380,7 @@ class ControlLoop:
                 self.goals.interrupt(f'joint states restarted: {verdict.restart}')
                 self.controller.restart_states()
         if verdict.time_shift:
-            self.controller.shift_time(verdict.time_shift)
+            self.controller.followed.shift_time(verdict.time_shift)
             self.signals.consistency.restart()
         if now > self.goals.stream.deadline:
             self.goals.pause()
@@ -393,7 +393,7 @@ class ControlLoop:
             self.goals.fail(supervisor.fault, self.signals.frozen is not None)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
-            controller.forget_reference()  # the arm may move until the next command
+            controller.followed.end()  # the arm may move until the next command
         if self._end.options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
             options, self._end.options = self._end.options, None
             controller.set_options(options)

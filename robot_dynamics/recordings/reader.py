@@ -11,7 +11,7 @@ damaged files is returned, and `losses` lists what is missing: see `mcap_salvage
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 
-class Recording:
+class Recording(AbstractContextManager['Recording']):
     """
     A recording that is open for reading; for use in `with`.
 
@@ -215,9 +215,6 @@ class Recording:
 
     def close(self) -> None:
         self._stack.close()
-
-    def __enter__(self) -> 'Recording':
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -9,6 +9,7 @@ not re-encoded, and any reader can decode them.
 """
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.topics import qos_to_rosbags, TopicQos
 
 
-class RecordingWriter:
+class RecordingWriter(AbstractContextManager['RecordingWriter']):
     """
     Writes a recording, a directory of rosbag2 with MCAP storage; for use in `with`.
 
@@ -71,9 +72,6 @@ class RecordingWriter:
             if self._open:
                 self._open = False
                 self._writer.close()
-
-    def __enter__(self) -> 'RecordingWriter':
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

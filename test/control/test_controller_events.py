@@ -226,7 +226,7 @@ def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
 
 def test_a_motion_continues_when_the_stamps_decrease() -> None:
     one, other, shift = moving(), moving(), 30 * SECOND
-    one.shift_time(shift)
+    one.followed.shift_time(shift)
     for ms in (1010, 1500, 2500):
         shifted = one.update(NOW + ms * MS - shift, Q, V).reference
         usual = other.update(NOW + ms * MS, Q, V).reference

@@ -160,24 +160,20 @@ class DeclaredParameters:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
         self._check, self._apply = check, apply
-        self._values: dict[str, Any] = {}
+        self.values: dict[str, Any] = {}
+        """All values by name; arrays as tuples."""
         self._former = {former: name for former, name in FORMER_NAMES.items()
                         if name in self._specs}
         for former, name in self._former.items():
             if rename_parameter_override(node, former, name):
                 node.get_logger().warning(former_name(former))
         for spec in specs:
-            self._values[spec.name] = self._declare(spec)
+            self.values[spec.name] = self._declare(spec)
         self._check_names()
-        self._check(self._values)
+        self._check(self.values)
         node.add_pre_set_parameters_callback(self._renamed)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._take_over)
-
-    @property
-    def values(self) -> Values:
-        """All values by name; arrays as tuples."""
-        return self._values
 
     def _declare(self, spec: ParameterSpec) -> Any:
         descriptor, empty = spec.descriptor(), spec.default == []
@@ -236,12 +232,12 @@ class DeclaredParameters:
         try:
             values = self._changed(parameters)
             self._apply(values)
-            self._values = values
+            self.values = values
         except Exception as error:
             self._node.get_logger().error(f'Applying parameters failed: {error!r}')
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
-        values = dict(self._values)
+        values = dict(self.values)
         for parameter in parameters:
             spec = self._specs.get(parameter.name)
             if spec is None:  # a parameter of rclpy, such as use_sim_time
