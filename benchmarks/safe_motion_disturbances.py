@@ -37,8 +37,8 @@ from benchmarks.safe_motion_gearbox import GEARBOX, gearbox, given_friction
 from benchmarks.safe_motion_scene import AT_GOAL, Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import NO_COMMAND
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
+from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
@@ -222,7 +222,7 @@ def stop(scene: Scene) -> None:
 def payload(scene: Scene) -> None:
     """Attach a load, which the loop knows or does not know."""
     is_known = scene.rng.uniform() < 0.5
-    load = _load(scene, 1.0 if is_known else scene.loop.controller.bandwidth_scale, is_known)
+    load = _load(scene, 1.0 if is_known else scene.loop.controller.gains.least, is_known)
     scene.plant.load(scene.arm.with_payloads([load]))
     if is_known:
         scene.loop.controller.set_payloads([load], 0.0, lambda _: None)
@@ -283,11 +283,11 @@ def static_sag(scene: Scene) -> FloatArray:
     if not scene.has_unknown_load or scene.goal is None:
         return held
     controller = scene.loop.controller
-    kp = controller.bandwidth_scale**2 * controller.options.gains.kp
+    kp = controller.gains.least**2 * controller.options.gains.kp
     for _ in range(TRIES):
         q = scene.goal - e
         e = _acceleration(scene.arm, scene.arm, scene.plant.arm, q) / kp
-        law = controller._own_law
+        law = controller.laws.with_reference
         g, g_0 = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
         if drives is not None:
             e = (g - g_0) / drives.stiffness

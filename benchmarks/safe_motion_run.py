@@ -144,7 +144,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     rates = {period: rate for rate, period in PERIODS.items()}
     margin = NOISE_MARGINS[rates[scene.longest_period]] if case.noisy else NO_MARGIN
     judged, q, last = trace.is_judged, trace.q, trace.q[-JUDGED:]
-    is_measured, is_guided = ~scene.loop.consistency.frozen, case.command == HAND_GUIDING
+    is_measured, is_guided = ~scene.loop.signals.consistency.frozen, case.command == HAND_GUIDING
     amplitudes = np.ptp(last, axis=0)
     if is_guided:  # a released arm may move on, but not to and fro
         amplitudes = np.abs(np.diff(last, axis=0)).sum(axis=0) - amplitudes

@@ -42,17 +42,13 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 ACTION_PERIOD, SLACK = 0.002, 1e-4
 """[s] between ticks of a fault action, and after a deadline; see `ros/dynamics/command_output`."""
-FIRST_STAMP, MS = 1_000_000_000, 1_000_000
-"""[ns]"""
-STEP = 1e-3
-"""[s]"""
+FIRST_STAMP, MS, STEP = 1_000_000_000, 1_000_000, 1e-3
+"""[ns], [ns] and [s]"""
 
 SHORTEST, REST = 4.0, 2.0
 """[s] that a run lasts at least, and after the end of its reference."""
-SETTLING = 4.0
-"""[s] that a run lasts at least after the begin of its disturbance."""
-FROZEN_SETTLING = 8.0
-"""[s] that a run lasts at least after a joint was found frozen."""
+SETTLING, FROZEN_SETTLING = 4.0, 8.0
+"""[s] that a run lasts at least after its disturbance began, or a joint was found frozen."""
 RAMP_SLACK = 0.1
 """[s] by which a ramp to zero may take longer than the ramp time."""
 FIRST_STATES = 2
@@ -211,7 +207,7 @@ class Scene:
     def limits(self) -> MotionLimits:
         """The limits of the references."""
         controller = self.loop.controller
-        workspace = controller.workspace
+        workspace = controller.load.workspace
         if self._limits is None or workspace is not self._limits[0]:
             self._limits = workspace, workspace.motion_limits(
                 controller.options.effort_limit_fraction * self.arm.limits.effort,
@@ -253,8 +249,6 @@ class Scene:
                 for path in stop_path(target, limits):
                     hull.include(np.clip(path, bounds.lower, bounds.upper))
         return True
-
-    # ------------------------------------------------------------------ the run
 
     def run(self) -> Trace:
         """Simulate the run; return the motion of the arm."""
@@ -310,7 +304,7 @@ class Scene:
         q, v = (np.array(values) for values in zip(*states))
         return Trace(
             q, v, np.array(judged), self.loop.reference is not None, diverges, self._faults,
-            self._excess, self._doubt, self.loop.interruption)
+            self._excess, self._doubt, self.loop.goals.interruption)
 
     def _is_due(self) -> bool:
         """Return whether the disturbance begins."""
@@ -334,15 +328,12 @@ class Scene:
     def _answer(self, k: int) -> FloatArray | None:
         """Return the effort for a state."""
         case, n = self.case, len(self.plant.q)
-        q: FloatArray
-        v: FloatArray | None
-        q, v = self.plant.q, self.plant.v
-        if case.has_velocity:
-            q, v = self.measured(q, v + (self._noise.normal(0.0, NOISE, n) if case.noisy else 0.0))
-        else:
-            q, v = self.measured(
-                q + (self._noise.normal(0.0, POSITION_NOISE, n) if case.noisy else 0.0), None)
-        before, interruption = self.loop.reference, self.loop.interruption
+        noise = case.noisy * self._noise.normal(
+            0.0, NOISE if case.has_velocity else POSITION_NOISE, n)
+        q, v = self.measured(self.plant.q, self.plant.v + noise) if case.has_velocity else (
+            self.measured(self.plant.q + noise, None))
+        consistency = self.loop.signals.consistency
+        before, interruption = self.loop.reference, self.loop.goals.interruption
         limits = self.limits
         try:
             answer = self.loop.answer(FIRST_STAMP + MS * k, q, v)
@@ -357,13 +348,11 @@ class Scene:
                 self._unknown -= 1
                 self._active = None
                 self.hull.begin(reference, limits)
-            elif self.loop.interruption not in ('', interruption):  # a stop has begun
+            elif self.loop.goals.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
                 self._active = None
-                is_true = self.loop.consistency.is_consistent
-                self.hull.begin(before if is_true else reference, limits)
+                self.hull.begin(before if consistency.is_consistent else reference, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
-        consistency = self.loop.consistency
         if not self._doubt and not consistency.is_consistent:
             settling = FROZEN_SETTLING if consistency.frozen.any() else SETTLING
             self._doubt, self.quiet_after = consistency.reason, max(
@@ -405,7 +394,6 @@ class Scene:
         reference = self.loop.reference
         if reference is None:
             return True
-        is_at_rest = bool(np.abs(reference.velocity).max() < AT_GOAL)
-        return is_at_rest and (
-            self.goal is None or bool(self.loop.interruption)
+        return bool(np.abs(reference.velocity).max() < AT_GOAL) and (
+            self.goal is None or bool(self.loop.goals.interruption)
             or bool(np.abs(reference.position - self.goal).max() < AT_GOAL))

@@ -61,11 +61,11 @@ class FeedForward:
             self._held = None
             return None
         reference, q = output.reference, output.state.q
-        if reference is not None or not loop.controller.follows:
+        if reference is not None or not loop.controller.laws.follows:
             self._held = None
         if reference is None:
             reference = self._held or Reference(q.copy(), np.zeros_like(q), np.zeros_like(q))
-            if loop.controller.follows:
+            if loop.controller.laws.follows:
                 self._held = reference
         return DriveCommand(
             reference.position, reference.velocity, self._effort(output, reference))

@@ -11,6 +11,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
@@ -27,6 +28,12 @@ from robot_dynamics.validation import LARGEST_VALUE
 
 Brake = Callable[[MotionLimits, FloatArray, FloatArray], MotionLimits]
 """Returns the limits with the braking that is possible from a position and velocity (n,)."""
+LastState = tuple[int, FloatArray, FloatArray]
+"""A stamp [ns], and the position and velocity (n,) in use."""
+Prepared = tuple[JointTrajectory, float]
+"""A trajectory that the arm can follow, and the factor by which it was slowed down."""
+LONGEST_DIFFERENCE = 0.1
+"""[s] between two states whose positions give the velocity at which a stop starts."""
 FASTEST_STOP = 2.0
 """Largest velocity from which a stop begins, by the velocity limit."""
 
@@ -48,6 +55,8 @@ class FollowedReference:
         self._brake: Brake = lambda limits, q, v: limits
         self.active: ActiveTrajectory | None = None
         """The trajectory or stop that is followed, or None."""
+        self.first_stop: ActiveTrajectory | None = None
+        """The stop at a first state, which the second state replaces."""
         self.stops_next = False
         """Whether a stop from the next measured state is wanted."""
         self.slowness = 1.0
@@ -70,7 +79,7 @@ class FollowedReference:
 
     def feasible(
         self, trajectory: JointTrajectory, planning: ArmDynamics, options: ControllerOptions,
-    ) -> tuple[JointTrajectory, float]:
+    ) -> Prepared:
         """
         Return a trajectory that the arm can follow, and the factor by which it was slowed down.
 
@@ -100,7 +109,7 @@ class FollowedReference:
 
     def start(
         self, trajectory: JointTrajectory, slowness: float,
-        state: tuple[int, FloatArray, FloatArray], stamp_ns: int, latest: float = math.inf,
+        state: LastState, stamp_ns: int, latest: float = math.inf,
     ) -> None:
         """
         Follow a trajectory from the last state (stamp, q, v) on.
@@ -128,20 +137,34 @@ class FollowedReference:
             limits = replace(self._follower.limits, brake=None)
             self._follower.limits = self._brake(limits, q, v) if is_local else limits
 
-    def clear(self) -> None:
-        """Follow nothing."""
-        self._follower.clear()
-        self.active, self.stops_next = None, False
-
-    def forget(self) -> None:
-        """Follow nothing, but keep a wanted stop."""
-        self._follower.clear()
-        self.active = None
-
-    def stop_from_next(self, holds: bool) -> None:
+    def end(self, holds: bool = False) -> None:
         """End the reference; if `holds`, a stop from the next measured state is wanted."""
         self._follower.clear()
         self.active, self.stops_next = None, holds
+
+    def stop_from(
+        self, last: LastState | None, stamp_ns: int, q: FloatArray,
+    ) -> ActiveTrajectory | None:
+        """
+        Return a stop at q (n,), with the mean velocity since the last state.
+
+        One sample of a noisy velocity would move the reference. A first state is a stop at rest
+        until a state with another stamp.
+        """
+        v = self.mean_velocity(last, stamp_ns, q)
+        self._follower.clear()
+        self.stop(stamp_ns, q, np.zeros_like(q) if v is None else v)
+        self.first_stop = self.active if last is None else None
+        return self.active
+
+    def mean_velocity(
+        self, last: LastState | None, stamp_ns: int, q: FloatArray,
+    ) -> FloatArray | None:
+        """Return the mean velocity (n,) since the last state, or None if that is too long ago."""
+        dt = 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
+        if last is None or not 0.0 < dt <= LONGEST_DIFFERENCE:
+            return None
+        return np.asarray((nearest_turn(q, last[1], self._arm.is_continuous) - last[1]) / dt)
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
         """

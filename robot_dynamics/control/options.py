@@ -5,14 +5,16 @@
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.cartesian import Cartesian
-from robot_dynamics.control.laws.error_feedback import Gains
-from robot_dynamics.control.laws.guiding import Guiding
-from robot_dynamics.control.laws.impedance import Impedance
+from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
+from robot_dynamics.control.laws.error_feedback import Gains, make_gains
+from robot_dynamics.control.laws.guiding import Guiding, make_guiding
+from robot_dynamics.control.laws.impedance import Impedance, make_impedance
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 
@@ -36,7 +38,7 @@ class ControllerOptions:
 
     gains: Gains
     command: str = 'computed_torque'
-    """A name of `controller.LAWS`, or `none`."""
+    """A name of `scaled_laws.LAWS`, or `none`."""
     effort_limit_fraction: float = 1.0
     """The command is clamped to this fraction of the effort limits of the URDF."""
     friction_compensation: str = 'reference'
@@ -85,3 +87,24 @@ def default_effort_rates(arm: ArmModel) -> FloatArray:
     """Return the default rates of change of the command, (n,) [N·m/s] or [N/s]."""
     limit = arm.given_drive.limit
     return np.where(np.isfinite(limit), limit / FULL_EFFORT_TIME, DEFAULT_EFFORT_RATE)
+
+
+def default_options(arm: ArmModel, **options: Any) -> ControllerOptions:
+    """Return the defaults of the node `dynamics`, replaced by `options`, such as `gains`."""
+    rates = default_effort_rates(arm)
+    defaults: dict[str, Any] = {
+        'gains': make_gains(arm.joint_names),
+        'impedance': make_impedance(arm.joint_names, arm.limits.effort),
+        'guiding': make_guiding(arm), 'cartesian': make_cartesian(arm),
+        'effort_rate': rates if arm.drive is None else arm.drive.scale * rates,
+        'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
+        'estimates_velocity': True, 'checks_goals': True}
+    return ControllerOptions(**{**defaults, **options})
+
+
+def default_limits(arm: ArmModel) -> EffortLimits:
+    """Return the limits of the command by the defaults of the node `dynamics`."""
+    limits = arm.limits
+    return EffortLimits(
+        limits.lower, limits.upper, limits.velocity, POSITION_MARGIN, default_effort_rates(arm),
+        arm.given_drive.limit)

@@ -5,6 +5,7 @@
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.braking import is_held
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.joints.units import units_of
 
@@ -36,15 +37,15 @@ def shortfall(controller: Controller) -> str:
         K = body.mass_matrix(q) * controller.feedback_gains[0]
         feedback: FloatArray = K @ e
         needed = feedback[j] + body.gravity(q)[j]
-        limit, is_held = arm.limits.effort[j], controller.is_held(q, e)[j]
+        limit, may_hold = arm.limits.effort[j], is_held(controller, q, e)[j]
     units = units_of(arm.joint_kinds[j])
     if abs(needed) > _OF_LIMIT * limit:
         cause = f'its effort limit of {limit:g} {units.effort} does not suffice'
-    elif is_held and arm.friction.at_rest.static[j] > 0.0:
+    elif may_hold and arm.friction.at_rest.static[j] > 0.0:
         cause = (
             'dry friction can hold it: identify friction and rotor, or give '
             'friction.presliding_distance')
-    elif is_held:
+    elif may_hold:
         cause = 'dry friction, which the model lacks, can hold it: identify friction and rotor'
     else:
         cause = 'a load that the model does not contain, or a contact, holds it'

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from robot_dynamics.gravity_calibration.calibration import Calibration
 from robot_dynamics.gravity_calibration.recorded_holds import RecordedCalibration
+from robot_dynamics.reporting.yaml_text import dump_yaml, load_yaml
 from robot_dynamics.validation import lower_triangle
-from robot_dynamics.yaml_text import dump_yaml, load_yaml
 
 SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
 """Sections of the node in a parameter file; a later one overrides an earlier one."""

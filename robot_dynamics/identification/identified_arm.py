@@ -26,10 +26,10 @@ from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.pseudo_inertia import COUNT, is_consistent
 from robot_dynamics.model.regressor import body_names, inertial_parameters
+from robot_dynamics.reporting.yaml_text import dump_yaml
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import LinkBody, read_bodies
 from robot_dynamics.validation import lower_triangle
-from robot_dynamics.yaml_text import dump_yaml
 
 _LEAST = 1e-15
 _MOST_HALVINGS = 12

@@ -17,7 +17,7 @@ from robot_dynamics.model.arm_parameters import convention_from_parameters
 from robot_dynamics.monitoring.contact_levels import learn_contact_levels, LearnedLevels
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.recordings.joint_series import JointSeries
-from robot_dynamics.yaml_text import dump_yaml
+from robot_dynamics.reporting.yaml_text import dump_yaml
 
 DEFAULT_BANDWIDTH = 10.0
 """[Hz] of the momentum observer."""

@@ -11,10 +11,9 @@ damaged files is returned, and `losses` lists what is missing: see `mcap_salvage
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ __all__ = [
 ]
 
 
-class Recording:
+class Recording(AbstractContextManager['Recording']):
     """
     A recording that is open for reading; for use in `with`.
 
@@ -217,13 +216,7 @@ class Recording:
     def close(self) -> None:
         self._stack.close()
 
-    def __enter__(self) -> 'Recording':
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -9,8 +9,8 @@ not re-encoded, and any reader can decode them.
 """
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from robot_dynamics.dependencies import optional
@@ -19,7 +19,7 @@ from robot_dynamics.recordings.interrupts import uninterrupted
 from robot_dynamics.recordings.topics import qos_to_rosbags, TopicQos
 
 
-class RecordingWriter:
+class RecordingWriter(AbstractContextManager['RecordingWriter']):
     """
     Writes a recording, a directory of rosbag2 with MCAP storage; for use in `with`.
 
@@ -73,11 +73,5 @@ class RecordingWriter:
                 self._open = False
                 self._writer.close()
 
-    def __enter__(self) -> 'RecordingWriter':
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

@@ -8,6 +8,7 @@ The library tqdm is not used because it also redraws its line with carriage retu
 pipes, where a log needs separate lines.
 """
 
+from contextlib import AbstractContextManager
 import sys
 import time
 from typing import TextIO
@@ -17,7 +18,7 @@ REDRAW_PERIOD = 0.1
 """[s]"""
 
 
-class Progress:
+class Progress(AbstractContextManager['Progress']):
     """Shows `done` of `total`, in `unit`, on a stream; close it, or use it in `with`."""
 
     def __init__(self, total: float, unit: str, stream: TextIO | None = None) -> None:
@@ -58,9 +59,6 @@ class Progress:
             self._stream.write('\n')
             self._stream.flush()
             self._drawn = 0.0
-
-    def __enter__(self) -> 'Progress':
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.trajectories.joint_trajectory import TrajectoryPoint
 
 # Coefficients of 1, s, s², … for s = (t - t0) / T in [0, 1], from the values at both ends, each
@@ -82,27 +81,15 @@ def constant_segment(since_ns: int, end_ns: int, state: Reference) -> Segment:
     return Segment(since_ns, end_ns, since_ns, 1.0, c)
 
 
-def sample_segment(
-    t: float, t0: float, p0: TrajectoryPoint, t1: float, p1: TrajectoryPoint,
-) -> Reference:
+def motion_coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> FloatArray:
     """
-    Return the reference at the time `t` between `p0` at `t0` and `p1` at `t1`, all times in [s].
+    Return the coefficients of 1, s, …, s⁵ for s = t / T, of q, q̇ and q̈ side by side.
 
     The interpolation is quintic if both points have velocity and acceleration, cubic if both have
-    velocity, and otherwise linear with acceleration 0. A `t` outside [t0, t1] is replaced with the
-    nearer end. The `time_from_start` of the points is not used.
-    Raises TrajectoryError unless t0 < t1. Source: K. M. Lynch and F. C. Park, Modern Robotics,
-    2017, section 9.3 (cubic) and, for quintics from conditions at both ends, J. J. Craig,
-    Introduction to Robotics, 3rd edition, section 7.3.
+    velocity, and otherwise linear with acceleration 0. Source: K. M. Lynch and F. C. Park, Modern
+    Robotics, 2017, section 9.3 (cubic) and, for quintics from conditions at both ends, J. J.
+    Craig, Introduction to Robotics, 3rd edition, section 7.3.
     """
-    if not t0 < t1:
-        raise TrajectoryError(f't1 is {t1!r} s, expected more than t0, which is {t0!r} s')
-    span = min(max(t, t0), t1) - t0
-    return evaluate(motion_coefficients(p0, p1, t1 - t0), span / (t1 - t0))
-
-
-def motion_coefficients(p0: TrajectoryPoint, p1: TrajectoryPoint, T: float) -> FloatArray:
-    """Return the coefficients of 1, s, …, s⁵ for s = t / T, of q, q̇ and q̈ side by side."""
     c = position_coefficients(*_common_fields(p0, p1), T)
     v, a = np.zeros_like(c), np.zeros_like(c)
     v[:5] = c[1:] * (_ORDERS[1:] / T)

@@ -29,7 +29,8 @@ class TrajectorySegments:
         v, has_v = _field([point.velocity for point in points], q)
         a, has_a = _field([point.acceleration for point in points], q)
         T = self._duration = np.diff(np.rint(1e9 * self.times))[:, np.newaxis] / 1e9
-        self._coefficients = np.zeros((len(points) - 1, 6, q.shape[1]))
+        self.coefficients = np.zeros((len(points) - 1, 6, q.shape[1]))
+        """The coefficients (k, 6, n) of 1, s, …, s⁵ of the positions, with the phase s."""
         self._end_velocity = np.diff(q, axis=0) / T
         both_v = has_v[1:] & has_v[:-1]
         fields = 1 + both_v + (both_v & has_a[1:] & has_a[:-1])
@@ -37,12 +38,12 @@ class TrajectorySegments:
             rows, given = np.flatnonzero(fields == count), (v, a)[:count - 1]
             # Relative to the start position, so that a joint at rest has exactly zero velocity.
             way = np.zeros_like(q[rows]), q[rows + 1] - q[rows]
-            self._coefficients[rows] = position_coefficients(
+            self.coefficients[rows] = position_coefficients(
                 [way[0], *(x[rows] for x in given)], [way[1], *(x[rows + 1] for x in given)],
                 T[rows])
             if count > 1:
                 self._end_velocity[rows] = v[rows + 1]
-        self._coefficients[:, 0] += q[:-1]
+        self.coefficients[:, 0] += q[:-1]
         start = self.sample(np.arange(self.count), np.zeros(self.count))
         v[:-1] = np.where(has_v[:-1, np.newaxis], v[:-1], start.velocity)
         a[:-1] = np.where(has_a[:-1, np.newaxis], a[:-1], start.acceleration)
@@ -51,17 +52,12 @@ class TrajectorySegments:
     @property
     def count(self) -> int:
         """The number of segments, k."""
-        return len(self._coefficients)
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """The coefficients (k, 6, n) of 1, s, …, s⁵ of the positions, with the phase s."""
-        return self._coefficients
+        return len(self.coefficients)
 
     @property
     def velocity_coefficients(self) -> FloatArray:
         """The coefficients (k, 5, n) of 1, s, …, s⁴ of the velocities, with the phase s."""
-        return derivative(self._coefficients) / self._duration[:, np.newaxis]
+        return derivative(self.coefficients) / self._duration[:, np.newaxis]
 
     def time(self, segment: IntArray, phase: FloatArray) -> FloatArray:
         """Return the times [s] from the start of the trajectory; the arguments are broadcast."""
@@ -78,7 +74,7 @@ class TrajectorySegments:
         first, second = np.zeros_like(powers), np.zeros_like(powers)
         first[:, 1:] = _ORDERS[1:] * powers[:, :-1] / T
         second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2] / T**2
-        values = np.stack((powers, first, second), axis=1) @ self._coefficients[segment]
+        values = np.stack((powers, first, second), axis=1) @ self.coefficients[segment]
         # Exact at the end: the velocity at rest must be exactly 0, because of dry friction.
         velocity = np.where(
             phase[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])

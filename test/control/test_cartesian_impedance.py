@@ -29,7 +29,7 @@ seeds = given(seed=st.integers(0, 10_000))
 def law_of(arm: ArmModel, **options: object) -> CartesianImpedance:
     loop = ControlLoop.of_arm(
         arm, command='cartesian_impedance', cartesian=make_cartesian(arm, **options))
-    return CartesianImpedance(loop.controller._feedback, loop.controller.options)
+    return CartesianImpedance(loop.controller.laws.feedback, loop.controller.options)
 
 
 def random_pose(arm: ArmModel, seed: int) -> np.ndarray:

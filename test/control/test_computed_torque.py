@@ -190,7 +190,7 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
         one.update(START + round(1e9 * period) * k, q, v)
     one.follow(make_trajectory(NAMES, (0.0,), [[1.0, 0.4]], (), (), NAMES), 0)
     output = one.update(START + round(1e9 * period) * 20, q, v)
-    s = one.bandwidth_scale
+    s = one.gains.least
     assert output.scale == s
     assert (s < 0.5) if is_slow else (s == 1.0)
     a = s * GAINS.kd * -v + s**2 * GAINS.kp * ([1.0, 0.4] - q)

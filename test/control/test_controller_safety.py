@@ -137,7 +137,7 @@ def test_a_discarded_reference_is_no_longer_followed() -> None:
     one.update(NOW, Q, ZERO)
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     assert one.update(NOW + SECOND, Q, ZERO).reference is not None
-    one.forget_reference()
+    one.followed.end()
     output = one.update(NOW + SECOND, Q, ZERO)
     assert output.reference is None
     assert output.computed_torque is None
@@ -149,7 +149,7 @@ def test_the_next_one_begins_where_the_arm_is() -> None:
     one.update(NOW, Q, ZERO)
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     one.update(NOW + SECOND, away, ZERO)
-    one.forget_reference()
+    one.followed.end()
     one.follow(make_trajectory(NAMES, [1.0], [[0.0, 0.0]], (), (), NAMES), 0)
     reference = one.update(NOW + SECOND, away, ZERO).reference
     assert reference.position == pytest.approx(away)
@@ -165,7 +165,7 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     with np.errstate(all='ignore'), pytest.raises(NonFiniteEffortError) as caught:
         one.update(NOW, Q, np.full(2, size))
     assert 'position [0.8, 0.5] are not finite' in str(caught.value)
-    one.forget_reference()
+    one.followed.end()
     after = one.update(NOW, Q, ZERO)
     assert after.command.tolist() == before.holding_effort().tolist()
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from robot_dynamics.control.braking import braked
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
@@ -61,7 +62,7 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
     follow(one, goal)
     output = one.update(NOW + 1, Q, ZERO)
     holding = output.holding_effort()
-    for effort in (output.command, holding, one.braked(Q, V, holding)):
+    for effort in (output.command, holding, braked(one, Q, V, holding)):
         assert (np.abs(effort) <= LIMIT).all()
     free = np.maximum(np.abs(holding), np.abs(drive.offset))
     assert (np.abs(output.command) <= np.maximum(share * LIMIT, free) + 1e-9).all()
@@ -101,11 +102,11 @@ def test_in_a_fault_the_damping_is_a_torque() -> None:
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     without, one = controller(ARM, ()), controller(arm, ())
     held = without.update(NOW, Q, V).holding_effort()
-    braked = without.braked(Q, V, held)
-    assert np.abs(braked - held).min() > 0.1
+    damped = braked(without, Q, V, held)
+    assert np.abs(damped - held).min() > 0.1
     hold = one.update(NOW, Q, V).holding_effort()
-    assert drive.torque(one.braked(Q, V, hold)) == pytest.approx(braked)
-    assert one.braked(Q, None, hold) is hold
+    assert drive.torque(braked(one, Q, V, hold)) == pytest.approx(damped)
+    assert braked(one, Q, None, hold) is hold
 
 
 @pytest.mark.parametrize('robot', [(), ('gravity',)])

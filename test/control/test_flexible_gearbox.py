@@ -61,7 +61,7 @@ def test_wrists_with_flexible_gearboxes_come_to_rest(
     stiffness: float, rate: int, delay: int, seen: Any,
 ) -> None:
     loop = check_rest([RIGID] * 3 + [stiffness] * 3, rate, delay, seen)
-    assert rate < 500 or str(loop.controller.adaptation) == ''
+    assert rate < 500 or str(loop.controller.laws.adaptation) == ''
 
 
 @pytest.mark.parametrize('size', [0.2, 0.35, 0.5])
@@ -71,11 +71,11 @@ def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(
 ) -> None:
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
     loop = check_rest([stiffness] * 6, rate, delay, seen, 0.01, 8.0, size)
-    assert "'shoulder_lift_joint' oscillated with" in str(loop.controller.adaptation)
-    assert loop.controller.adaptation.take_notice() == str(loop.controller.adaptation)
-    assert loop.controller.adaptation.take_notice() == ''
+    assert "'shoulder_lift_joint' oscillated with" in str(loop.controller.laws.adaptation)
+    assert loop.controller.laws.adaptation.take_notice() == str(loop.controller.laws.adaptation)
+    assert loop.controller.laws.adaptation.take_notice() == ''
     loop.controller.set_options(loop.controller.options)
-    assert str(loop.controller.adaptation) == ''
+    assert str(loop.controller.laws.adaptation) == ''
 
 
 def check_rest(

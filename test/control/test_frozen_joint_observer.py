@@ -128,7 +128,8 @@ def test_a_further_joint_may_freeze(further: list[int]) -> None:
         np.where(is_further, v, first(q_now, v_now)[1]))
     trace = one.run(0.6)
     assert one.loop.supervisor.mode is Mode.FAULT
-    assert one.loop.consistency.frozen.tolist() == (is_further | (np.arange(7) == 1)).tolist()
+    marks = one.loop.signals.consistency.frozen
+    assert marks.tolist() == (is_further | (np.arange(7) == 1)).tolist()
     assert len(further) > 1 or (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
 
 

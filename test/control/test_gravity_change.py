@@ -65,7 +65,7 @@ def test_gravity_changes_at_most_with_its_rate(loads: list[object]) -> None:
     zero, stamp = np.zeros(6), 0
     one.update(stamp, Q, zero)
     one.set_gravity(np.array(CEILING), rate)
-    assert one.planning_dynamics.gravity(Q) == pytest.approx(gravity_torque(CEILING, loads))
+    assert one.load.planning.gravity(Q) == pytest.approx(gravity_torque(CEILING, loads))
     torques = []
     for _ in range(500):  # 19.62 m/s² at 20 m/s³ take 0.981 s
         stamp += STEP_NS

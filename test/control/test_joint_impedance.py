@@ -191,7 +191,7 @@ def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(
 ) -> None:
     """The controller then reports the state; no other error ends its answer."""
     loop = loop_of(smooth_arm('default'), 100.0, 1.0)
-    law = JointImpedance(loop.controller._feedback, loop.controller.options)
+    law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
     assert np.isnan(law.stiffness(np.array(M))).any()
 
 
@@ -206,6 +206,6 @@ def test_a_joint_without_inertia_gets_no_stiffness() -> None:
     """Its M_jj is 0, so that no gain is stable; the effort remains finite."""
     arm = smooth_arm('default')
     loop = loop_of(arm, 100.0, 1.0)
-    law = JointImpedance(loop.controller._feedback, loop.controller.options)
+    law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
     M = np.diag([2.0, 0.0])
     assert law.stiffness(M) == pytest.approx([100.0, 0.0], abs=1e-3)

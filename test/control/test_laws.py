@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from page_law import page_law, PAGE_MODULE
 import pytest
-from robot_dynamics.control import controller
 from robot_dynamics.control.control_output import NonFiniteEffortError
-from robot_dynamics.control.controller import command_modes, Controller, LAWS
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.control_law import (
     ControlLaw,
@@ -25,6 +24,7 @@ from robot_dynamics.control.laws.error_feedback import ErrorFeedback, make_gains
 from robot_dynamics.control.laws.guiding import make_guiding
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.scaled_laws import command_modes, LAWS
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
@@ -46,7 +46,7 @@ FOLLOWS = {name: name not in ('gravity_compensation', 'hand_guiding') for name i
 
 @pytest.fixture(autouse=True)
 def _with_the_law_of_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(controller.LAWS, 'impedance', IMPEDANCE)
+    monkeypatch.setitem(LAWS, 'impedance', IMPEDANCE)
 
 
 @pytest.fixture(scope='module', params=['ur5', 'panda'])
@@ -139,7 +139,7 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(
     monkeypatch: pytest.MonkeyPatch, has_velocity: bool,
 ) -> None:
     """Also for states without a velocity; computed torque follows the stop."""
-    monkeypatch.setitem(controller.LAWS, 'lifting', Lifting)
+    monkeypatch.setitem(LAWS, 'lifting', Lifting)
     arm = load_arm(robot_urdf('ur5'))
     one, q = make(arm, 'lifting'), np.full(arm.joint_count, 0.4)
     v = np.full(arm.joint_count, 0.1) if has_velocity else None
@@ -224,7 +224,7 @@ def test_a_law_of_another_package_is_a_command() -> None:
     assert command_modes()[-4:] == ('absent', 'broken', 'own_impedance', 'none')
     arm = load_arm(robot_urdf('ur5'))
     one, q = make(arm, 'own_impedance'), np.full(arm.joint_count, 0.4)
-    assert one.follows
+    assert one.laws.follows
     one.update(START, q, 0.0 * q)
     one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)
     gravity = ArmDynamics(arm).rigid_body.gravity(q)
@@ -268,7 +268,7 @@ def test_a_given_law_is_used_for_any_command_but_none() -> None:
     arm = load_arm(robot_urdf('ur5'))
     q, options = np.full(arm.joint_count, 0.4), ControllerOptions(make_gains(arm.joint_names))
     one = Controller(arm, options, Lifting())
-    assert not one.follows
+    assert not one.laws.follows
     output = one.update(START, q, None)
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
     one.set_options(ControllerOptions(options.gains, command='none'))
@@ -286,7 +286,7 @@ def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The command that holds the arm consists of it."""
-    monkeypatch.setitem(controller.LAWS, 'limp', Limp)
+    monkeypatch.setitem(LAWS, 'limp', Limp)
     arm = load_arm(robot_urdf('ur5'))
     one, q = make(arm, 'limp'), np.full(arm.joint_count, 0.4)
     assert one.update(START, q, None).command == pytest.approx(0.0 * q)

@@ -26,7 +26,7 @@ def state(one: LockStep, v: FloatArray | None = None) -> LoopAnswer:
 def at_rest() -> LockStep:
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
-    assert one.loop.interruption == ''
+    assert one.loop.goals.interruption == ''
     return one
 
 
@@ -74,7 +74,7 @@ def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault() -> None:
 def test_a_command_of_none_has_a_verdict_on_the_state() -> None:
     one = at_rest()
     with_command(one, 'none')
-    assert one.loop.interruption == "command was set to 'none'"
+    assert one.loop.goals.interruption == "command was set to 'none'"
     one.run(2.0)
     answer = state(one)
     assert answer.effort is None
@@ -109,7 +109,7 @@ def test_the_pause_of_a_stream_is_measured_by_the_steady_clock() -> None:
     for k in range(10):  # simulated time is slow
         stamp, steady = stamp + MS, steady + 20 * MS
         loop.answer(stamp, Q + 0.04 + 2e-4 * k, one.v + 0.2, stamp, steady)
-    assert loop.paused_streams == 1
+    assert loop.goals.paused_streams == 1
 
 
 def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back() -> None:
@@ -125,7 +125,7 @@ def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back() -> None:
         assert after is not None
         assert after.position == pytest.approx(before.position, abs=0.01)
     else:
-        assert 'restarted' in one.loop.interruption
+        assert 'restarted' in one.loop.goals.interruption
 
 
 def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit() -> None:
@@ -157,9 +157,9 @@ def test_the_ramp_waits_for_the_slower_of_velocity_and_mean() -> None:
 
 def test_the_loop_of_the_next_options_begins_without_an_interruption() -> None:
     loop = ControlLoop.of_arm(arm_named('default'))
-    assert loop.interruption == loop.notice == ''
+    assert loop.goals.interruption == loop.goals.notice == ''
     options = loop.controller.options
     loop.set_options(
         replace(options, command='gravity_compensation'), loop.supervisor.limiter.limits,
         loop.supervisor.options)
-    assert loop.interruption == ''
+    assert loop.goals.interruption == ''

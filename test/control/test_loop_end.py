@@ -108,7 +108,7 @@ def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops() -> No
         assert 'nothing to stop' in one.loop.stop()
         one.loop.is_active = True  # as for `command: none`
     assert one.loop.supervisor.mode is Mode.BRAKING
-    assert one.loop.interruption == 'the node was deactivated'
+    assert one.loop.goals.interruption == 'the node was deactivated'
 
 
 @pytest.mark.parametrize('after', [0.05, 0.2])

@@ -54,8 +54,8 @@ def test_velocities_that_are_wrong_at_all_joints_stop_the_arm(
     one.sensor = sensor
     trace = one.run(4.0)
     judge(one, trace)
-    assert one.loop.notice
-    assert one.loop.interruption
+    assert one.loop.goals.notice
+    assert one.loop.goals.interruption
 
 
 @wrong_rates
@@ -79,7 +79,7 @@ def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(
     assert one.run(1.0).speed[-1] > 0.3
     one.sensor = lambda q, v: (q, np.where(np.arange(len(v)) == j, np.degrees(v), v))
     judge(one, one.run(4.0))
-    assert 'degrees instead of radians' in one.loop.notice
+    assert 'degrees instead of radians' in one.loop.goals.notice
 
 
 @wrong_rates
@@ -174,8 +174,8 @@ def test_true_velocities_are_not_doubted_during_motions_and_stops() -> None:
     for name in ('default', 'ur10', 'panda'):
         one = in_motion(name, rate=250.0, delay=4)
         one.loop.stop()
-        assert one.loop.interruption == '~/stop was called'
+        assert one.loop.goals.interruption == '~/stop was called'
         assert rests(one.run(3.0))
-        assert one.loop.consistency.reason == ''
-        assert one.loop.notice == ''
+        assert one.loop.signals.consistency.reason == ''
+        assert one.loop.goals.notice == ''
         assert one.loop.supervisor.fault is None

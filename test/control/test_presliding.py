@@ -161,7 +161,7 @@ def test_a_light_joint_that_ran_away_arrives_and_is_named(seen: Any) -> None:
     assert change < 0.05
     assert error < UNKNOWN_WIDTH
     assert one.loop.supervisor.fault_count == 0
-    assert "'wrist_3_joint' drove it away" in str(one.loop.controller.adaptation)
+    assert "'wrist_3_joint' drove it away" in str(one.loop.controller.laws.adaptation)
 
 
 def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:

@@ -16,10 +16,9 @@ from lock_step_loop import LockStep, middle, smooth_arm, Trace
 import numpy as np
 from page_law import page_law
 import pytest
-from robot_dynamics.control import controller
-from robot_dynamics.control.controller import LAWS
 from robot_dynamics.control.laws.control_law import ControlLaw, further_laws, LawFactory, load_law
 from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.scaled_laws import LAWS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 
@@ -47,7 +46,7 @@ def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
         x + rng.normal(0.0, 1e-7, len(x)) for x in (q, v))
     trace = one.run(0.5)
     assert trace.speed.max() < AT_REST
-    if one.loop.controller.follows:
+    if one.loop.controller.laws.follows:
         one.follow(one.q + size * np.where(np.arange(len(one.q)) % 2, 1.0, -1.0))
     return one.run(seconds)
 
@@ -77,7 +76,7 @@ def test_a_registered_law_comes_to_rest(
     They are far too high for the wrists, which creep to their reference after a disturbance.
     """
     size = DISTURBANCE if name in LAWS else 1e-3
-    monkeypatch.setitem(controller.LAWS, name, REGISTERED[name])
+    monkeypatch.setitem(LAWS, name, REGISTERED[name])
     assert run(arm_name, rate, size, 4.0, command=name).last(0.5).speed.max() < AT_REST
 
 

@@ -3,7 +3,6 @@
 
 """Start and end of the effort commands: the supervisor of the command, event by event."""
 
-from typing import Any
 
 import numpy as np
 import pytest
@@ -32,6 +31,16 @@ from supervised import (
     START,
     TROUBLE,
 )
+
+
+def states(one: CommandSupervisor, last: int, first: int = 1) -> list[Mode]:
+    """Pass valid states of these periods after START; return the mode after each."""
+    modes = []
+    for k in range(first, last + 1):
+        answer(one, START + k * PERIOD)
+        modes.append(one.mode)
+    return modes
+
 
 # --- the first effort ----------------------------------------------------------------------------
 
@@ -103,11 +112,7 @@ def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not() -> None
 def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
     one = running()
     one.fail(START, Fault('trouble', 'words', recovery=recovery))
-    for k in range(1, recovery):
-        answer(one, START + k * PERIOD)
-        assert one.mode is Mode.FAULT
-    answer(one, START + recovery * PERIOD)
-    assert one.mode is Mode.RUNNING
+    assert states(one, recovery) == [*(recovery - 1) * [Mode.FAULT], Mode.RUNNING]
     assert one.fault_count == 1
 
 
@@ -136,14 +141,11 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
 def test_after_a_fault_has_ended_the_next_one_is_reported_for_any_recovery() -> None:
     one = running()
     one.fail(START, Fault('hard', 'words', recovery=5))
-    for k in range(1, 6):
-        answer(one, START + k * PERIOD)
-    assert one.mode is Mode.RUNNING
+    assert states(one, 5)[-1] is Mode.RUNNING
     one.fail(START + 6 * PERIOD, TROUBLE)
     assert one.fault == TROUBLE
     assert one.fault_count == 2
-    answer(one, START + 7 * PERIOD)
-    assert one.mode is Mode.RUNNING
+    assert states(one, 7, 7) == [Mode.RUNNING]
 
 
 @pytest.mark.parametrize('moment', [0.02, 0.3, 1.2, 1.49])
@@ -168,10 +170,8 @@ def test_efforts_resume_without_a_jump(moment: float, dt: float | None) -> None:
 def test_a_latched_fault_waits_for_a_reset() -> None:
     one = running()
     one.fail(START, LATCHED)
-    for k in range(1, 2000):
-        answer(one, START + k * PERIOD)
-        assert one.mode is Mode.FAULT
-        assert one.is_latched
+    assert set(states(one, 2000)) == {Mode.FAULT}
+    assert one.is_latched
     course(one, START + 4.0)
     assert answer(one, START + 8.0) is None
     assert one.reset() == (True, 'reset broken: something is wrong')
@@ -201,14 +201,9 @@ def test_a_latched_fault_outlives_deactivation(reset_while_inactive: bool) -> No
 def test_after_a_reset_the_usual_number_of_good_states_is_required() -> None:
     one = running()
     one.fail(START, Fault('broken', 'words', latched=True, recovery=3))
-    for k in range(10):
-        answer(one, START + k * PERIOD)
+    states(one, 9)
     one.reset()
-    modes = []
-    for k in range(10, 13):
-        answer(one, START + k * PERIOD)
-        modes.append(one.mode)
-    assert modes == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
+    assert states(one, 12, 10) == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
 
 
 def test_a_reset_without_a_fault_fails() -> None:
@@ -220,22 +215,19 @@ def test_a_reset_without_a_fault_fails() -> None:
     assert one.reset() == (False, 'there is no fault')  # the fault has ended
 
 
-def test_a_reset_fails_while_the_cause_persists() -> None:
+@pytest.mark.parametrize(('fault', 'words'), [
+    (LATCHED, 'broken persists: something is wrong'),
+    (TROUBLE, 'ends automatically after 1 valid joint states')])
+def test_a_reset_fails_while_the_cause_persists_or_without_a_latched_fault(
+    fault: Fault, words: str,
+) -> None:
     one = running()
-    one.fail(START, LATCHED)
+    one.fail(START, fault)
     done, message = one.reset()
     assert not done
-    assert 'broken persists: something is wrong' in message
+    assert words in message
     answer(one, START + 0.01)
-    assert one.reset()[0]
-
-
-def test_a_fault_that_is_not_latched_ends_automatically_and_not_by_a_reset() -> None:
-    one = running()
-    one.fail(START, TROUBLE)
-    done, message = one.reset()
-    assert not done
-    assert 'ends automatically after 1 valid joint states' in message
+    assert one.reset()[0] == fault.latched
 
 
 # --- valid states in a fault ---------------------------------------------------------------------
@@ -344,91 +336,3 @@ def test_options_that_change_act_at_once() -> None:
     one.set_options(limits(), SafetyOptions(fault_action='stop_publishing'))
     assert one.tick(START + 0.21) is None
     assert not one.acts_alone
-
-
-# --- the stop before the end of the command ------------------------------------------------------
-
-def braking(**options: Any) -> CommandSupervisor:
-    one = running(PUSH, **options)
-    assert one.brake(START)
-    assert one.mode is Mode.BRAKING
-    assert one.is_commanding
-    return one
-
-
-def test_the_command_continues_during_the_stop() -> None:
-    one = braking()
-    for k in range(1, 100):
-        assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
-        assert one.tick(START + (k + 0.5) * PERIOD) is None
-    repeated = one.repeat()
-    assert repeated.tolist() == PUSH.tolist()
-    one.deactivate(START + 0.2)  # the arm has stopped
-    t, efforts = course(one, START + 0.2)
-    assert efforts[-1].tolist() == [0.0, 0.0]
-    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
-
-
-def test_a_stop_that_does_not_succeed_ends_with_the_ramp() -> None:
-    """All numbers are exact in binary; a second request does not extend the time."""
-    one, period, end = braking(), 0.03125, START + BRAKING_TIME
-    for k in range(1, round(BRAKING_TIME / period) + 1):
-        now = START + k * period
-        answer(one, now, PUSH)
-        assert one.tick(now) is None
-        assert one.brake(now)
-    assert one.mode is Mode.BRAKING
-    assert one.tick(np.nextafter(end, np.inf)) is not None
-    assert one.mode is Mode.STOPPING
-
-
-def test_without_states_a_stop_ends_with_the_ramp() -> None:
-    one = braking(state_timeout=0.0625)
-    assert one.tick(START + 0.0625) is None
-    assert one.tick(START + 0.0627) is not None
-    assert one.mode is Mode.STOPPING
-    assert one.fault is None
-
-
-@pytest.mark.parametrize('overdue', [False, True])
-def test_without_a_command_or_without_states_there_is_no_stop(overdue: bool) -> None:
-    one = running() if overdue else make()
-    one.activate()
-    assert not one.brake(START + (1.0 if overdue else 0.0))
-    assert one.mode is (Mode.STOPPING if overdue else Mode.INACTIVE)
-    one = running(fault_action='stop_publishing')
-    one.fail(START, TROUBLE)
-    one.tick(START)
-    assert not one.brake(START)
-    assert one.mode is Mode.INACTIVE
-
-
-@pytest.mark.parametrize('before', [True, False])
-def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before: bool) -> None:
-    one = running(PUSH)
-    for step in ((one.fail, one.brake) if before else (one.brake, one.fail)):
-        step(START, *([TROUBLE] if step == one.fail else []))  # type: ignore[operator]
-    assert one.mode is Mode.BRAKING
-    assert one.fault == TROUBLE
-    assert one.fault_count == 1
-    damped = HOLD + [2.0, -3.0]
-    for k in range(1, 200):  # good states do not end the hold
-        effort = one.answer(
-            START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
-            lambda *_: damped)
-    assert effort == pytest.approx(damped)
-    one.fail(START + 0.4, TROUBLE)
-    assert one.fault_count == 1
-    one.resume()
-    assert one.mode is Mode.FAULT
-    assert answer(one, START + 0.402, PUSH) is not None
-    assert one.mode is Mode.RUNNING
-
-
-def test_a_stop_that_is_cancelled_continues_with_the_command() -> None:
-    one = braking()
-    one.resume()
-    assert one.mode is Mode.RUNNING
-    assert answer(one, START + PERIOD, PUSH) == PUSH.tolist()
-    one.resume()  # nothing to continue
-    assert one.mode is Mode.RUNNING

@@ -83,7 +83,7 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
     assert result_of(goal) == (ResultCode.SUCCESSFUL, '', False)
     assert len(ends) == 1
     assert bench.q == pytest.approx(trajectory.points[-1].position, abs=0.005)
-    assert bench.loop.goal is None
+    assert bench.loop.goals.goal is None
 
 
 def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
@@ -106,7 +106,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert 'expected at most 1 mrad' in message
     assert any(name in message for name in bench.arm.joint_names)
-    assert bench.loop.interruption == message
+    assert bench.loop.goals.interruption == message
     bench.push = lambda t: 0.0
     bench.run(2.0)
     assert bench.run(0.1).speed.max() < 1e-3
@@ -127,7 +127,7 @@ def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
     code, message, _ = result_of(goal)
     assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
     assert message.startswith('goal tolerance, 0.5 s after the end: ')
-    assert bench.loop.controller.has_reference  # the goal is held all the same
+    assert bench.loop.controller.trajectory is not None  # the goal is held all the same
 
 
 def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
@@ -156,7 +156,7 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 ) -> None:
     goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(share)
-    bench.loop.cancel(goal)
+    bench.loop.goals.cancel(goal)
     active = bench.loop.controller.trajectory
     assert active is not None
     stop = 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k
@@ -177,7 +177,7 @@ def test_slow_states_and_commands_delay_the_rest_little(
         bench.run(1.0)
         goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
         bench.run(share)
-        bench.loop.cancel(goal)
+        bench.loop.goals.cancel(goal)
         active = bench.loop.controller.trajectory
         assert active is not None
         bench.run(1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k + 0.05)
@@ -195,7 +195,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     bench = held(arm_of('two_link'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.2)
-    bench.loop.cancel(goal)
+    bench.loop.goals.cancel(goal)
     active = bench.loop.controller.trajectory
     assert active is not None
     rate = max(rate, 250.0) if vibrates else rate
@@ -226,7 +226,7 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     (lambda bench: bench.follow(bench.q), 'another goal has replaced this one'),
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
-    (lambda bench: bench.loop.end_goal('another model was loaded'), 'another model was loaded')])
+    (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
 def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str) -> None:
     bench = held(arm_of('two_link'))
     goal = bench.loop.execute(plan(bench))
@@ -258,7 +258,7 @@ def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCo
     bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
     assert result_of(goal)[:2] == (
         code, f'fault {name}: unlike following_error, a message has any words')
-    assert bench.loop.goal is None
+    assert bench.loop.goals.goal is None
 
 
 def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> None:
@@ -294,7 +294,7 @@ def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
     with pytest.raises(TrajectoryError, match='s late, expected at most 0.5 s'):
         bench.loop.execute(make_trajectory(
             names, [0.0, 4.0], [q + way, q], zero, zero, names))
-    assert bench.loop.goal is first
+    assert bench.loop.goals.goal is first
     bench.run(4.2)
     assert result_of(first).code is ResultCode.SUCCESSFUL
 
@@ -377,7 +377,7 @@ def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> 
         bench = held(arm, q=ends[0])
         goal = bench.loop.execute(fast)
         bench.run(0.5 * fast.duration)
-        bench.loop.cancel(goal)
+        bench.loop.goals.cancel(goal)
         active = bench.loop.controller.trajectory
         assert active is not None
         assert 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k < longest

@@ -10,11 +10,14 @@ from robot_dynamics.identification.joint_excitation import JointExcitation
 from robot_dynamics.identification.pipeline import base_parameters_of
 from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.base_parameters import find_base_parameters
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import (
     body_names,
     inertial_parameters,
+    load_parameters,
+    LoadRegressor,
     parameter_names,
     random_states,
     TorqueRegressor,
@@ -152,3 +155,22 @@ def test_blocks_of_short_recordings_share_the_folds():
     assert (inside > 0.999 * r2[2].sum(axis=0)).all()
     # a recording of three blocks, and one of four, begin in fold 5 and continue in fold 0
     assert both.rows[11] > 0.0
+
+
+@pytest.mark.parametrize(('name', 'link'), [
+    ('ur10', 'tool0'), ('ur10', 'forearm_link'), ('panda', 'panda_leftfinger'),
+    ('xarm7', 'link7'), ('kinova', 'j2s6s200_end_effector')])
+def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
+    """Among them continuous, prismatic and mimic joints."""
+    arm = load_arm(robot_urdf(name))
+    load = make_payload(link, 2.5, (0.1, -0.05, 0.2), np.diag([0.02, 0.03, 0.04]))
+    states = random_states(arm, 20)
+    expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
+        ArmDynamics(arm).inverse_dynamics_batch(*states))
+    effort = LoadRegressor(arm, link)(*states) @ load_parameters(load)
+    assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+
+
+def test_a_load_on_the_base_has_no_effect():
+    arm = load_arm(robot_urdf('ur10'))
+    assert not LoadRegressor(arm, 'base_link')(*random_states(arm, 2)).any()

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import KnownMotion, write_recording
-from robot_dynamics.control.controller import Controller, ControllerOptions
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is attached to a link: the regressor, recovery of hidden loads, coverage, verdicts."""
+"""What is attached to a link: recovery of hidden loads, coverage, verdicts."""
 
 from dataclasses import replace
 
@@ -30,46 +30,12 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.regressor import (
-    load_parameters,
-    LoadRegressor,
-    parameter_names,
-    random_states,
-)
+from robot_dynamics.model.regressor import load_parameters, parameter_names
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.advice import advise, Knowledge
 from robot_dynamics.payload_estimation.information import inverse_of, student_factor
 from robot_dynamics.payload_estimation.rows import COLUMNS, RowBuilder, SIGN
 from robots import robot_urdf
-
-# --- the regressor -------------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('name', 'link'), [
-    ('ur10', 'tool0'), ('ur10', 'forearm_link'), ('panda', 'panda_leftfinger'),
-    ('xarm7', 'link7'), ('kinova', 'j2s6s200_end_effector')])
-def test_the_regressor_times_the_parameters_is_the_effort_of_a_payload(
-    name: str, link: str,
-) -> None:
-    """Among them continuous, prismatic and mimic joints."""
-    arm = load_arm(robot_urdf(name))
-    load = make_payload(link, 2.5, (0.1, -0.05, 0.2), np.diag([0.02, 0.03, 0.04]))
-    states = random_states(arm, 20)
-    expected = ArmDynamics(arm.with_payloads([load])).inverse_dynamics_batch(*states) - (
-        ArmDynamics(arm).inverse_dynamics_batch(*states))
-    effort = LoadRegressor(arm, link)(*states) @ load_parameters(load)
-    assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
-
-
-def test_a_load_on_the_base_has_no_effect() -> None:
-    arm = load_arm(robot_urdf('ur10'))
-    assert not LoadRegressor(arm, 'base_link')(*random_states(arm, 2)).any()
-
-
-def test_an_unknown_link_is_rejected() -> None:
-    arm = load_arm(robot_urdf('ur10'))
-    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of the links \['"):
-        PayloadEstimator(arm, 'hand', CUTOFF)
-
 
 # --- recovery ------------------------------------------------------------------------------------
 
@@ -214,6 +180,15 @@ def test_the_direction_of_a_rest_is_that_of_the_last_slow_displacement() -> None
 
 # --- verdict and advice --------------------------------------------------------------------------
 
+POSE = np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4])
+
+
+def at_rest(case: Case, position: np.ndarray = POSE) -> PayloadEstimate:
+    """Return the estimate of one hold of a pose, with its advice."""
+    samples = one_hold(case, position)
+    return estimated(case, samples, measured(case, samples), with_advice=True)
+
+
 def one_hold(case: Case, position: np.ndarray, seconds: float = 2.0) -> Samples:
     t = np.arange(0.0, seconds, 0.04)
     zero = np.zeros((len(t), case.arm.joint_count))
@@ -223,9 +198,7 @@ def one_hold(case: Case, position: np.ndarray, seconds: float = 2.0) -> Samples:
 def test_one_hold_leaves_moments_open_and_the_advice_closes_them() -> None:
     case = hidden_load('ur10', seed=3, friction=0.0005)._replace(
         load=make_payload('tool0', 2.0, (0.05, -0.03, 0.1)))
-    start = np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4])
-    samples = one_hold(case, start)
-    first = estimated(case, samples, measured(case, samples), with_advice=True)
+    samples, first = one_hold(case, POSE), at_rest(case)
     assert not first.is_observable
     with pytest.raises(InvalidInputError, match='expected mass and first moments to be obser'):
         first.payload()
@@ -234,7 +207,7 @@ def test_one_hold_leaves_moments_open_and_the_advice_closes_them() -> None:
     # the advice of a single joint: the same estimator, after that joint has moved
     estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
     estimator.add(*samples[:4], measured(case, samples))
-    position, t = start.copy(), samples.t
+    position, t = POSE, samples.t
     for i in range(6):
         estimate = estimator.estimate()
         if estimate.is_observable:
@@ -263,17 +236,23 @@ def followed(case: Case, advice: str, position: np.ndarray) -> np.ndarray:
     return changed
 
 
-def test_advised_poses_are_within_the_limits_of_position_and_effort() -> None:
+def test_advised_poses_and_accelerations_are_within_the_limits() -> None:
     # dry friction of a tenth of the limits: one joint does not suffice
     case = hidden_load('ur10', seed=3, friction=0.1)
-    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4]))
-    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
-    advised = [one for one in estimate.advice if 'hold the poses (' in one]
-    assert advised
-    for advice in advised:
-        pose = followed(case, advice, samples.q[0])
-        assert (np.abs(pose) <= case.arm.limits.upper).all()
-        assert (np.abs(RigidBody(case.arm).gravity(pose)) <= case.arm.limits.effort).all()
+    limits, estimate = case.arm.limits, at_rest(case)
+    poses = [one for one in estimate.advice if 'hold the poses (' in one]
+    accelerations = [one for one in estimate.advice if 'accelerate' in one]
+    assert poses
+    assert accelerations
+    for advice in poses:
+        pose = followed(case, advice, POSE)
+        assert (np.abs(pose) <= limits.upper).all()
+        assert (np.abs(RigidBody(case.arm).gravity(pose)) <= limits.effort).all()
+    for advice in accelerations:
+        amplitude = float(advice.split('amplitude of ')[1].split()[0])
+        for name in advice.split("'")[1::2]:
+            joint = case.arm.joint_names.index(name)
+            assert amplitude / (2.0 * np.pi) <= limits.velocity[joint]
 
 
 def test_the_arm_can_hold_advised_poses_with_the_estimated_load() -> None:
@@ -295,23 +274,9 @@ def test_the_arm_can_hold_advised_poses_with_the_estimated_load() -> None:
         assert (np.abs(loaded.gravity(pose)) <= weak.limits.effort + 0.1).all()
 
 
-def test_advised_accelerations_are_within_the_velocity_limits() -> None:
-    case = hidden_load('ur10', seed=3, friction=0.1)
-    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.0, 0.4]))
-    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
-    advised = [one for one in estimate.advice if 'accelerate' in one]
-    assert advised
-    for advice in advised:
-        amplitude = float(advice.split('amplitude of ')[1].split()[0])
-        for name in advice.split("'")[1::2]:
-            joint = case.arm.joint_names.index(name)
-            assert amplitude / (2.0 * np.pi) <= case.arm.limits.velocity[joint]
-
-
 def test_inertia_is_not_observable_at_rest_and_the_advice_is_to_accelerate() -> None:
     case = hidden_load('ur10', seed=4)
-    samples = one_hold(case, np.array([0.3, -1.2, 1.0, -0.9, 0.5, 0.4]))
-    estimate = estimated(case, samples, measured(case, samples), with_advice=True)
+    estimate = at_rest(case, np.array([0.3, -1.2, 1.0, -0.9, 0.5, 0.4]))
     assert set(estimate.verdicts[4:]) == {'not observable'}
     assert any('accelerate' in one and 'Izz' in one for one in estimate.advice)
     assert estimate.deviations[4] > 50.0
@@ -412,3 +377,9 @@ def test_quantiles_of_students_distribution() -> None:
     # 2.776, 2.228 and 2.042 for 4, 10 and 30 degrees of freedom
     assert 1.959964 * student_factor(np.array([4.0, 10.0, 30.0, 1e9])) == pytest.approx(
         [2.776, 2.228, 2.042, 1.960], rel=3e-3)
+
+
+def test_an_unknown_link_is_rejected() -> None:
+    arm = load_arm(robot_urdf('ur10'))
+    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of the links \['"):
+        PayloadEstimator(arm, 'hand', CUTOFF)

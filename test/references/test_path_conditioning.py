@@ -25,10 +25,10 @@ from robot_dynamics.references.path_conditioning import (
     SLOWEST,
 )
 from robot_dynamics.trajectories.efforts import efforts_along
-from robot_dynamics.trajectories.interpolation import sample_segment
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robot_dynamics.trajectories.segments import TrajectorySegments
+from sampled_segment import sample_segment
 
 NAMES = ('joint1', 'joint2')
 ARM = load_arm(default_arm_urdf())

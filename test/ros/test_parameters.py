@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
-from robot_dynamics.control.controller import LAWS
+from robot_dynamics.control.scaled_laws import LAWS
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import (

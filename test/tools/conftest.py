@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fixtures of the tests of the viewer."""
+"""Fixtures of the tests of the viewer, and of verbs of `ros2 dynamics`."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -29,3 +29,19 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 def _no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
     """Connect to servers of this computer without a proxy of the environment."""
     monkeypatch.setenv('no_proxy', '*')
+
+
+@pytest.fixture(scope='module')
+def dynamics_client() -> Iterator[Any]:
+    """Return a client of /dynamics for all tests: the discovery takes most of the time."""
+    from children import TIMEOUT
+    from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
+    with DynamicsClient('dynamics', TIMEOUT) as client:
+        yield client
+
+
+@pytest.fixture
+def ask(capsys: pytest.CaptureFixture[str], dynamics_client: Any) -> Any:
+    """Return a function that runs a verb: exit status, output, error output."""
+    from verb_bench import asking
+    return asking(capsys, dynamics_client)

@@ -1,17 +1,13 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""`ros2 dynamics move`, `watch` and `record` with real nodes."""
+"""`ros2 dynamics move` and `watch` with real nodes."""
 
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator
 import json
 import os
-from pathlib import Path
 import pty
 import signal
-import subprocess
-import sys
 import threading
 from typing import Any
 
@@ -20,27 +16,14 @@ from children import TIMEOUT
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
-from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
-from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-
-COMMAND = """
-import signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in a job of a shell
-from robot_dynamics.tools.ros2_dynamics.verbs import main
-sys.exit(main(sys.argv[1:]))
-"""
-TOPICS = {
-    '/joint_states', '/effort_command', '/dynamics/terms', '/dynamics/computed_torque',
-    '/dynamics/gravity_compensation', '/dynamics/reference', '/dynamics/payload', '/diagnostics'}
-Ask = Callable[..., tuple[int, str, str]]
+from verb_bench import Ask, finish, first_line, PROGRAM, start
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -54,49 +37,9 @@ def nodes() -> Iterator[None]:
 
 
 @pytest.fixture(scope='module')
-def client() -> Iterator[DynamicsClient]:
-    with DynamicsClient('dynamics', TIMEOUT) as client:
-        yield client
-
-
-@pytest.fixture(scope='module')
 def ros() -> Iterator[RosClient]:
     with RosClient() as ros:
         yield ros
-
-
-@pytest.fixture
-def ask(capsys: pytest.CaptureFixture[str], client: DynamicsClient) -> Ask:
-    """Return a function that runs a verb: exit status, output, error output."""
-    def ask(*words: str, client: DynamicsClient = client) -> tuple[int, str, str]:
-        arguments = make_parser().parse_args(words)
-        status = run(arguments.verb, arguments, lambda *_: nullcontext(client))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return ask
-
-
-def start(*words: str, node: str = '/dynamics') -> 'subprocess.Popen[str]':
-    """Start a verb in a process."""
-    return children.popen(
-        [sys.executable, '-c', COMMAND, *words, '--node', node, '--timeout', str(TIMEOUT)],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def finish(process: 'subprocess.Popen[str]') -> tuple[int, str, str]:
-    """Return the exit status and the rest of the output; a process that hangs is killed."""
-    try:
-        out, err = process.communicate(timeout=TIMEOUT)
-    finally:
-        process.kill()
-    return process.returncode, out, err
-
-
-def first_line(process: 'subprocess.Popen[str]') -> str:
-    """Return the first line of the error output."""
-    assert process.stderr is not None
-    return str(process.stderr.readline())
 
 
 # --- move ----------------------------------------------------------------------------------------
@@ -176,7 +119,7 @@ def test_an_interrupt_stops_the_arm(ask: Ask) -> None:
     assert 'ended early: ~/stop was called' in [check['message'] for check in checks]
 
 
-def test_an_interrupt_waits_for_the_end_of_a_callback(client: DynamicsClient) -> None:
+def test_an_interrupt_waits_for_the_end_of_a_callback(dynamics_client: DynamicsClient) -> None:
     completed = []
 
     def interrupt(_: JointState) -> None:
@@ -185,9 +128,10 @@ def test_an_interrupt_waits_for_the_end_of_a_callback(client: DynamicsClient) ->
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with client.subscribed((JointState, '/joint_states', interrupt, qos_profile_sensor_data)):
+        with dynamics_client.subscribed(
+                (JointState, '/joint_states', interrupt, qos_profile_sensor_data)):
             with pytest.raises(KeyboardInterrupt):
-                client.wait(lambda: False)
+                dynamics_client.wait(lambda: False)
     finally:
         signal.signal(signal.SIGINT, before)
     assert completed == [True]
@@ -373,7 +317,7 @@ def test_without_computed_torque_no_stiffness_is_shown(ask: Ask, ros: RosClient)
 def test_a_terminal_shows_one_table() -> None:
     leader, follower = pty.openpty()
     process = children.popen(
-        [sys.executable, '-c', COMMAND, 'watch', '--rate', '20', '--count', '2', '--node',
+        [*PROGRAM, 'watch', '--rate', '20', '--count', '2', '--node',
          '/dynamics', '--timeout', str(TIMEOUT)], stdout=follower)
     os.close(follower)
     output = bytearray()
@@ -401,88 +345,3 @@ def test_watch_without_joint_states(ask: Ask) -> None:
         idle.timeout = 2.0
         # On a loaded machine another answer of the node may take longer than the timeout.
         wait_until(lambda: ask('watch', client=idle) == (2, '', said), said)
-
-
-# --- record --------------------------------------------------------------------------------------
-
-def counts(answer: dict[str, Any]) -> dict[str, int]:
-    return {row['topic']: row['recorded'] for row in answer['topics']}
-
-
-def test_a_recording_has_the_description_and_all_topics(ask: Ask, tmp_path: Path) -> None:
-    ask('move', '0.5', '0.5', '--duration', '1')
-    for attempt in range(20):  # a loaded machine may deliver nothing in the given time
-        bag = tmp_path / str(attempt)
-        status, out, err = ask('record', '-o', str(bag), '--duration', '2', '--json')
-        assert status == 0, err
-        answer = json.loads(out)
-        if all(counts(answer).values()):
-            break
-    assert set(counts(answer)) == TOPICS
-    # Two nodes publish diagnostics, whose losses cannot be counted.
-    assert [row['topic'] for row in answer['topics'] if row['lost'] is None] == ['/diagnostics']
-    with Recording(bag) as recording:
-        found = {topic.name: topic.message_count for topic in recording.topics}
-        assert found == counts(answer) | {'/robot_description': 1}
-        assert answer['recorded'] == sum(counts(answer).values())
-        time_ns, message = next(iter(recording.messages('/robot_description')))
-        assert '<robot name="planar_arm"' in message.data
-        assert all(time_ns <= next(recording.messages(topic))[0] for topic in TOPICS)
-        series = recording.joint_series(recording.joint_state_topic())
-        assert series.joint_names == ('joint1', 'joint2')
-        np.testing.assert_allclose(wrap_to_pi(series.position - 0.5), 0.0, atol=5e-3)
-        terms = next(recording.messages('/dynamics/terms'))[1]
-        assert list(terms.joint_names) == ['joint1', 'joint2']
-
-
-def test_topics_by_name_and_the_table(ask: Ask, tmp_path: Path) -> None:
-    bag = tmp_path / 'bag'
-    status, out, err = ask(
-        'record', 'joint_states', '~/residual', '-o', str(bag), '--duration', '0.5')
-    assert status == 0
-    assert err == f'Recording 2 topics to {bag}; ends after 0.5 s.\n'
-    lines = [line.split() for line in out.splitlines()]
-    assert [line[0] for line in lines[:3]] == ['topic', '/joint_states', '/dynamics/residual']
-    assert out.splitlines()[-1].startswith(f'{bag}: ')
-    assert out.splitlines()[-1].endswith(' lost')
-
-
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_recording_in_order(tmp_path: Path, number: int) -> None:
-    bag = tmp_path / 'bag'
-    process = start('record', '--output', str(bag), '--json')
-    assert first_line(process) == f'Recording 8 topics to {bag}; Ctrl-C ends.\n'
-    process.send_signal(number)
-    status, out, err = finish(process)
-    assert status == 0, err
-    with Recording(bag) as recording:
-        assert not recording.losses
-        assert {topic.name: topic.message_count for topic in recording.topics} == (
-            counts(json.loads(out)) | {'/robot_description': 1})
-
-
-@pytest.mark.parametrize(('words', 'said'), [
-    (['/absent'], "TOPIC is '/absent', expected a topic that exists"),
-    (['joint_states', '/joint_states'], "TOPIC has '/joint_states' twice, expected"),
-    (['--duration', '-1'], '--duration is -1, expected'),
-])
-def test_invalid_arguments_of_record(
-    ask: Ask, client: DynamicsClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-    words: list[str], said: str,
-) -> None:
-    assert client.name == '/dynamics'
-    monkeypatch.setattr(client, 'timeout', 2.0)
-    bag = tmp_path / 'bag'
-    status, out, err = ask('record', '-o', str(bag), *words)
-    assert (status, out) == (2, '')
-    assert said in err
-    assert err.count('\n') == 1
-    assert not bag.exists()
-
-
-def test_a_directory_is_not_overwritten(ask: Ask, tmp_path: Path) -> None:
-    (tmp_path / 'notes').write_text('keep')
-    status, _, err = ask('record', '-o', str(tmp_path))
-    assert status == 2
-    assert f'--output is {str(tmp_path)!r}, which exists; expected a new directory' in err
-    assert os.listdir(tmp_path) == ['notes']

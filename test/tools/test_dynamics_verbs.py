@@ -4,8 +4,7 @@
 """`ros2 dynamics`: the output of its verbs for real nodes, and their error messages."""
 
 import ast
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
@@ -23,8 +22,9 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
-from robot_dynamics.tools.ros2_dynamics.verbs import main, make_parser, run, VERBS
+from robot_dynamics.tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from verb_bench import Ask
 
 ROOT = Path(__file__).parents[2]
 START = '; a restart begins with no payload'
@@ -48,7 +48,6 @@ LIFT = """
 </robot>"""
 """One joint slides; one turns, and is too weak for its arm, which has no possible inertia."""
 Q, V, A = [0.785398, 0.523599], [0.5, 0.3], [0.1, 0.2]
-Ask = Callable[..., tuple[int, str, str]]
 DYNAMICS_OF = ArmDynamics(load_arm(default_arm_urdf()))
 
 
@@ -65,23 +64,9 @@ def nodes() -> Iterator[None]:
 
 
 @pytest.fixture(scope='module')
-def clients() -> Iterator[dict[str, DynamicsClient]]:
-    """Return a client for each node, because the discovery takes most of the time."""
-    with DynamicsClient('dynamics', TIMEOUT) as arm, \
-            DynamicsClient('/lift/dynamics', TIMEOUT) as lift:
-        yield {'/dynamics': arm, '/lift/dynamics': lift}
-
-
-@pytest.fixture
-def ask(capsys: pytest.CaptureFixture[str], clients: dict[str, DynamicsClient]) -> Ask:
-    """Return a function that runs a verb: exit status, output, error output."""
-    def ask(*words: str, node: str = '/dynamics') -> tuple[int, str, str]:
-        arguments = make_parser().parse_args(words)
-        status = run(arguments.verb, arguments, lambda *_: nullcontext(clients[node]))
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return ask
+def lift() -> Iterator[DynamicsClient]:
+    with DynamicsClient('/lift/dynamics', TIMEOUT) as client:
+        yield client
 
 
 def texts(*values: float) -> list[str]:
@@ -141,14 +126,14 @@ def test_inverse_is_that_of_the_library(ask: Ask) -> None:
     assert again == answer
 
 
-def test_tables_have_units(ask: Ask) -> None:
+def test_tables_have_units(ask: Ask, lift: DynamicsClient) -> None:
     status, out, _ = ask('inverse', *texts(*Q), '--velocity', *texts(*V))
     assert status == 0
     assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s²]' in out
     assert 'Effort by term [N·m]' in out
     assert re.search(r'joint1 .* -49\.7568\n', out)
     assert 'Standard deviation' not in out
-    status, out, _ = ask('inverse', 'rail=0.5', 'elbow=-0.5', node='/lift/dynamics')
+    status, out, _ = ask('inverse', 'rail=0.5', 'elbow=-0.5', client=lift)
     assert status == 0
     assert 'Effort by term [N·m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
@@ -156,7 +141,7 @@ def test_tables_have_units(ask: Ask) -> None:
     assert 'Standard deviation of a measured effort, by model and noise\n' in out
     assert re.search(r'joint  kind +deviation \[N·m, N\]\nrail +prismatic +4\.9050\n', out)
     assert 'Warning: ' in out  # the elbow cannot deliver the effort
-    out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', node='/lift/dynamics')[1]
+    out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', client=lift)[1]
     assert json.loads(out)['effort_deviation'] == pytest.approx([4.905, 0.0])
 
 
@@ -223,13 +208,13 @@ def test_a_payload_is_estimated(ask: Ask) -> None:
     assert ask('estimate_payload', '--apply')[0] == 2
 
 
-def test_check_judges_the_model_of_the_node(ask: Ask) -> None:
+def test_check_judges_the_model_of_the_node(ask: Ask, lift: DynamicsClient) -> None:
     status, out, _ = ask('check')
     assert (status, out.splitlines()[-1]) == (0, '/dynamics: no errors')
-    status, out, _ = ask('check', node='/lift/dynamics')
+    status, out, _ = ask('check', client=lift)
     assert status == 0
     assert 'accepted, as the errors are ignored' in out
-    status, out, _ = ask('check', '--json', '--ignore', node='/lift/dynamics')
+    status, out, _ = ask('check', '--json', '--ignore', client=lift)
     assert status == 1
     assert [finding['check'] for finding in json.loads(out)['findings']
             if finding['level'] == 'error'] == ['inertia']

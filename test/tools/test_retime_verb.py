@@ -3,8 +3,7 @@
 
 """`ros2 dynamics retime`: files in and out, the printed summary, and bad arguments."""
 
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator
 import json
 from pathlib import Path
 
@@ -13,8 +12,6 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
-from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 from robot_dynamics.trajectories import (
     efforts_along,
     make_trajectory,
@@ -23,28 +20,17 @@ from robot_dynamics.trajectories import (
     write_trajectory,
 )
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from ros_harness import DYNAMICS, NodeProcess, TIMEOUT
+from ros_harness import DYNAMICS, NodeProcess
+from verb_bench import Ask
 
 NAMES = ('joint1', 'joint2')
 ARM = ArmDynamics(load_arm(default_arm_urdf()))
-Ask = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture(scope='module')
-def dynamics_client() -> Iterator[DynamicsClient]:
-    with NodeProcess(DYNAMICS), DynamicsClient('dynamics', TIMEOUT) as client:
-        yield client
-
-
-@pytest.fixture
-def ask(capsys: pytest.CaptureFixture[str], dynamics_client: DynamicsClient) -> Ask:
-    """Return a function that runs the verb: exit status, output, error output."""
-    def ask(*words: object) -> tuple[int, str, str]:
-        arguments = make_parser().parse_args(['retime', *map(str, words)])
-        status = run('retime', arguments, lambda *_: nullcontext(dynamics_client))
-        return status, *capsys.readouterr()
-
-    return ask
+@pytest.fixture(scope='module', autouse=True)
+def nodes() -> Iterator[None]:
+    with NodeProcess(DYNAMICS):
+        yield
 
 
 @pytest.fixture
@@ -56,7 +42,7 @@ def motion(tmp_path: Path) -> Path:
 
 def test_the_fastest_timing_is_written(ask: Ask, motion: Path, tmp_path: Path) -> None:
     output = tmp_path / 'faster.yaml'
-    status, out, err = ask(motion, '--output', output, '--efforts-may-jump')
+    status, out, err = ask('retime', motion, '--output', output, '--efforts-may-jump')
     assert (status, err) == (0, '')
     expected = retime(ARM, read_trajectory(motion, NAMES))
     result = read_trajectory(output, NAMES)
@@ -69,7 +55,7 @@ def test_the_fastest_timing_is_written(ask: Ask, motion: Path, tmp_path: Path) -
 
 
 def test_json(ask: Ask, motion: Path) -> None:
-    status, out, _ = ask(motion, '--method', 'slow_down', '--json')
+    status, out, _ = ask('retime', motion, '--method', 'slow_down', '--json')
     data = json.loads(out)
     assert status == 0
     assert (data['duration'], data['ratio'], data['points']) == (2.0, 1.0, 2)
@@ -78,8 +64,9 @@ def test_json(ask: Ask, motion: Path) -> None:
 
 def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
     durations = [json.loads(ask(
-        motion, '--json', '--efforts-may-jump', *options)[1])['duration'] for options in (
-        (), ('--acceleration', '2', '2'), ('--acceleration', 'joint1=1', 'joint2=1'))]
+        'retime', motion, '--json', '--efforts-may-jump', *options)[1])['duration']
+        for options in (
+            (), ('--acceleration', '2', '2'), ('--acceleration', 'joint1=1', 'joint2=1'))]
     assert durations == sorted(durations)
     assert durations[2] == pytest.approx(np.sqrt(2.0) * durations[1], rel=1e-3)
 
@@ -93,16 +80,16 @@ def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
 def test_bad_arguments_are_rejected_by_name(
     ask: Ask, motion: Path, words: tuple[str, ...], message: str,
 ) -> None:
-    status, out, err = ask(motion, *words)
+    status, out, err = ask('retime', motion, *words)
     assert (status, out) == (2, '')
     assert message in err
 
 
 def test_bad_files_are_rejected_by_name(ask: Ask, tmp_path: Path) -> None:
-    assert 'cannot be read' in ask(tmp_path / 'absent.yaml')[2]
+    assert 'cannot be read' in ask('retime', tmp_path / 'absent.yaml')[2]
     corner = tmp_path / 'corner.yaml'
     write_trajectory(corner, make_trajectory(NAMES, [0, 1, 2], [[0, 0], [1, 0], [1, 1]]))
-    status, _, err = ask(corner)
+    status, _, err = ask('retime', corner)
     assert status == 2
     assert 'points[1].positions is a corner' in err
-    assert ask(corner, '--corner-tolerance', '0.05')[0] == 0
+    assert ask('retime', corner, '--corner-tolerance', '0.05')[0] == 0

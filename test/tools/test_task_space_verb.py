@@ -3,8 +3,7 @@
 
 """`ros2 dynamics task_space` and `inverse --derivatives`: output, JSON, and bad arguments."""
 
-from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator
 import json
 import re
 
@@ -14,31 +13,17 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space import TaskSpace
-from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
-from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
+from verb_bench import Ask
 
 ARM = load_arm(default_arm_urdf())
 Q, V = [0.785398, 0.523599], [0.5, 0.3]
-Ask = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture(scope='module')
-def dynamics_client() -> Iterator[DynamicsClient]:
-    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})), \
-            DynamicsClient('dynamics', TIMEOUT) as client:
-        yield client
-
-
-@pytest.fixture
-def ask(capsys: pytest.CaptureFixture[str], dynamics_client: DynamicsClient) -> Ask:
-    """Return a function that runs a verb: exit status, output, error output."""
-    def ask(*words: object) -> tuple[int, str, str]:
-        arguments = make_parser().parse_args(list(map(str, words)))
-        status = run(arguments.verb, arguments, lambda *_: nullcontext(dynamics_client))
-        return status, *capsys.readouterr()
-
-    return ask
+@pytest.fixture(scope='module', autouse=True)
+def nodes() -> Iterator[None]:
+    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
+        yield
 
 
 def test_json_is_that_of_the_library(ask: Ask) -> None:

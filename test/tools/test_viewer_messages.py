@@ -16,9 +16,9 @@ from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.references.follower import TrajectoryFollower
 from robot_dynamics.ros.middleware.conversions import payload_from_ros, trajectory_from_ros
-from robot_dynamics.trajectories.interpolation import sample_segment
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import must_have_everything
+from sampled_segment import sample_segment
 from sensor_msgs.msg import JointState
 
 if not must_have_everything():

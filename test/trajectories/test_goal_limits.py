@@ -200,4 +200,4 @@ def test_slowing_down_lowers_velocities_and_leaves_positions() -> None:
     one.follow(trajectory([0.1, 0.0], velocities=[[1e9, 0.0]]), 0)
     one.follow(trajectory([0.0, 0.0], [0.5, 0.0], [1.0, 0.0],
                           velocities=[[0.0, 0.0], [20.0, 0.0], [0.0, 0.0]]), 0)
-    assert one.slowness > 1.9
+    assert one.followed.slowness > 1.9

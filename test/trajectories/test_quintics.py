@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.references.follower import ActiveTrajectory
-from robot_dynamics.trajectories.interpolation import sample_segment
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
+from sampled_segment import sample_segment
 from two_joint_trajectories import EPOCH, JOINTS, laws, REST, SECOND, spans, trajectory, vectors
 
 

@@ -19,9 +19,9 @@ from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import NO_COMMAND
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.supervisor import Fault, Mode
+from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from robot_dynamics.ros.middleware.cdr_templates import (
@@ -68,7 +68,8 @@ class CommandOutput:
         self.loop: ControlLoop | None = None
         self._templates: tuple[MessageTemplate, MessageTemplate] | None = None
         self._stamp = bytes(8)
-        self._is_active = self._ends = False
+        self.is_active = self._ends = False
+        """Whether commands are enabled."""
         self._latched: Fault | None = None
         self._faults_seen = 0
         self.mode_seen = Mode.INACTIVE
@@ -102,7 +103,7 @@ class CommandOutput:
             if self.loop is None and self._latched is not None:
                 loop.supervisor.fault, self._latched = self._latched, None
             names = loop.controller.arm.joint_names
-            if self._is_active and not loop.is_active:
+            if self.is_active and not loop.is_active:
                 loop.activate()
             self.loop = loop
             self._faults_seen = loop.supervisor.fault_count
@@ -127,11 +128,6 @@ class CommandOutput:
         with self.lock:
             return self.loop is not None and self.loop.supervisor.is_commanding
 
-    @property
-    def is_active(self) -> bool:
-        """Whether commands are enabled."""
-        return self._is_active
-
     def has_listeners(self) -> bool:
         """Return whether the command has subscribers."""
         return bool(self._count() or self._count_bare())
@@ -147,14 +143,14 @@ class CommandOutput:
     def activate(self) -> None:
         """Publish commands from the next joint state on."""
         with self._changed:
-            self._is_active = True
+            self.is_active = True
             if self.loop is not None:
                 self.loop.activate()
 
     def request_shutdown(self) -> None:
         """Begin to stop the arm and to ramp the effort to zero."""
         with self._changed:
-            self._is_active = False
+            self.is_active = False
             if self.loop is not None:
                 self.loop.deactivate(time.monotonic())
             self._changed.notify()
@@ -290,5 +286,5 @@ class CommandOutput:
                 loop.supervisor.mode, loop.supervisor.fault)
             return command_status(
                 self.counters, mode, fault,
-                is_off=self._is_active and loop is not None and (
+                is_off=self.is_active and loop is not None and (
                     loop.controller.options.command == NO_COMMAND))

@@ -129,9 +129,9 @@ class ControlPath:
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
         if before is not None:
-            before.end_goal('another model was loaded')
-            if before.controller.has_reference:
-                loop.interruption = 'another model was loaded'
+            before.goals.end('another model was loaded')
+            if before.controller.trajectory is not None:
+                loop.goals.interruption = 'another model was loaded'
         with self.lock:
             self._served = _Served(loop, check, self._sample_max_age, is_embedded)
             self._foreign_joints = ''
@@ -146,7 +146,7 @@ class ControlPath:
         """Serve no arm."""
         with self.lock:
             if self.loop is not None:
-                self.loop.end_goal('the model was unloaded')
+                self.loop.goals.end('the model was unloaded')
             self._served = None
             self.estimates.forget()
             self.markers.forget()
@@ -276,10 +276,10 @@ class ControlPath:
         if v is None or counters.velocities != 'measured' or (
                 output.scale != self._log.bandwidth_scale):
             self._log.quality(served.loop, v is None, output)
-        if served.loop.notice:
-            self._log.warn('notice', served.loop.notice)
-            served.loop.notice = ''
-        adaptation = served.loop.controller.adaptation
+        if served.loop.goals.notice:
+            self._log.warn('notice', served.loop.goals.notice)
+            served.loop.goals.notice = ''
+        adaptation = served.loop.controller.laws.adaptation
         if adaptation.has_notice:
             self._log.warn(
                 'oscillation', f'The control loop has reacted: {adaptation.take_notice()}.')

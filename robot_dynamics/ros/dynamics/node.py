@@ -21,7 +21,6 @@ from robot_dynamics.ros.dynamics.effort_check import EffortCheck
 from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import (
     FollowJointTrajectoryServer,
 )
-from robot_dynamics.ros.dynamics.goals.pose_input import PoseInput
 from robot_dynamics.ros.dynamics.goals.teleoperation import Teleoperation
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
@@ -146,7 +145,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._trajectories = TrajectoryInput(self, self._path)
         self._teleoperation = Teleoperation(self, self._path, self._trajectories)
-        self._poses = PoseInput(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(
             self, self._path, self._trajectories, lambda: self._settings.values)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)

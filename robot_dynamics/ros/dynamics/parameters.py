@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import command_modes
 from robot_dynamics.control.laws.cartesian import (
     FORCE_LIMIT,
     LARGEST_NULL_SPACE_FREQUENCY,
@@ -41,6 +40,7 @@ from robot_dynamics.control.options import (
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TIME,
     default_tolerances,
@@ -57,6 +57,7 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     flag,
     number,
     numbers,
+    numbers_per_joint,
     text,
     texts,
     Values,
@@ -74,13 +75,13 @@ from robot_dynamics.ros.parameters.robot_description import (
 from robot_dynamics.validation import LARGEST_VALUE
 
 GOAL_SPECS = (
-    numbers('goal.path_tolerance', 0.0, 1e9, (
+    numbers_per_joint('goal.path_tolerance', 0.0, 1e9, (
         'Largest distance [rad] or [m] from the reference during a goal of '
-        '~/follow_joint_trajectory that gives no tolerance; one value for all joints or one per '
-        'joint. 0 or an empty array: only following_error_limit applies.')),
-    numbers('goal.tolerance', 0.0, 1e9, (
-        'Distance [rad] or [m] at which such a goal is reached; one value for all joints or one '
-        'per joint, 0 for any distance. If empty, 0.01.')),
+        '~/follow_joint_trajectory that gives no tolerance'), (
+        '. 0 or an empty array: only following_error_limit applies.')),
+    numbers_per_joint('goal.tolerance', 0.0, 1e9, (
+        'Distance [rad] or [m] at which such a goal is reached'), (
+        ', 0 for any distance. If empty, 0.01.')),
     number('goal.time', DEFAULT_GOAL_TIME, 0.0, 3600.0, (
         'Time [s] after the end of the trajectory within which such a goal must be reached; 0 for '
         'any time.')),
@@ -117,16 +118,15 @@ SAFETY_SPECS = (
         'Reaction to a trajectory that exceeds a limit of the arm: reject rejects it, slow_down '
         'lowers its velocities, clip also clips its positions to the position limits. Paths '
         'without velocities are always slowed down as needed.'), choices=INFEASIBLE_TRAJECTORY),
-    numbers('following_error_limit', 0.0, 1e9, (
-        'Distance [rad] or [m] between position and reference above which a fault occurs; one '
-        'value for all joints or one per joint, 0 for no limit. If empty, the limit is the '
-        'distance at the velocity limit in 0.3 s.')),
+    numbers_per_joint('following_error_limit', 0.0, 1e9, (
+        'Distance [rad] or [m] between position and reference above which a fault occurs'), (
+        ', 0 for no limit. If empty, the limit is the distance at the velocity limit in 0.3 s.')),
     number('overspeed_factor', 1.2, 0.0, 1e9, (
         'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.')),
-    numbers('external_effort_limit', 0.0, 1e9, (
-        'Estimated external effort [N·m] or [N] above which a fault occurs; one value for all '
-        'joints or one per joint. 0 or an empty array disables this check. The estimate is '
-        'published on ~/external_effort.')),
+    numbers_per_joint('external_effort_limit', 0.0, 1e9, (
+        'Estimated external effort [N·m] or [N] above which a fault occurs'), (
+        '. 0 or an empty array disables this check. The estimate is published on '
+        '~/external_effort.')),
     number('effort_rate_limit', 0.0, 0.0, 1e9, (
         'Largest rate of change [N·m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.')),
@@ -154,38 +154,36 @@ SPECS = (
         'gravity_compensation does not hold it, hand_guiding lets it be moved by hand. Other '
         'packages may add laws.'),
         choices=command_modes()),
-    numbers('gains.natural_frequency', 0.0, 1e4, (
-        'Natural frequency [rad/s] of the tracking error; one value for all joints or one per '
-        'joint. K_p is its square.'), default=[DEFAULT_NATURAL_FREQUENCY]),
-    numbers('gains.damping_ratio', 0.0, 1e4, (
-        'Damping ratio of the tracking error; one value for all joints or one per joint. K_d is 2 '
-        'times this ratio times the natural frequency.'), default=[DEFAULT_DAMPING_RATIO]),
-    numbers('gains.kp', 0.0, 1e8, (
-        'Proportional gain K_p [1/s²], which replaces gains.natural_frequency; one value for all '
-        'joints or one per joint.')),
-    numbers('gains.kd', 0.0, 1e8, (
-        'Derivative gain K_d [1/s], which replaces gains.damping_ratio; one value for all joints '
-        'or one per joint.')),
-    numbers('impedance.stiffness', 0.0, 1e8, (
-        'Stiffness [N·m/rad] or [N/m] of joint_impedance; one value for all joints or one per '
-        'joint. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an '
-        'effort limit.')),
-    numbers('impedance.damping_ratio', LEAST_DAMPING_RATIO, 1e4, (
-        'Damping ratio of joint_impedance, with the inertia in the present configuration; one '
-        'value for all joints or one per joint.'), default=[DEFAULT_DAMPING_RATIO]),
-    numbers('impedance.damping', 0.0, 1e8, (
+    numbers_per_joint('gains.natural_frequency', 0.0, 1e4, (
+        'Natural frequency [rad/s] of the tracking error'), (
+        '. K_p is its square.'), default=[DEFAULT_NATURAL_FREQUENCY]),
+    numbers_per_joint('gains.damping_ratio', 0.0, 1e4, (
+        'Damping ratio of the tracking error'), (
+        '. K_d is 2 times this ratio times the natural frequency.'),
+        default=[DEFAULT_DAMPING_RATIO]),
+    numbers_per_joint('gains.kp', 0.0, 1e8, (
+        'Proportional gain K_p [1/s²], which replaces gains.natural_frequency')),
+    numbers_per_joint('gains.kd', 0.0, 1e8, (
+        'Derivative gain K_d [1/s], which replaces gains.damping_ratio')),
+    numbers_per_joint('impedance.stiffness', 0.0, 1e8, (
+        'Stiffness [N·m/rad] or [N/m] of joint_impedance'), (
+        '. If empty, the effort limit of the joint per 0.25 rad or 0.25 m, 100 without an effort '
+        'limit.')),
+    numbers_per_joint('impedance.damping_ratio', LEAST_DAMPING_RATIO, 1e4, (
+        'Damping ratio of joint_impedance, with the inertia in the present configuration'),
+        default=[DEFAULT_DAMPING_RATIO]),
+    numbers_per_joint('impedance.damping', 0.0, 1e8, (
         'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
-        'impedance.damping_ratio; one value for all joints or one per joint. At least half of the '
-        'critical damping acts.')),
-    numbers('hand_guiding.friction_share', 0.0, LARGEST_SHARE, (
-        'Share of friction that hand_guiding compensates; one value for all joints or one per '
-        'joint.'), default=[DEFAULT_SHARE]),
-    numbers('hand_guiding.speed', 0.0, 1e8, (
-        'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint; one value for all joints '
-        'or one per joint. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
-    numbers('hand_guiding.feedback_gain', 0.0, LARGEST_FEEDBACK_GAIN, (
-        'Share of the effort on ~/force_feedback that hand_guiding lets feel; one value for all '
-        'joints or one per joint.'), default=[DEFAULT_FEEDBACK_GAIN]),
+        'impedance.damping_ratio'), (
+        '. At least half of the critical damping acts.')),
+    numbers_per_joint('hand_guiding.friction_share', 0.0, LARGEST_SHARE, (
+        'Share of friction that hand_guiding compensates'), default=[DEFAULT_SHARE]),
+    numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
+        'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
+        '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
+    numbers_per_joint('hand_guiding.feedback_gain', 0.0, LARGEST_FEEDBACK_GAIN, (
+        'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
+        default=[DEFAULT_FEEDBACK_GAIN]),
     text('cartesian.frame', '', (
         'Link whose origin cartesian_impedance and ~/pose_reference control. If empty, the last '
         'link that most joints move.')),

@@ -127,7 +127,7 @@ class _Run:
         others: tuple[Payload, ...],
     ) -> None:
         self.others, self._controller = others, controller
-        self._arm = controller.planning_dynamics.arm.with_payloads(others)
+        self._arm = controller.load.planning.arm.with_payloads(others)
         self._convention = convention
         self._estimator = PayloadEstimator(self._arm, link, CUTOFF)
         self._filters = [LowPass(CUTOFF) for _ in range(3)]
@@ -145,7 +145,7 @@ class _Run:
     def is_other_gravity(self) -> bool:
         """Whether the gravity of the node has changed since the start."""
         before, now = (arm.pinocchio_model.gravity.linear for arm in (
-            self._arm, self._controller.planning_dynamics.arm))
+            self._arm, self._controller.load.planning.arm))
         return bool(np.abs(before - now).max() > GRAVITY_CHANGE)
 
     def estimate(self) -> PayloadEstimate:

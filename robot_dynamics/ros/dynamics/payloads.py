@@ -47,27 +47,23 @@ class PayloadKeeper:
         `values` returns the parameters of the node.
         """
         self._node, self._values = node, values
-        self._payloads = self._at_start = payloads_at_start(values())
+        self.payloads = self._at_start = payloads_at_start(values())
+        """All payloads that were set, at most one per link."""
         self.obstacle = ''
         """Reason why the newest model cannot carry the payloads, empty if it can."""
         self._publisher = node.create_publisher(InertiaStamped, '~/payload', ALL_PAYLOADS)
 
     def __bool__(self) -> bool:
         """Return whether there is a payload."""
-        return bool(self._payloads)
-
-    @property
-    def payloads(self) -> tuple[Payload, ...]:
-        """All payloads that were set, at most one per link."""
-        return self._payloads
+        return bool(self.payloads)
 
     def check(self, arm: ArmModel) -> None:
         """Raise InvalidInputError if an arm cannot carry the kept payloads."""
         try:
-            check_all(arm, self._payloads, self._values())
+            check_all(arm, self.payloads, self._values())
         except RobotDynamicsError as error:
             self.obstacle = (
-                f'the payloads that were set ({describe_payloads(self._payloads)}) are invalid '
+                f'the payloads that were set ({describe_payloads(self.payloads)}) are invalid '
                 f'for the model {arm.name!r}: {describe_error(error)}; expected a call of '
                 '~/set_payload that removes them (m = 0)')
             raise InvalidInputError(self.obstacle) from None
@@ -83,7 +79,7 @@ class PayloadKeeper:
     def set_controller(self, controller: Controller) -> None:
         """Attach the kept payloads to an arm that `check` has accepted."""
         self.obstacle = ''
-        controller.set_payloads(self._payloads, 0.0, self._in_force)
+        controller.set_payloads(self.payloads, 0.0, self._in_force)
 
     def change(
         self, controller: Controller, message: InertiaStamped, transition_time: float,
@@ -91,11 +87,11 @@ class PayloadKeeper:
         """Set or remove the payload of a link; return a report; raise InvalidInputError."""
         state = controller.state
         payloads = changed_payloads(
-            controller.planning_dynamics.arm.with_payloads(()), self._payloads, message,
+            controller.load.planning.arm.with_payloads(()), self.payloads, message,
             self._values(), state[1] if state is not None else None)
         controller.set_payloads(payloads, transition_time, self._in_force)
-        report = describe_change(self._payloads, payloads)
-        self._payloads, self.obstacle = payloads, ''
+        report = describe_change(self.payloads, payloads)
+        self.payloads, self.obstacle = payloads, ''
         return f'{report}; a restart begins with {self._start}'
 
     @property
@@ -104,17 +100,17 @@ class PayloadKeeper:
 
     def remove(self, link: str) -> str:
         """Do the same without a model: remove the payload of a link, or all if it is empty."""
-        self._payloads, self.obstacle = with_payload_on(self._payloads, link, None), ''
-        self._in_force(self._payloads)
-        return describe_payloads(self._payloads)
+        self.payloads, self.obstacle = with_payload_on(self.payloads, link, None), ''
+        self._in_force(self.payloads)
+        return describe_payloads(self.payloads)
 
     def warnings(self, arm: ArmModel) -> list[str]:
         """Return why the payloads are implausible on an arm, if that is permitted."""
-        return payload_warnings(arm, self._payloads, self._values())
+        return payload_warnings(arm, self.payloads, self._values())
 
     def status(self) -> Status:
         """Return the status for the diagnostics."""
-        payloads = self._payloads
+        payloads = self.payloads
         return Status(
             'payload', ERROR if self.obstacle else OK,
             self.obstacle or describe_payloads(payloads),

@@ -108,7 +108,7 @@ class DynamicsServices:
 
     def _dynamics(self) -> ArmDynamics:
         """Return the dynamics for planning: the services run in the executor's thread."""
-        return self._used().planning_dynamics
+        return self._used().load.planning
 
     def _inverse_dynamics(
         self, request: InverseDynamics.Request, response: InverseDynamics.Response,

@@ -111,7 +111,7 @@ class StateLog:
         controller, v = loop.controller, output.velocity
         source = 'measured' if not is_estimated else (
             'estimated from positions' if v is not None else 'missing')
-        if is_estimated and (v is not None or not controller.estimates_velocity):
+        if is_estimated and (v is not None or not controller.options.estimates_velocity):
             self._velocities(source)
         self._counters.velocities = source if v is not None or not is_estimated else (
             self._counters.velocities)
@@ -132,13 +132,13 @@ class StateLog:
 
     def _bandwidth(self, controller: Controller) -> None:
         """Log the gain scaling if it has changed much."""
-        scale = self.bandwidth_scale = controller.bandwidth_scale
-        if not controller.knows_quality or (
+        scale = self.bandwidth_scale = controller.gains.least
+        if not controller.gains.is_known or (
                 0.8 < scale / self._reported_scale < 1.25 and scale < 1.0):
             return
         if scale != self._reported_scale:
             self._node.get_logger().info(
-                f'Gains and references at {scale:.2f} of their bandwidth: {controller.quality}.',
+                f'Gains and references at {scale:.2f} of their bandwidth: {controller.gains}.',
                 throttle_duration_sec=LOG_PERIOD)
         self._reported_scale = scale
 
@@ -186,8 +186,8 @@ class StateReport:
                     '(joint_sample_max_age)')
         if counters.replay.text:
             level, words = max(level, WARN), f'{words}; {counters.replay.text}'
-        if loop is not None and not loop.consistency.is_consistent:
-            level, words = max(level, WARN), f'{words}; {loop.consistency.reason}'
+        if loop is not None and not loop.signals.consistency.is_consistent:
+            level, words = max(level, WARN), f'{words}; {loop.signals.consistency.reason}'
         return Status('joint states', level, words, {
             'answered': 0 if loop is None else loop.states,
             'not new (stamp repeated)': counters.repeated,

@@ -113,6 +113,16 @@ def numbers(
         name, Type.DOUBLE_ARRAY, list(default), description, read_only, minimum, maximum)
 
 
+def numbers_per_joint(
+    name: str, minimum: float, maximum: float, description: str, rest: str = '.',
+    default: Sequence[float] = (), read_only: bool = False,
+) -> ParameterSpec:
+    """Return the same for an array that has one value for all joints or one per joint."""
+    return numbers(
+        name, minimum, maximum,
+        f'{description}; one value for all joints or one per joint{rest}', default, read_only)
+
+
 def flag(name: str, default: bool, description: str, read_only: bool = False) -> ParameterSpec:
     """Return the specification of a parameter that is true or false."""
     return ParameterSpec(name, Type.BOOL, default, description, read_only)
@@ -150,24 +160,20 @@ class DeclaredParameters:
         self._node = node
         self._specs = {spec.name: spec for spec in specs}
         self._check, self._apply = check, apply
-        self._values: dict[str, Any] = {}
+        self.values: dict[str, Any] = {}
+        """All values by name; arrays as tuples."""
         self._former = {former: name for former, name in FORMER_NAMES.items()
                         if name in self._specs}
         for former, name in self._former.items():
             if rename_parameter_override(node, former, name):
                 node.get_logger().warning(former_name(former))
         for spec in specs:
-            self._values[spec.name] = self._declare(spec)
+            self.values[spec.name] = self._declare(spec)
         self._check_names()
-        self._check(self._values)
+        self._check(self.values)
         node.add_pre_set_parameters_callback(self._renamed)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._take_over)
-
-    @property
-    def values(self) -> Values:
-        """All values by name; arrays as tuples."""
-        return self._values
 
     def _declare(self, spec: ParameterSpec) -> Any:
         descriptor, empty = spec.descriptor(), spec.default == []
@@ -226,12 +232,12 @@ class DeclaredParameters:
         try:
             values = self._changed(parameters)
             self._apply(values)
-            self._values = values
+            self.values = values
         except Exception as error:
             self._node.get_logger().error(f'Applying parameters failed: {error!r}')
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
-        values = dict(self._values)
+        values = dict(self.values)
         for parameter in parameters:
             spec = self._specs.get(parameter.name)
             if spec is None:  # a parameter of rclpy, such as use_sim_time

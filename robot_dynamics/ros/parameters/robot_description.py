@@ -15,6 +15,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.parameters.declared_parameters import (
     number,
     numbers,
+    numbers_per_joint,
     ParameterSpec,
     text,
     texts,
@@ -47,11 +48,11 @@ ROBOT_GRAVITY_SPEC = numbers('robot_gravity', -1000.0, 1000.0, (
     'robot_compensates contains gravity. If empty, that of the parameter gravity.'),
     read_only=True)
 
-DRIVE_STIFFNESS_SPEC = numbers('drive.stiffness', 0.0, 1e8, (
-    'Stiffness k_p [N·m/rad] or [N/m] of the position loops of the drives; one value for all '
-    'joints or one per joint. dynamics computes with it the positions of ~/position_offset. With '
-    'it simulated_arm takes the commands of dynamics/feed_forward instead of effort_command, and '
-    'its drives close their loops at 1 kHz.'), read_only=True)
+DRIVE_STIFFNESS_SPEC = numbers_per_joint('drive.stiffness', 0.0, 1e8, (
+    'Stiffness k_p [N·m/rad] or [N/m] of the position loops of the drives'), (
+    '. dynamics computes with it the positions of ~/position_offset. With it simulated_arm takes '
+    'the commands of dynamics/feed_forward instead of effort_command, and its drives close their '
+    'loops at 1 kHz.'), read_only=True)
 
 FRICTION_SPECS = tuple(
     numbers(f'friction.{field.name}', field.minimum, field.maximum, field.description,
@@ -63,9 +64,8 @@ def _actuator_spec(
     field: str, description: str, without: str, low: float, high: float,
 ) -> ParameterSpec:
     """`without` describes the meaning of an empty array."""
-    return numbers(
-        f'actuator.{field}', low, high, f'{description}; one value for all joints or one per '
-        f'joint. If empty, {without}.', read_only=True)
+    return numbers_per_joint(
+        f'actuator.{field}', low, high, description, f'. If empty, {without}.', read_only=True)
 
 
 ACTUATOR_SPECS = (
@@ -105,17 +105,17 @@ UNCERTAINTY_SPECS = (
     numbers('uncertainty.covariance', -1e12, 1e12, (
         'Covariance of uncertainty.parameters in SI units: the lower triangle of the matrix, row '
         'by row.'), read_only=True),
-    numbers('uncertainty.noise_deviation', 0.0, 1e9, (
+    numbers_per_joint('uncertainty.noise_deviation', 0.0, 1e9, (
         'Standard deviation [N·m] or [N] of the measured effort about the model, after a filter '
-        'that passes uncertainty.noise_bandwidth; one value for all joints or one per joint. If '
-        'empty, 0.'), read_only=True),
+        'that passes uncertainty.noise_bandwidth'), (
+        '. If empty, 0.'), read_only=True),
     number('uncertainty.noise_bandwidth', 0.0, 0.0, 1e6, (
         'Equivalent noise bandwidth [Hz] of the filter to which uncertainty.noise_deviation '
         'refers. It must be above 0 if uncertainty.noise_deviation is set.'), read_only=True),
-    numbers('uncertainty.friction_deviation', 0.0, 1e9, (
+    numbers_per_joint('uncertainty.friction_deviation', 0.0, 1e9, (
         'Standard deviation [N·m] or [N] of friction about the model at speeds up to '
-        'uncertainty.friction_velocity; one value for all joints or one per joint. If empty, 0.'),
-        read_only=True),
+        'uncertainty.friction_velocity'), (
+        '. If empty, 0.'), read_only=True),
     numbers('uncertainty.friction_velocity', 0.0, 1e6, (
         'Speed [rad/s] or [m/s] up to which uncertainty.friction_deviation is added. It is '
         'required if uncertainty.friction_deviation is set.'), read_only=True),

@@ -12,7 +12,6 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.mjcf import arm_to_mjcf
 from robot_dynamics.ros.middleware.conversions import wrench_from_ros
-from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_made
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import (
     DeclaredParameters,
@@ -91,15 +90,7 @@ class MujocoArmNode(PlantNode):
     Any executor may spin it; simulated time passes from the first spin on.
     """
 
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the MJCF are invalid, or without MuJoCo.
-        """
-        super().__init__('mujoco_arm', **node_arguments)
-        with destroyed_unless_made(self):
-            self._set_up()
+    NAME = 'mujoco_arm'
 
     def _set_up(self) -> None:
         values = DeclaredParameters(self, SPECS, _check, self._apply).values

@@ -13,7 +13,7 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, destroyed_unless_made
+from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
@@ -124,15 +124,7 @@ class SimulatedArmNode(PlantNode):
     Any executor may spin it; simulated time passes from the first spin on.
     """
 
-    def __init__(self, **node_arguments: object) -> None:
-        """
-        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
-
-        Raises RobotDynamicsError if the parameters or the URDF are invalid.
-        """
-        super().__init__('simulated_arm', **node_arguments)
-        with destroyed_unless_made(self):
-            self._set_up()
+    NAME = 'simulated_arm'
 
     def _set_up(self) -> None:
         self._settings = DeclaredParameters(self, SPECS, _check, self._apply)

@@ -18,7 +18,11 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import (
+    describe_error,
+    destroyed_unless_made,
+    GuardedCallbacks,
+)
 from robot_dynamics.ros.parameters.declared_parameters import flag, number, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.plant import SimulatedRobot
@@ -67,8 +71,25 @@ NOISE_SPECS = (
 class PlantNode(GuardedCallbacks):
     """Connects parameters, topics and services to a plant; computes nothing itself."""
 
+    NAME = ''
+    """Default name of the node."""
     _loop: WallTimeLoop | LockStepLoop | None = None
     _effort_limit: FloatArray | None = None
+
+    def __init__(self, **node_arguments: object) -> None:
+        """
+        Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
+
+        Raises RobotDynamicsError if the parameters or the description are invalid, or without
+        a library that the plant needs.
+        """
+        super().__init__(self.NAME, **node_arguments)
+        with destroyed_unless_made(self):
+            self._set_up()
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """Declare the parameters, and begin."""
 
     def _begin(
         self, plant: SimulatedRobot, effort_limit: FloatArray | None, values: Values,

@@ -16,9 +16,9 @@ from robot_dynamics.gravity_calibration.poses import approach_distance, COUNTS, 
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.reporting.yaml_text import load_yaml
 from robot_dynamics.tools.gravity_motion.plan import position_bounds
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
-from robot_dynamics.yaml_text import load_yaml
 
 MOST_IN_FILE = 30
 LARGEST_SHARE = 0.8

@@ -13,19 +13,19 @@ from robot_dynamics.model.arm_parameters import check_order_is_given
 from robot_dynamics.monitoring.contact_levels import ContactDetector, ContactLevels
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
-from robot_dynamics.ros.parameters.declared_parameters import flag, numbers, Values
+from robot_dynamics.ros.parameters.declared_parameters import flag, numbers_per_joint, Values
 from robot_dynamics_interfaces.msg import Contact
 
 EVENTS = QoSProfile(depth=10)
 
 CONTACT_SPECS = (
-    numbers('contact.effort', 0.0, 1e9, (
-        'External effort [N·m] or [N] at rest above which ~/contacts is published; one value for '
-        'all joints or one per joint, 0 for a joint without a level. If empty, contacts are not '
-        'detected. ros2 dynamics learn_contact_levels writes it.')),
-    numbers('contact.effort_per_velocity', 0.0, 1e9, (
-        'Increase of contact.effort with the speed [N·m·s/rad] or [N·s/m]; one value for all '
-        'joints or one per joint. If empty, 0.')),
+    numbers_per_joint('contact.effort', 0.0, 1e9, (
+        'External effort [N·m] or [N] at rest above which ~/contacts is published'), (
+        ', 0 for a joint without a level. If empty, contacts are not detected. ros2 dynamics '
+        'learn_contact_levels writes it.')),
+    numbers_per_joint('contact.effort_per_velocity', 0.0, 1e9, (
+        'Increase of contact.effort with the speed [N·m·s/rad] or [N·s/m]'), (
+        '. If empty, 0.')),
     flag('contact.is_fault', False, (
         'Whether a contact is the fault external_effort, in addition to external_effort_limit.')),
 )

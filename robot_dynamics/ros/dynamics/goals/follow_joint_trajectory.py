@@ -199,7 +199,7 @@ class FollowJointTrajectoryServer:
                     continue
                 waiting.append((handle, goal, done))
                 if handle.is_cancel_requested and loop is not None:
-                    loop.cancel(goal)
+                    loop.goals.cancel(goal)
             self._running = waiting
             if not self._open:
                 self._feedback.cancel()

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.validation import check_vector, LARGEST_VALUE
 from sensor_msgs.msg import JointState
 
@@ -40,19 +41,13 @@ class Teleoperation:
 
     def _follow(self, message: JointState) -> None:
         """Follow a set-point, or count and log why it is rejected."""
-        try:
-            loop = self._path.loop
-            if loop is None:
-                raise InvalidInputError('no model yet: no set-point can be followed')
-            names = loop.controller.arm.joint_names
-            trajectory = make_trajectory(
+        def read(controller: Controller) -> JointTrajectory:
+            names = controller.arm.joint_names
+            return make_trajectory(
                 names, [0.0], [_values(names, message, 'position')],
                 [_values(names, message, 'velocity')] if len(message.velocity) else [], [], names)
-            loop.follow(trajectory)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self._trajectories.refuse(error)
-            return
-        self._trajectories.accept(loop, trajectory)
+
+        self._trajectories.follow('set-point', read)
 
     def _feel(self, message: JointState) -> None:
         try:

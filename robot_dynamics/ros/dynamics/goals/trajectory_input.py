@@ -1,14 +1,17 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The trajectories that `dynamics` receives, and the status `reference` of its diagnostics."""
+"""The trajectories and poses that `dynamics` receives, and the status `reference`."""
 
+from collections.abc import Callable
 import math
 import re
 
+from geometry_msgs.msg import PoseStamped
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.pose_reference import pose_set_point
 from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.units import units_of
@@ -32,7 +35,7 @@ _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[-+]\d+)?')
 
 
 class TrajectoryInput:
-    """Passes the messages on ~/joint_trajectory to the loop of a control path."""
+    """Passes ~/joint_trajectory, and ~/pose_reference as set-points, to the loop of a path."""
 
     def __init__(self, node: GuardedCallbacks, path: ControlPath) -> None:
         """Subscribe on a node."""
@@ -44,15 +47,30 @@ class TrajectoryInput:
         """Number of accepted goals that is published at once; a stream does not change it."""
         node.create_subscription(
             JointTrajectoryMsg, '~/joint_trajectory', self.take, 10, refuse=self.refuse)
+        node.create_subscription(
+            PoseStamped, '~/pose_reference', self._take_pose, 1, refuse=self.refuse)
 
     def take(self, message: JointTrajectoryMsg) -> None:
         """Follow a trajectory, or count and log why it is rejected."""
+        self.follow('trajectory', lambda controller: trajectory_from_ros(
+            message, controller.arm.joint_names), stamp_from_ros(message.header.stamp))
+
+    def _take_pose(self, message: PoseStamped) -> None:
+        p, turn = message.pose.position, message.pose.orientation
+        self.follow('pose', lambda controller: pose_set_point(
+            controller, message.header.frame_id, [p.x, p.y, p.z],
+            [turn.x, turn.y, turn.z, turn.w]))
+
+    def follow(
+        self, kind: str, read: Callable[[Controller], JointTrajectory], stamp_ns: int = 0,
+    ) -> None:
+        """Follow what `read` returns from `stamp_ns` on, or count and log why it is rejected."""
         try:
             loop = self._path.loop
             if loop is None:
-                raise InvalidInputError('no model yet: no trajectory can be followed')
-            trajectory = trajectory_from_ros(message, loop.controller.arm.joint_names)
-            loop.follow(trajectory, stamp_from_ros(message.header.stamp))
+                raise InvalidInputError(f'no model yet: no {kind} can be followed')
+            trajectory = read(loop.controller)
+            loop.follow(trajectory, stamp_ns)
         except Exception as error:  # an exception here would end the spin of rclpy
             self.refuse(error)
             return
@@ -63,7 +81,7 @@ class TrajectoryInput:
         self.refusal = ''
         self._accepted += 1
         self._goal = trajectory.points[-1].position.tolist()
-        if loop.stream.deadline == math.inf:
+        if loop.goals.stream.deadline == math.inf:
             self._reported = self._accepted
 
     def refuse(self, error: Exception) -> None:
@@ -81,18 +99,18 @@ class TrajectoryInput:
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self.refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
-        oscillation = '' if loop is None else str(loop.controller.adaptation)
-        if loop is not None and loop.interruption:
-            level, words = WARN, f'ended early: {loop.interruption}'
+        oscillation = '' if loop is None else str(loop.controller.laws.adaptation)
+        if loop is not None and loop.goals.interruption:
+            level, words = WARN, f'ended early: {loop.goals.interruption}'
         elif missing or oscillation:
             level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self.refusal,
             'accepted': self._accepted, 'goal of the latest': self._goal,
-            'streams that paused': 0 if loop is None else loop.paused_streams,
-            'slowed down by': 1.0 if loop is None else round(loop.controller.slowness, 3),
+            'streams that paused': 0 if loop is None else loop.goals.paused_streams,
+            'slowed down by': 1.0 if loop is None else round(loop.controller.followed.slowness, 3),
             'share of the gains that the state rate allows':
-                1.0 if loop is None else round(loop.controller.bandwidth_scale, 3),
+                1.0 if loop is None else round(loop.controller.gains.least, 3),
             **({} if loop is None else _stiffness_values(loop.controller))}, self._reported)
 
 

@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The damping of an arm in a fault, and the dry friction that may hold it."""
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.controller import Controller
+
+FAULT_DAMPING = 0.5
+"""Fraction of K_d with which a joint is damped in a fault."""
+USUAL_FRICTION = 0.1
+"""Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
+HELD_ERROR = 0.03
+"""[rad] or [m] that a joint may be away from its reference without friction."""
+
+
+def braked(
+    controller: Controller, q: FloatArray, v: FloatArray | None, holding: FloatArray,
+) -> FloatArray:
+    """Return `holding` (n,) with a damping torque −M(q) D v, within the effort limits."""
+    if v is None:
+        return holding
+    drive = controller.arm.drive
+    torque = holding if drive is None else drive.torque(holding)
+    with controller.lock, np.errstate(all='ignore'):
+        M, limit = controller.dynamics.rigid_body.mass_matrix(q), controller.arm.limits.effort
+        damping = M @ (FAULT_DAMPING * controller.feedback_gains[1] * v)
+        clipped = torque - np.clip(torque - damping, -limit, limit)
+        free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
+        share = np.where(damping != 0.0, free / np.abs(damping), 1.0)
+        scaled = min(1.0, float(share.min(initial=1.0))) * damping
+        # The damping of one joint alone may accelerate the others.
+        torque = torque - (clipped if v @ clipped > v @ scaled else scaled)
+        if not np.isfinite(torque).all():
+            return holding
+        return torque if drive is None else drive.command(torque)
+
+
+def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArray:
+    """
+    Return at which joints (n,) dry friction can hold the arm against the feedback, at rest.
+
+    `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Friction that is not known is
+    assumed to be as large as usual in gearboxes; a further HELD_ERROR is tolerated.
+    """
+    friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
+    usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
+    with controller.lock:
+        M, K_p = controller.dynamics.rigid_body.mass_matrix(q), controller.feedback_gains[0]
+    drives = controller.options.drive_stiffness
+    K = M * K_p if drives is None else np.diag(drives)
+    holding = np.maximum(friction.static + friction.offset, usual) + HELD_ERROR * np.diagonal(K)
+    return np.asarray(np.abs(K @ error) <= holding)

@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The references that a control loop accepts: their start, their judgement and their early end."""
+
+from collections.abc import Callable
+import math
+
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.followed_reference import Prepared
+from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.setpoint_stream import SetPointStream
+from robot_dynamics.control.trajectory_goal import (
+    default_tolerances,
+    LATEST_START,
+    NO_SLOWER,
+    ResultCode,
+    Tolerances,
+    TrajectoryGoal,
+)
+from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+
+
+class GoalExecution:
+    """
+    Set-points, trajectories and goals of one arm; safe to call from several threads.
+
+    Times `now` [s] are those of a steady clock. `ControlLoop` calls `judge`, `fail`, `interrupt`
+    and `pause` with its lock held.
+    """
+
+    def __init__(self, controller: Controller, obstacle: Callable[[], str]) -> None:
+        """`obstacle` returns why no reference can be followed now, empty if one can."""
+        self._controller, self._obstacle, self._lock = controller, obstacle, controller.lock
+        self.stream = SetPointStream(controller.options.stream_timeout)
+        self.goal: TrajectoryGoal | None = None
+        """The goal that is executed, or None."""
+        self.interruption = ''
+        """Reason why the last reference ended early, until the next reference."""
+        self.notice = ''
+        """Message for the operator; the caller that logs it sets it to an empty string."""
+        self.paused_streams = 0
+
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int, now: float) -> None:
+        """Follow a trajectory as `ControlLoop.follow` does."""
+        self._check_obstacle()
+        self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, now)
+
+    def execute(
+        self, trajectory: JointTrajectory, stamp_ns: int, tolerances: Tolerances | None,
+        when_done: Callable[[], object], now: float,
+    ) -> TrajectoryGoal:
+        """Follow a trajectory and judge it as `ControlLoop.execute` does."""
+        self._check_obstacle()
+        prepared = self._controller.prepare(trajectory)
+        if prepared[1] > NO_SLOWER:
+            raise TrajectoryError(
+                f'the trajectory would take {prepared[1]:.3g} times its duration, expected the '
+                'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
+        with self._lock:
+            self._start(
+                trajectory, prepared, stamp_ns, now,
+                math.inf if trajectory.is_set_point else LATEST_START)
+            self.goal = TrajectoryGoal(
+                self._controller, tolerances or default_tolerances(trajectory.joint_names),
+                when_done)
+            return self.goal
+
+    def _check_obstacle(self) -> None:
+        obstacle = self._obstacle()
+        if obstacle:
+            raise TrajectoryError(f'no reference can be followed now: {obstacle}')
+
+    def _start(
+        self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, now: float,
+        latest: float = math.inf,
+    ) -> None:
+        with self._lock:
+            self._check_obstacle()
+            self._controller.start(prepared, stamp_ns, latest)
+            if self.goal is not None:
+                q = trajectory.points[-1].position.round(4).tolist()
+                self.end(f'another goal has replaced this one: {q}')
+            self.stream.arrived(trajectory.is_set_point, now)
+            self.interruption = ''
+
+    def end(self, reason: str) -> None:
+        """End the goal that is executed, if there is one."""
+        with self._lock:
+            if self.goal is not None:
+                goal, self.goal = self.goal, None
+                goal.end(ResultCode.INVALID_GOAL, reason)
+
+    def cancel(self, goal: TrajectoryGoal) -> None:
+        """Stop the arm if it executes this goal, which ends when the arm is at rest."""
+        with self._lock:
+            if goal is self.goal:
+                self.stream.end()
+                goal.cancel()
+
+    def judge(self) -> None:
+        """Compare the last state with the tolerances of the goal; forget a goal that has ended."""
+        goal, state = self.goal, self._controller.state
+        if goal is not None:
+            goal.end_if_replaced(self.interruption)
+            if state is not None and goal.result is None:
+                goal.judge(*state)
+            if goal.result is not None:
+                self.goal = None
+                if goal.result.code is ResultCode.PATH_TOLERANCE_VIOLATED and (
+                        not self.interruption):
+                    self.interruption = goal.result.message
+
+    def fail(self, fault: Fault, is_predicted: bool) -> None:
+        """End goal and reference by a fault; a stop with predicted joints continues."""
+        if self.goal is not None:
+            goal, self.goal = self.goal, None
+            goal.fail(fault)
+        if is_predicted:
+            self.stream.end()
+            self.interruption = str(fault)
+        else:
+            self.interrupt(str(fault))
+
+    def interrupt(self, reason: str, holds: bool = False) -> None:
+        """
+        End the reference; the arm stops from the next measured state, and is held.
+
+        With `holds` an arm that has stopped is held at the end of its reference.
+        """
+        self.stream.end()
+        if self._controller.trajectory is not None:
+            self.interruption = reason
+            if holds and self._controller.has_stopped:
+                self._controller.stop()
+            else:
+                self._controller.stop_from_state()
+
+    def pause(self) -> None:
+        """Stop, because the stream of set-points has paused."""
+        self.stream.end()
+        self._controller.stop()
+        self.paused_streams += 1
+        self.interruption = 'the stream of set-points paused for more than reference_timeout'
+        self.notice = (
+            'The stream of set-points paused for more than reference_timeout: the arm stops '
+            'and holds its position.')

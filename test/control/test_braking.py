@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The stop before the end of the command: the supervisor of the command, event by event."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_dynamics.control.safety.supervisor import (
+    BRAKING_TIME,
+    CommandSupervisor,
+    Mode,
+)
+from supervised import (
+    answer,
+    course,
+    HOLD,
+    make,
+    PERIOD,
+    PUSH,
+    RAMP_TIME,
+    running,
+    START,
+    TROUBLE,
+)
+
+
+def braking(**options: Any) -> CommandSupervisor:
+    one = running(PUSH, **options)
+    assert one.brake(START)
+    assert one.mode is Mode.BRAKING
+    assert one.is_commanding
+    return one
+
+
+def test_the_command_continues_during_the_stop() -> None:
+    one = braking()
+    for k in range(1, 100):
+        assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
+        assert one.tick(START + (k + 0.5) * PERIOD) is None
+    repeated = one.repeat()
+    assert repeated.tolist() == PUSH.tolist()
+    one.deactivate(START + 0.2)  # the arm has stopped
+    t, efforts = course(one, START + 0.2)
+    assert efforts[-1].tolist() == [0.0, 0.0]
+    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
+
+
+def test_a_stop_that_does_not_succeed_ends_with_the_ramp() -> None:
+    """All numbers are exact in binary; a second request does not extend the time."""
+    one, period, end = braking(), 0.03125, START + BRAKING_TIME
+    for k in range(1, round(BRAKING_TIME / period) + 1):
+        now = START + k * period
+        answer(one, now, PUSH)
+        assert one.tick(now) is None
+        assert one.brake(now)
+    assert one.mode is Mode.BRAKING
+    assert one.tick(np.nextafter(end, np.inf)) is not None
+    assert one.mode is Mode.STOPPING
+
+
+def test_without_states_a_stop_ends_with_the_ramp() -> None:
+    one = braking(state_timeout=0.0625)
+    assert one.tick(START + 0.0625) is None
+    assert one.tick(START + 0.0627) is not None
+    assert one.mode is Mode.STOPPING
+    assert one.fault is None
+
+
+@pytest.mark.parametrize('overdue', [False, True])
+def test_without_a_command_or_without_states_there_is_no_stop(overdue: bool) -> None:
+    one = running() if overdue else make()
+    one.activate()
+    assert not one.brake(START + (1.0 if overdue else 0.0))
+    assert one.mode is (Mode.STOPPING if overdue else Mode.INACTIVE)
+    one = running(fault_action='stop_publishing')
+    one.fail(START, TROUBLE)
+    one.tick(START)
+    assert not one.brake(START)
+    assert one.mode is Mode.INACTIVE
+
+
+@pytest.mark.parametrize('before', [True, False])
+def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before: bool) -> None:
+    one = running(PUSH)
+    for step in ((one.fail, one.brake) if before else (one.brake, one.fail)):
+        step(START, *([TROUBLE] if step == one.fail else []))  # type: ignore[operator]
+    assert one.mode is Mode.BRAKING
+    assert one.fault == TROUBLE
+    assert one.fault_count == 1
+    damped = HOLD + [2.0, -3.0]
+    for k in range(1, 200):  # good states do not end the hold
+        effort = one.answer(
+            START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
+            lambda *_: damped)
+    assert effort == pytest.approx(damped)
+    one.fail(START + 0.4, TROUBLE)
+    assert one.fault_count == 1
+    one.resume()
+    assert one.mode is Mode.FAULT
+    assert answer(one, START + 0.402, PUSH) is not None
+    assert one.mode is Mode.RUNNING
+
+
+def test_a_stop_that_is_cancelled_continues_with_the_command() -> None:
+    one = braking()
+    one.resume()
+    assert one.mode is Mode.RUNNING
+    assert answer(one, START + PERIOD, PUSH) == PUSH.tolist()
+    one.resume()  # nothing to continue
+    assert one.mode is Mode.RUNNING
