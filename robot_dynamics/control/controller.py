@@ -468,7 +468,7 @@ class Controller:
 
     def evaluate(self, adapts: bool = True) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        has_changed = self._gains.evaluate()
+        has_changed = self._gains.evaluate(self._law_with_reference.bounces)
         if adapts and self._followed is not None and self._options.scales_gains:
             (state, answer), self._followed = self._followed, None
             friction = answer.friction if self.compensates_friction_at_rest else None

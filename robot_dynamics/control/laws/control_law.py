@@ -108,6 +108,8 @@ class ControlLaw:
 
     follows: ClassVar[bool] = True
     """Whether the law follows references."""
+    bounces: bool = False
+    """Whether the arm bounces off a surface: neither noise nor an oscillation of the loop."""
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
 

@@ -63,9 +63,11 @@ class ModalImpedance(ControlLaw):
         """Return the effort (n,) of the spring at an error e (n,) of the joints."""
         return np.asarray(self._K @ e)
 
-    def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
-        """Return the effort (n,) at position limits, at errors (n,) of position and velocity."""
-        return 0.0
+    def damper(
+        self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
+    ) -> FloatArray:
+        """Return the effort (n,) of the damper at errors (n,) of position and velocity."""
+        return np.asarray(self._D @ e_dot)
 
     @property
     def largest_frequency(self) -> float:
@@ -103,7 +105,8 @@ class ModalImpedance(ControlLaw):
             self._K, self._D = self.gains(dynamics, q)
             self._gains_at = dynamics, q
         K, D = self._K, self._D
-        spring, damper = self.spring(state, e), D @ e_dot + self.limited(state, e, e_dot)
+        spring = self.spring(state, e)
+        damper = self.damper(state, e, e_dot, spring)
         change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
         if not (np.abs(change) <= CHANGE_FRACTION * self._effort_rate).all():
             share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
