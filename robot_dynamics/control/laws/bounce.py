@@ -7,9 +7,9 @@ Bounces of an arm off a stiff surface.
 An impact reverses the velocity within a few ms. The damping of the fall acts T later, 8 to 12 ms
 at 250 Hz with a delay of 8 ms, and then accelerates the rise. In a bounce of the time P the
 velocity changes linearly, and damping that is late by T does the work 1 − 6 x + 6 x², x = T/P, of
-damping without delay: bounces of 5 T never end. The damping of the rise alone takes
-energy out of bounces down to 3 T. Within MEMORY after an impact only motions away from the surface
-are therefore damped.
+damping without delay: bounces of 5 T never end. The damping of the rise alone takes energy out of
+bounces down to 3 T. Within MEMORY after an impact only motions away from the surface are therefore
+damped.
 
 The impulse M Δq̇ of an impact is the direction of the surface at the joints. Impacts differ from
 oscillations of the loop: the feedback does not explain them, and all have the same direction.
@@ -26,6 +26,8 @@ UNEXPLAINED = 1.5
 """Change of the velocity by that of the feedback, at least, in an impact."""
 SAME = 0.7
 """Cosine between the impulses of two impacts on the same surface, at least."""
+IMPACTS = 3
+"""On the same surface without others: noise of the velocity looks like impacts on any surface."""
 
 
 class Bounce:
@@ -34,10 +36,9 @@ class Bounce:
     def __init__(self, n: int) -> None:
         self._v = self._e_dot = self._impulse = self._direction = np.zeros(n)
         """Last velocity and its error, M u and u (n,), the change of velocity with uᵀ M u = 1."""
-        self._stamp_ns, self._impact_ns = 0, 0
-        self._is_same = False
+        self._stamp_ns = self._impact_ns = self._count = 0
         self.is_near = False
-        """Whether the last impact was within MEMORY, on the same surface as that before."""
+        """Whether the last IMPACTS were on the same surface, and the last within MEMORY."""
 
     def take(
         self, stamp_ns: int, v: FloatArray, e_dot: FloatArray, M: FloatArray, a: FloatArray,
@@ -54,11 +55,11 @@ class Bounce:
         if 0.0 < dt < MEMORY and impulse @ before < 0.0 < impulse @ v:
             size = math.sqrt(float(impulse @ change))
             if size > UNEXPLAINED * dt * math.sqrt(float(a @ M @ a)):
-                self._is_same = since > FORGOTTEN or bool(
-                    impulse @ self._direction > SAME * size)
+                is_same = since < FORGOTTEN and impulse @ self._direction > SAME * size
+                self._count = self._count + 1 if is_same else 1
                 self._direction, self._impulse = change / size, impulse / size
                 self._impact_ns, since = stamp_ns, 0.0
-        self.is_near = self._is_same and since < MEMORY
+        self.is_near = self._count >= IMPACTS and since < MEMORY
 
     def approach(self, v: FloatArray) -> FloatArray | float:
         """Return the part (n,) of a velocity (n,) towards the surface, 0 without one."""
