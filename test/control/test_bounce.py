@@ -4,6 +4,7 @@
 """Which reversals of the velocity are bounces off a surface, and the motion towards it."""
 
 from collections.abc import Callable
+from functools import partial
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,7 +26,7 @@ def bounces(
     one, found = Bounce(len(M)), []
     for k in range(250):
         v = velocity(0.004 * k)
-        one.take(FIRST_STAMP + 4 * k * MS, v, -v, M, a(0.004 * (k - 0.5)))
+        one.take(FIRST_STAMP + 4 * k * MS, v, -v, M, partial(a, 0.004 * (k - 0.5)))
         found.append(one.is_near)
     return found
 
@@ -50,11 +51,11 @@ def test_bounces_are_found_in_any_direction_and_the_approach_is_towards_the_surf
     for _ in range(IMPACTS):
         for speed, ms in ((-0.1, 40), (0.1, 4)):  # the spring reverses the rise in 40 ms
             stamp += ms * MS
-            one.take(stamp, speed * rise, -speed * rise, M, -SPRING * rise)
+            one.take(stamp, speed * rise, -speed * rise, M, lambda: -SPRING * rise)
     v = rng.normal(size=4)
     assert one.is_near
     assert normal @ (v - one.approach(v)) == pytest.approx(max(normal @ v, 0.0), abs=1e-9)
-    one.take(stamp + MS + round(1e9 * MEMORY), v, -v, M, 100.0 * v)
+    one.take(stamp + MS + round(1e9 * MEMORY), v, -v, M, lambda: 100.0 * v)
     assert not one.is_near
     assert one.approach(v) == 0.0
 

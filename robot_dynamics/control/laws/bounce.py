@@ -15,6 +15,7 @@ The impulse M Δq̇ of an impact is the direction of the surface at the joints. 
 oscillations of the loop: the feedback does not explain them, and all have the same direction.
 """
 
+from collections.abc import Callable
 import math
 
 import numpy as np
@@ -41,25 +42,33 @@ class Bounce:
         """Whether the last IMPACTS were on the same surface, and the last within MEMORY."""
 
     def take(
-        self, stamp_ns: int, v: FloatArray, e_dot: FloatArray, M: FloatArray, a: FloatArray,
+        self, stamp_ns: int, v: FloatArray, e_dot: FloatArray, M: FloatArray,
+        acceleration: Callable[[], FloatArray],
     ) -> None:
         """
         Take the velocity and its error (n,) at a state, with M (n, n).
 
-        `a` (n,) is M⁻¹ τ with the effort τ of the feedback.
+        `acceleration` returns M⁻¹ τ (n,) with the effort τ of the feedback.
         """
-        dt, before = 1e-9 * (stamp_ns - self._stamp_ns), self._v
-        change = self._e_dot - e_dot - dt * a
+        dt, before, change = 1e-9 * (stamp_ns - self._stamp_ns), self._v, self._e_dot - e_dot
         self._stamp_ns, self._v, self._e_dot = stamp_ns, v, e_dot
-        impulse, since = M @ change, 1e-9 * (stamp_ns - self._impact_ns)
-        if 0.0 < dt < MEMORY and impulse @ before < 0.0 < impulse @ v:
-            size = math.sqrt(float(impulse @ change))
-            if size > UNEXPLAINED * dt * math.sqrt(float(a @ M @ a)):
-                is_same = since < FORGOTTEN and impulse @ self._direction > SAME * size
-                self._count = self._count + 1 if is_same else 1
-                self._direction, self._impulse = change / size, impulse / size
-                self._impact_ns, since = stamp_ns, 0.0
-        self.is_near = self._count >= IMPACTS and since < MEMORY
+        impulse = M @ change
+        if impulse @ before < 0.0 < impulse @ v and 0.0 < dt < MEMORY:
+            self._take_reversal(stamp_ns, M, change, dt * acceleration())
+        self.is_near = self._count >= IMPACTS and stamp_ns - self._impact_ns < 1e9 * MEMORY
+
+    def _take_reversal(
+        self, stamp_ns: int, M: FloatArray, change: FloatArray, explained: FloatArray,
+    ) -> None:
+        unexplained = change - explained
+        impulse = M @ unexplained
+        size = math.sqrt(float(impulse @ unexplained))
+        if size > UNEXPLAINED * math.sqrt(float(explained @ M @ explained)):
+            is_same = stamp_ns - self._impact_ns < 1e9 * FORGOTTEN and bool(
+                impulse @ self._direction > SAME * size)
+            self._count = self._count + 1 if is_same else 1
+            self._direction, self._impulse = unexplained / size, impulse / size
+            self._impact_ns = stamp_ns
 
     def approach(self, v: FloatArray) -> FloatArray | float:
         """Return the part (n,) of a velocity (n,) towards the surface, 0 without one."""

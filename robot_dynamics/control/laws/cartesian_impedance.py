@@ -130,12 +130,15 @@ class CartesianImpedance(ModalImpedance):
     ) -> FloatArray:
         """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
         assert state.v is not None
-        damper, bounce = self._D @ e_dot, self._bounce
-        a = self._inverse.T @ (self._inverse @ (spring + damper))
-        bounce.take(state.stamp_ns, state.v, e_dot, self._M, a)
+        damper = np.asarray(self._D @ e_dot)
+        bounce = self._bounce
+        bounce.take(
+            state.stamp_ns, state.v, e_dot, self._M,
+            lambda: self._inverse.T @ (self._inverse @ (spring + damper)))
         self.bounces = bounce.is_near
         if self.bounces:
-            damper = self._D @ (e_dot + bounce.approach(state.v))
+            return np.asarray(
+                self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
         return np.asarray(damper + self._braked(state, e, e_dot))
 
     def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
