@@ -331,7 +331,8 @@ class Controller:
 
     def evaluate(self, adapts: bool = True) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        has_changed, laws = self.gains.evaluate(), self.laws
+        laws = self.laws
+        has_changed = self.gains.evaluate(laws.with_reference.bounces)
         if adapts and laws.last is not None:
             has_changed |= laws.adapt()
         if has_changed:

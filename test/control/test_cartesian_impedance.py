@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance, LEAST_FREQUENCY
 from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
@@ -126,13 +124,17 @@ def test_contact_with_a_wall_never_gains_energy(robot: str, stiffness: float) ->
     assert np.abs(one.v).max() < 1e-4
 
 
-def test_late_contact_ends_with_a_fraction_of_the_energy() -> None:
-    """At 250 Hz with 8 ms a rebound may be larger than the one before, but they end."""
-    one = CartesianArm('ur10', 250, 8, rotors=True)
-    energy = one.press_on_a_wall(1e6)
-    assert (energy <= 1.01 * energy[0]).all()
-    assert energy[-1] < 0.6 * energy[0]
-    assert np.abs(one.v).max() < 0.02
+@pytest.mark.parametrize('robot', ROBOTS)
+@pytest.mark.parametrize('stiffness', WALL_STIFFNESS)
+def test_late_contact_keeps_the_stiffness_and_hardly_gains_energy(
+    robot: str, stiffness: float,
+) -> None:
+    """At 250 Hz with 8 ms, bounces of a fraction of a mm remain without any friction."""
+    one = CartesianArm(robot, 250, 8, rotors=True)
+    energy = one.press_on_a_wall(stiffness)
+    assert (energy[100:] - energy[:-100]).max() <= 0.01 * energy[0]
+    assert energy[-1] < (0.5**2 + 0.05) * energy[0]  # that of the spring at the wall, and a rest
+    assert (one.controller.adaptation.scale == 1.0).all()
 
 
 def test_a_rotation_error_of_half_a_turn_does_not_jump() -> None:
@@ -189,20 +191,6 @@ def test_a_push_does_not_move_a_joint_past_its_limit() -> None:
     assert one.loop.supervisor.fault is None
 
 
-@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
-def test_a_motion_has_no_error(name: str) -> None:
-    one = LockStep(smooth_arm(name), rate=1000.0, command='cartesian_impedance')
-    one.run(0.5)
-    goal = one.q + 0.3
-    one.follow(goal, 2.0)
-    for _ in range(4):
-        one.run(0.25)
-        assert one.loop.reference is not None
-        assert one.q == pytest.approx(one.loop.reference.position, abs=5e-3)
-    one.run(3.0)
-    assert one.q == pytest.approx(goal, abs=1e-3)
-
-
 @pytest.mark.parametrize(('field', 'value'), [
     ('translation_stiffness', -1.0), ('translation_stiffness', [1.0, 2.0]),
     ('translation_stiffness', float('nan')), ('rotation_stiffness', -2.0),
@@ -211,10 +199,3 @@ def test_a_motion_has_no_error(name: str) -> None:
 def test_a_wrong_option_is_named(field: str, value: object) -> None:
     with pytest.raises(InvalidInputError, match=f'cartesian.{field}'):
         make_cartesian(smooth_arm('default'), **{field: value})
-
-
-def test_the_law_requires_its_options() -> None:
-    arm = smooth_arm('default')
-    options = ControlLoop.of_arm(arm).controller.options
-    with pytest.raises(InvalidInputError, match='cartesian is not given'):
-        Controller(arm, ControllerOptions(options.gains, command='cartesian_impedance'))

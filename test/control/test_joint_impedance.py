@@ -16,18 +16,15 @@ from lock_step_loop import (
 )
 import numpy as np
 import pytest
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import LEAST_RATIO
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.laws.joint_impedance import JointImpedance
 from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 SLOW_ROTORS = 5.0
 """[kg·m²]: no mode of 400 N·m/rad exceeds 9 rad/s."""
@@ -131,22 +128,6 @@ def test_an_unknown_load_sags_by_its_weight_over_the_stiffness() -> None:
     assert one.loop.reference.position - one.q == pytest.approx((g[0] - g[1]) / 400.0, rel=1e-3)
 
 
-@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
-def test_a_motion_has_no_error(name: str) -> None:
-    """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
-    one = LockStep(smooth_arm(name), rate=1000.0, command='joint_impedance')
-    one.run(0.5)
-    goal = one.q + 0.3
-    one.loop.follow(make_trajectory(
-        one.arm.joint_names, [2.0], [goal], [0.0 * goal], [0.0 * goal]))
-    for _ in range(4):
-        one.run(0.25)
-        assert one.loop.reference is not None
-        assert one.q == pytest.approx(one.loop.reference.position, abs=3e-3)
-    one.run(3.0)
-    assert one.q == pytest.approx(goal, abs=1e-4)
-
-
 @pytest.mark.parametrize(('name', 'joint'), [('panda', 2), ('panda', 3), ('ur10', 2)])
 def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name: str, joint: int) -> None:
     """The prediction of this joint is that of computed torque, with which the arm stops."""
@@ -193,13 +174,6 @@ def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(
     loop = loop_of(smooth_arm('default'), 100.0, 1.0)
     law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
     assert np.isnan(law.stiffness(np.array(M))).any()
-
-
-def test_the_law_requires_an_impedance() -> None:
-    arm = smooth_arm('default')
-    options = ControlLoop.of_arm(arm).controller.options
-    with pytest.raises(InvalidInputError, match='impedance is not given'):
-        Controller(arm, ControllerOptions(options.gains, command='joint_impedance'))
 
 
 def test_a_joint_without_inertia_gets_no_stiffness() -> None:

@@ -51,7 +51,7 @@ class Adaptation:
         reference = state.reference
         e, e_dot = state.feedback.position_error(reference.position, state.q), (
             reference.velocity - state.v)
-        has_changed = self._guard.take(
+        has_changed = not law.bounces and self._guard.take(
             now, e_dot, max(map(abs, reference.velocity.tolist()), default=0.0))
         if friction is not None and (
                 e_dot.dot(e_dot) > self._friction.least**2 or e.dot(e) > LEAST_WIDTH**2):

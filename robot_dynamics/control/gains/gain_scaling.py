@@ -217,8 +217,12 @@ class StableGains:
         self._taken = dt, v, q, last
         return self._difference_of(dt, q, last) if self.differs else v
 
-    def evaluate(self) -> bool:
-        """Take the noise of the last state; return whether a scale has changed."""
+    def evaluate(self, bounces: bool = False) -> bool:
+        """
+        Take the noise of the last state; return whether a scale has changed.
+
+        If the arm bounces off a surface, the changes of its velocity are no noise.
+        """
         if self._taken is None:
             return False
         (dt, v, q, last), self._taken = self._taken, None
@@ -228,6 +232,10 @@ class StableGains:
         weight = min(1.0, max(dt / _AVERAGING_TIME, 1.0 / self._count))
         self.mean_period += weight * (dt - self.mean_period)
         phase = self._count % _TURN
+        if bounces:
+            self._measured.restart()
+            self._difference.restart()
+            return False
         if self._is_noisy:
             difference = self._difference_of(dt, q, last)
             self._measured.take(v, _FORGETTING, difference)

@@ -19,11 +19,13 @@ because Λ⁻¹ = AᵀA, and the same for the posture. D = 2 ζ L V min(Ω, Ω_c
 Ω ≥ LEAST_FREQUENCY damps each direction for itself, and C = L V min(1, Ω_c²/Ω²) Vᵀ L⁻¹ slows down
 the fast ones. A joint that approaches a position limit faster than its reference, and faster than
 the limit is away, is braked, and so is one that is faster than its reference and than SPEED_SHARE
-of its velocity limit (`limited`).
+of its velocity limit (`_braked`). While the arm bounces off a surface, the approach is not damped
+(`bounce`).
 """
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.bounce import Bounce
 from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
@@ -60,8 +62,8 @@ class CartesianImpedance(ModalImpedance):
         n = len(feedback.gains.kp)
         super().__init__(feedback, options, np.full(n, cartesian.damping_ratio))
         self._cartesian, self._frame = cartesian, cartesian.kinematics()
-        self._C = self._posture = self._M = np.zeros((n, n))
-        self._brake = np.zeros(n)
+        self._C = self._posture = self._M = self._inverse = np.zeros((n, n))
+        self._brake, self._bounce = np.zeros(n), Bounce(n)
         limits = cartesian.arm.limits
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
@@ -82,7 +84,7 @@ class CartesianImpedance(ModalImpedance):
             L = root_of(self._M)
             inverse = np.asarray(np.linalg.inv(L), dtype=np.float64)
             J = self._frame.jacobian(q)[2]
-            N = self._null_space(J, inverse)
+            self._inverse, N = inverse, self._null_space(J, inverse)
             A = inverse @ J.T
             posture = self._cartesian.null_space_frequency**2 * N
             squares, V = np.linalg.eigh((A * self._cartesian.stiffness) @ A.T + posture)
@@ -123,7 +125,23 @@ class CartesianImpedance(ModalImpedance):
             _at_most(most.torque_limit, K[3:] * self._rotation_error(state.stamp_ns, R_ref, R))])
         return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
 
-    def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
+    def damper(
+        self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
+    ) -> FloatArray:
+        """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
+        assert state.v is not None
+        damper = np.asarray(self._D @ e_dot)
+        bounce = self._bounce
+        bounce.take(
+            state.stamp_ns, state.v, e_dot, self._M,
+            lambda: self._inverse.T @ (self._inverse @ (spring + damper)))
+        self.bounces = bounce.is_near
+        if self.bounces:
+            return np.asarray(
+                self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
+        return np.asarray(damper + self._braked(state, e, e_dot))
+
+    def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
         """
         Return the effort (n,) that brakes joints before their limits of position and velocity.
 

@@ -63,9 +63,11 @@ class ModalImpedance(ControlLaw):
         """Return the effort (n,) of the spring at an error e (n,) of the joints."""
         return np.asarray(self._K @ e)
 
-    def limited(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
-        """Return the effort (n,) at position limits, at errors (n,) of position and velocity."""
-        return 0.0
+    def damper(
+        self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
+    ) -> FloatArray:
+        """Return the effort (n,) of the damper at errors (n,) of position and velocity."""
+        return np.asarray(self._D @ e_dot)
 
     @property
     def largest_frequency(self) -> float:
@@ -92,25 +94,24 @@ class ModalImpedance(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort of spring and damper, and that of the arm along the reference."""
-        dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
-        if trajectory is None or v is None:
-            raise ValueError('an impedance needs a reference and a velocity')
-        a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
-            trajectory, state.stamp_ns, state.q, v)
+        dynamics, q = state.dynamics, state.q_ahead
+        v, (a_ref, v_ref, e, exceeds_limit, _) = state.track(self._reference)
         e_dot, s, at = v_ref - v, 1.0, self._gains_at
         if at is None or at[0] is not dynamics or not (
                 math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
             self._K, self._D = self.gains(dynamics, q)
             self._gains_at = dynamics, q
         K, D = self._K, self._D
-        spring, damper = self.spring(state, e), D @ e_dot + self.limited(state, e, e_dot)
+        spring = self.spring(state, e)
+        damper = self.damper(state, e, e_dot, spring)
         change = (1.0 + 4.0 * self._damping_ratio**2) * (K @ e_dot)  # K ė + D M⁻¹ D ė
         if not (np.abs(change) <= CHANGE_FRACTION * self._effort_rate).all():
             share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
             spring, damper = share * spring, s * damper
         feedback = spring + damper
         if self.is_soft and state.lag > 0.0:
-            a_ref = trajectory.sample(state.stamp_ns + round(1e9 * state.lag)).acceleration
+            later = state._replace(stamp_ns=state.stamp_ns + round(1e9 * state.lag))
+            a_ref = later.reference.acceleration
         effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
         if not dynamics.is_frictionless:

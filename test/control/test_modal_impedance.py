@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""What both impedances, of the joints and of a frame, have in common."""
+
+from lock_step_loop import LockStep, smooth_arm
+import pytest
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.exceptions import InvalidInputError
+
+OPTIONS = {'joint_impedance': 'impedance', 'cartesian_impedance': 'cartesian'}
+"""By command."""
+LARGEST_ERROR = {'joint_impedance': (3e-3, 1e-4), 'cartesian_impedance': (5e-3, 1e-3)}
+"""[rad] along a motion, and at its end."""
+commands = pytest.mark.parametrize('command', OPTIONS)
+
+
+@commands
+@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
+def test_a_motion_has_no_error(name: str, command: str) -> None:
+    """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
+    one, (along, at_end) = LockStep(
+        smooth_arm(name), rate=1000.0, command=command), LARGEST_ERROR[command]
+    one.run(0.5)
+    goal = one.q + 0.3
+    one.follow(goal, 2.0)
+    for _ in range(4):
+        one.run(0.25)
+        assert one.loop.reference is not None
+        assert one.q == pytest.approx(one.loop.reference.position, abs=along)
+    one.run(3.0)
+    assert one.q == pytest.approx(goal, abs=at_end)
+
+
+@commands
+def test_the_law_requires_its_options(command: str) -> None:
+    arm = smooth_arm('default')
+    gains = ControlLoop.of_arm(arm).controller.options.gains
+    with pytest.raises(InvalidInputError, match=f'{OPTIONS[command]} is not given'):
+        Controller(arm, ControllerOptions(gains, command=command))
