@@ -40,6 +40,8 @@ SHORTEST = 60.0
 """[s] of motion from which levels are learned, at least."""
 BLOCK = 0.5
 """[s] that a peak and its neighbours take; also the time below all levels that ends a contact."""
+EXPECTED = 3.0
+"""False alarms of the promised rate in a recording from which it is kept within a factor of 3."""
 OTHER_CAUSES = 'a changed payload, a limit stop or stiction'
 _QUANTILE, _PEAKS, _PEAK_TIME = 0.99, 80, 7.5
 _SHAPE, _SHAPE_WEIGHT = -0.2, 40.0

@@ -264,7 +264,9 @@ def test_the_verb_writes_a_parameter_file(
     """Without a node."""
     path = recording / 'levels.yaml'
     assert run_verb(recording, '-o', str(path)) == 0
-    assert 'extrapolated from 70 s' in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert 'extrapolated from 70 s' in printed
+    assert 'per hour are not: record 3 h for 1 per hour' in printed
     text = path.read_text(encoding='utf-8')
     assert 'extrapolated' in text
     parameters = read_parameter_file(path)

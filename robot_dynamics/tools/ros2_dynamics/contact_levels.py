@@ -5,6 +5,7 @@
 
 from argparse import Namespace
 
+from robot_dynamics.monitoring.contact_levels import EXPECTED
 from robot_dynamics.monitoring.contact_recording import levels_from_bags, parameter_text
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.reporting.text_table import text_table
@@ -30,6 +31,11 @@ def answer_learn_contact_levels(_: object, arguments: Namespace) -> Answer:
         text_table(['joint', 'at rest', 'per velocity', 'by the largest recorded'], [
             [name, *(f'{value:.4g}' for value in values)]
             for name, *values in zip(joints, *columns)], left_columns=1)]
+    kept = 3600.0 * EXPECTED / found.duration
+    if rate < kept:
+        lines.append(
+            f'So few are uncertain by more than a factor of 3, {kept:.3g} per hour are not: record '
+            f'{EXPECTED / rate:.2g} h for {rate:g} per hour')
     if output is not None:
         write_file(output, parameter_text(found, joints, rate))
         data['output'] = str(output)
