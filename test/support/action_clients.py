@@ -3,6 +3,7 @@
 
 """A client of the action `~/follow_joint_trajectory`, with bounded waits."""
 
+from collections.abc import Callable
 import threading
 from typing import Any
 
@@ -23,31 +24,32 @@ class Sent:
     def __init__(self, client: 'Client', goal: FollowJointTrajectory.Goal) -> None:
         self.feedback: list[Any] = []
         self._client = client
-        self.handle = client.answer(client.action.send_goal_async(
+        self.handle = client.answer(lambda: client.action.send_goal_async(
             goal, feedback_callback=lambda message: self.feedback.append(message.feedback)))
         assert self.handle.accepted
-        self._result = self.handle.get_result_async()
+        self._result = client.in_executor(self.handle.get_result_async)
 
     def result(self, timeout: float = TIMEOUT) -> tuple[int, int, str]:
         """Return the status, the error code and the error string."""
-        found = self._client.answer(self._result, timeout)
+        found = self._client.answer(lambda: self._result, timeout)
         return found.status, found.result.error_code, found.result.error_string
 
     def cancel(self) -> None:
-        assert len(self._client.answer(self.handle.cancel_goal_async()).goals_canceling) == 1
+        assert len(self._client.answer(self.handle.cancel_goal_async).goals_canceling) == 1
 
 
 class Client:
     """A client of the action of one node."""
 
     def __init__(self, client: RosClient, namespace: str) -> None:
-        self.namespace = namespace
+        self.namespace, self.in_executor = namespace, client.in_executor
         self.action = ActionClient(
             client.node, FollowJointTrajectory, f'{namespace}/dynamics/follow_joint_trajectory')
         assert self.action.wait_for_server(LONG)
 
-    def answer(self, future: Any, timeout: float = TIMEOUT) -> Any:
-        done = threading.Event()
+    def answer(self, request: Callable[[], Any], timeout: float = TIMEOUT) -> Any:
+        """Return the result of the future that a request returns."""
+        done, future = threading.Event(), self.in_executor(request)
         future.add_done_callback(lambda _: done.set())
         assert done.wait(timeout), f'no answer in {timeout:g} s'
         return future.result()

@@ -280,6 +280,13 @@ class RosClient:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def in_executor(self, call: Callable[[], Any]) -> Any:
+        """Return the result of a call in the thread that receives: `ActionClient` has no lock."""
+        done, task = threading.Event(), self._executor.create_task(call)
+        task.add_done_callback(lambda _: done.set())
+        assert done.wait(TIMEOUT), f'the client does not spin for {TIMEOUT:g} s'
+        return task.result()
+
     # ------------------------------------------------------------------ services
 
     def call(
