@@ -134,7 +134,7 @@ def test_late_contact_keeps_the_stiffness_and_hardly_gains_energy(
     energy = one.press_on_a_wall(stiffness)
     assert (energy[100:] - energy[:-100]).max() <= 0.01 * energy[0]
     assert energy[-1] < (0.5**2 + 0.05) * energy[0]  # that of the spring at the wall, and a rest
-    assert (one.controller.adaptation.scale == 1.0).all()
+    assert (one.controller.laws.adaptation.scale == 1.0).all()
 
 
 def test_a_rotation_error_of_half_a_turn_does_not_jump() -> None:

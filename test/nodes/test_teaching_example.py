@@ -11,6 +11,7 @@ from children import run, TIMEOUT
 from closed_loop import START
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
+from robot_dynamics.recordings import Recording
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
@@ -31,8 +32,10 @@ def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> No
     with client.collect(JointState, '/joint_states') as states, nodes:
         states.wait_count(100)
         bag = tmp_path / 'taught'
+        count = client.node.count_subscribers('/joint_states')
         recorder = subprocess.Popen([*RECORD, '--output', str(bag), '--duration', '6'])
-        wait_until(bag.exists, 'the recording', LONG)
+        wait_until(lambda: bag.exists() and client.node.count_subscribers('/joint_states') > count,
+                   'the recording', LONG)
         push(3.0)
         wait_until(lambda: np.abs(np.subtract(states.messages[-1].position, START)).max() > 0.3,
                    'a motion', LONG)
@@ -48,4 +51,8 @@ def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> No
         wait_until(lambda: np.abs(np.subtract(states.messages[-1].position, last)).max() < 0.02,
                    'the last position', LONG)
         played = np.array([m.position for m in states.messages[begin:]])
-        assert np.abs(played - START).max(axis=1).min() < 0.02
+        with Recording(bag) as recording:  # which may begin after the motion
+            taught = recording.joint_series(recording.joint_state_topic()).position
+        assert taught is not None
+        assert np.abs(taught[-1] - taught[0]).max() > 0.05
+        assert np.abs(played - taught[0]).max(axis=1).min() < 0.02

@@ -58,8 +58,11 @@ class ComputedTorque(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort that follows the reference."""
-        dynamics, q_ahead = state.dynamics, state.q_ahead
-        v, (a, v_ref, e, exceeds_limit, change) = state.track(self.feedback)
+        dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
+        if trajectory is None or v is None:
+            raise ValueError('computed torque needs a reference and a velocity')
+        a, v_ref, e, exceeds_limit, change = self.feedback.track(
+            trajectory, state.stamp_ns, state.q, v)
         scale = 1.0
         if change > self._free_change:
             a, scale = self._limited(state)

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Tracking
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
@@ -46,12 +46,6 @@ class LawInput(NamedTuple):
     feedback: ErrorFeedback
     lag: float = 0.0
     """Time [s] of `q_ahead` after `stamp_ns`."""
-
-    def track(self, feedback: ErrorFeedback) -> tuple[FloatArray, Tracking]:
-        """Return the velocity and the feedback; raise ValueError without it, or a reference."""
-        if self.trajectory is None or self.v is None:
-            raise ValueError('a law that follows needs a reference and a velocity')
-        return self.v, feedback.track(self.trajectory, self.stamp_ns, self.q, self.v)
 
     @property
     def gravity(self) -> FloatArray:

@@ -94,8 +94,11 @@ class ModalImpedance(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort of spring and damper, and that of the arm along the reference."""
-        dynamics, q = state.dynamics, state.q_ahead
-        v, (a_ref, v_ref, e, exceeds_limit, _) = state.track(self._reference)
+        dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
+        if trajectory is None or v is None:
+            raise ValueError('an impedance needs a reference and a velocity')
+        a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
+            trajectory, state.stamp_ns, state.q, v)
         e_dot, s, at = v_ref - v, 1.0, self._gains_at
         if at is None or at[0] is not dynamics or not (
                 math.dist(at[1].tolist(), q.tolist()) <= NEARBY):
@@ -110,8 +113,7 @@ class ModalImpedance(ControlLaw):
             spring, damper = share * spring, s * damper
         feedback = spring + damper
         if self.is_soft and state.lag > 0.0:
-            later = state._replace(stamp_ns=state.stamp_ns + round(1e9 * state.lag))
-            a_ref = later.reference.acceleration
+            a_ref = trajectory.sample(state.stamp_ns + round(1e9 * state.lag)).acceleration
         effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
         if not dynamics.is_frictionless:
