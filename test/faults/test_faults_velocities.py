@@ -80,7 +80,7 @@ def test_a_velocity_that_contradicts_the_positions(
     bench: FaultBench, change: Callable[[JointState], JointState], joint: str,
 ) -> None:
     # The cause that the message names depends on the interval of the states, hence on load;
-    # test_motion_consistency.py tests it.
+    # test_velocity_faults.py tests it.
     bench.set_point(Q)
     bench.wait_status('reference', lambda status: status.message == 'following')
     bench.driver.stream_changed(change)
