@@ -30,8 +30,8 @@ def test_a_push_exceeds_the_learned_levels_and_motion_does_not(
             client.collect(JointState, '/learned/joint_states', KEEP_MANY) as states, \
             closed_loop('/learned', arguments=('--ros-args', '--params-file', str(file))):
         contacts.wait_matched()
-        send(client, '/learned', (0.0, START), (1.0, LEFT), (2.0, START))
         for goal in (LEFT, START):
+            send(client, '/learned', (1.0, goal))
             states.wait_for(lambda m, goal=goal: np.allclose(
                 m.position, goal, atol=0.01) and np.abs(m.velocity).max() < 0.1, LONG)
             states.clear()
