@@ -30,6 +30,7 @@ def test_a_push_exceeds_the_learned_levels_and_motion_does_not(
             client.collect(JointState, '/learned/joint_states', KEEP_MANY) as states, \
             closed_loop('/learned', arguments=('--ros-args', '--params-file', str(file))):
         contacts.wait_matched()
+        client.wait_for(JointState, '/learned/dynamics/reference')  # the arm is held
         for goal in (LEFT, START):
             send(client, '/learned', (1.0, goal))
             states.wait_for(lambda m, goal=goal: np.allclose(
