@@ -7,19 +7,20 @@ A real browser for the tests of the viewer: Chromium without a window, driven by
 Without either of them the tests are skipped with the reason; if CI is set, they fail.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 import io
 import os
 from pathlib import Path
 import shutil
+import time
 from typing import Any
 
 from matplotlib.image import imread
 import numpy as np
 from numpy.typing import NDArray
 from robots import missing
-from ros_harness import LONG
+from ros_harness import LONG, TIMEOUT
 from suite_header import chromium_program
 
 # Rendering in software must leave processor time to the nodes.
@@ -32,7 +33,6 @@ PATIENCE = 1000.0 * LONG
 CLOSE = 0.08
 """Tolerance per colour component between the specified and the rendered colour of a line."""
 FEWEST_PIXELS = 12
-MOST_PICTURES = 50
 NARROW = {'width': 400, 'height': 800}
 """A telephone."""
 CUT_OFF = """() => {
@@ -187,7 +187,7 @@ class Page:
 
     def shows(self, colour: str) -> bool:
         """Return whether the image soon contains a line of this colour."""
-        return any(self.has(self.picture(), colour) for _ in range(MOST_PICTURES))
+        return self._soon(lambda picture: self.has(picture, colour))
 
     def has(self, picture: NDArray[np.float64], colour: str) -> bool:
         """Return whether there is a line of this colour."""
@@ -196,7 +196,13 @@ class Page:
 
     def differs_from(self, before: NDArray[np.float64], fraction: float) -> bool:
         """Return whether at least this fraction of the image soon changes, with some delay."""
-        return any(difference(before, self.picture()) > fraction for _ in range(MOST_PICTURES))
+        return self._soon(lambda picture: difference(before, picture) > fraction)
+
+    def _soon(self, is_met: Callable[[NDArray[np.float64]], bool]) -> bool:
+        end = time.monotonic() + TIMEOUT
+        while not (met := is_met(self.picture())) and time.monotonic() < end:
+            pass
+        return met
 
 
 def difference(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
