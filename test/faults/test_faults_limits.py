@@ -194,7 +194,8 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
         figure_of(status, 'held back by velocity limit') > before))
     bench.efforts.clear()
     motion = [(swing.at(nanoseconds_of(m.header.stamp))[1][0], acceleration(swing, m)[0])
-              for m in bench.efforts.wait_count(200)]
+              for m in bench.efforts.wait_count(200)
+              if abs(m.effort[0]) < EFFORT[0]]  # a late state can move the reference far away
     along = [a * v / abs(v) for v, a in motion if abs(v) > 10.1]
     assert max(along) < 0.1
     assert min(along) < -3.0  # braking
