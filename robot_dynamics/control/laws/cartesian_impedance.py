@@ -5,9 +5,13 @@
 Cartesian impedance: a spring and a damper between a frame and its reference, and a posture.
 
 The reference pose is that of the reference of the joints, so that it has their limits. With the
-error e (6,) of the frame and M = L Lᵀ, A = L⁻¹ Jᵀ,
+error e_q (n,) of the joints and M = L Lᵀ, A = L⁻¹ Jᵀ,
 
-    τ_spring = C (Jᵀ K e + ω_n² L N Lᵀ e_q).
+    τ_spring = C (Jᵀ K J e_q + ω_n² L N Lᵀ e_q).
+
+J e_q (6,) is the error of the frame to first order. The difference of the poses itself vanishes in
+other joint positions too: near a singularity it would pull the arm there, and a rotation error
+jumps at 180°.
 
 N (n, n) projects onto the null space of J, consistently with the dynamics: the posture e_q does
 not accelerate the frame. Directions that J is about to lose pass over to the posture: with
@@ -32,12 +36,9 @@ from robot_dynamics.control.laws.modal_impedance import ModalImpedance, root_of
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.task_space.frame_kinematics import rotation_matrix, rotation_vector
 
 LARGEST_DISTANCE, LARGEST_ANGLE, LARGEST_POSTURE = 0.1, 0.5, 0.5
 """[m], [rad], and [rad] or [m] of all joints together: the springs do not extend further."""
-SLEW, LONGEST_STEP = 10.0, 0.5
-"""[rad/s] of the rotation of the spring, and [s] between two states in which it turns."""
 LENGTH, SINGULAR = 0.25, 0.1
 """[m] that weighs as much as 1 rad, and σ_0 [rad/rad] or [rad/m]."""
 LIMIT_MARGIN, LIMIT_SHARE = 0.05, 0.1
@@ -68,8 +69,6 @@ class CartesianImpedance(ModalImpedance):
         margin = np.minimum(LIMIT_MARGIN, LIMIT_SHARE * (limits.upper - limits.lower))
         self._lower, self._upper = limits.lower + margin, limits.upper - margin
         self._fastest = SPEED_SHARE * limits.velocity
-        self._turn: tuple[int, FloatArray, FloatArray] = 0, np.zeros(3), np.eye(3)
-        """The last stamp, rotation (3,) of the spring, and rotation (3, 3) of the frame."""
 
     def stiffness(self, M: FloatArray) -> FloatArray:
         """Return the diagonal of K at the last state; before, that of the closed loop."""
@@ -100,7 +99,8 @@ class CartesianImpedance(ModalImpedance):
         damping = 2.0 * self._cartesian.damping_ratio * np.maximum(
             omega, min(LEAST_FREQUENCY, largest))
         damped = np.einsum('ij,ij->i', inverse.T @ (V * damping), Q)  # diagonal of M⁻¹ D
-        self._brake = np.maximum(2.0 * largest - damped, 0.0)
+        self._brake = np.maximum(2.0 * largest - damped, 0.0) / np.einsum(
+            'ij,ij->j', inverse, inverse)  # diagonal of M⁻¹
         return (Q * omega**2) @ Q.T, (Q * damping) @ Q.T
 
     @staticmethod
@@ -117,12 +117,11 @@ class CartesianImpedance(ModalImpedance):
 
     def spring(self, state: LawInput, e: FloatArray) -> FloatArray:
         """Return C (Jᵀ F + the effort of the posture) at an error e (n,) of the joints."""
-        p_ref, R_ref = self._frame.pose(state.q + e)
-        p, R, J = self._frame.jacobian(state.q)
-        most, K = self._cartesian, self._cartesian.stiffness
+        J = self._frame.jacobian(state.q)[2]
+        twist, most, K = J @ e, self._cartesian, self._cartesian.stiffness
         F = np.concatenate([
-            _at_most(most.force_limit, K[:3] * _at_most(LARGEST_DISTANCE, p_ref - p)),
-            _at_most(most.torque_limit, K[3:] * self._rotation_error(state.stamp_ns, R_ref, R))])
+            _at_most(most.force_limit, K[:3] * _at_most(LARGEST_DISTANCE, twist[:3])),
+            _at_most(most.torque_limit, K[3:] * _at_most(LARGEST_ANGLE, twist[3:]))])
         return np.asarray(self._C @ (J.T @ F + self._posture @ _at_most(LARGEST_POSTURE, e)))
 
     def damper(
@@ -141,11 +140,12 @@ class CartesianImpedance(ModalImpedance):
                 self._D @ (e_dot + bounce.approach(state.v)) + self._braked(state, e, e_dot))
         return np.asarray(damper + self._braked(state, e, e_dot))
 
-    def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray | float:
+    def _braked(self, state: LawInput, e: FloatArray, e_dot: FloatArray) -> FloatArray:
         """
         Return the effort (n,) that brakes joints before their limits of position and velocity.
 
-        With D it is critically damped at Ω_c. A reference beyond the margin, or faster, is no
+        With D it is critically damped at Ω_c. It acts on these joints only, as a stop does: an
+        effort at other joints would keep their springs from returning them. A reference beyond the margin, or faster, is no
         limit of its joint: the arm follows it undisturbed.
         """
         assert state.v is not None
@@ -154,28 +154,7 @@ class CartesianImpedance(ModalImpedance):
             -e_dot - rate * np.maximum(self._upper - state.q, e), np.minimum(v - fastest, -e_dot))
         below = np.maximum(
             e_dot - rate * np.maximum(state.q - self._lower, -e), np.minimum(-fastest - v, e_dot))
-        a = self._brake * (np.maximum(below, 0.0) - np.maximum(above, 0.0))
-        return np.asarray(self._M @ a) if a.any() else 0.0
-
-    def _rotation_error(self, stamp_ns: int, R_ref: FloatArray, R: FloatArray) -> FloatArray:
-        """
-        Return the rotation (3,) of the spring [rad], at most LARGEST_ANGLE.
-
-        The shortest way from R to R_ref jumps at 180°. The spring therefore does not turn to R_ref
-        at once, but from its last rotation.
-        """
-        error, (last_ns, before, last) = rotation_vector(R_ref @ R.T), self._turn
-        dt = 1e-9 * (stamp_ns - last_ns)
-        change = error - before
-        if not 0.0 <= dt <= LONGEST_STEP:
-            error = np.zeros(3)
-        elif error @ error > LARGEST_ANGLE**2 or change @ change > (SLEW * dt)**2:
-            last = rotation_matrix(before) @ last
-            turn = _at_most(SLEW * dt, rotation_vector(R_ref @ last.T))
-            error = _at_most(
-                LARGEST_ANGLE, rotation_vector(rotation_matrix(turn) @ last @ R.T))
-        self._turn = stamp_ns, error, R
-        return error
+        return np.asarray(self._brake * (np.maximum(below, 0.0) - np.maximum(above, 0.0)))
 
 
 def _at_most(length: float, vector: FloatArray) -> FloatArray:
