@@ -37,11 +37,11 @@ from benchmarks.safe_motion_gearbox import GEARBOX, gearbox, given_friction
 from benchmarks.safe_motion_scene import AT_GOAL, Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.task_space import TaskSpace
 
 GAP, GAP_GOAL = (0.020, 0.048), (0.0, 0.030)
 """[s] between two states, and until the second goal."""
@@ -273,10 +273,9 @@ def static_sag(scene: Scene) -> FloatArray:
     """
     Return the distance from the goal (n,) that an unknown load causes, with a tolerance.
 
-    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e; that of
-    the stiffness K which a user of a Cartesian impedance has chosen, e = J̄ K⁻¹ J̄ᵀ Δg: a law that
-    is softer does not arrive; or that of drives with the stiffness k_p, at which known dry
-    friction can hold the arm besides.
+    It is the static error e of computed torque: M K_p e = Δg, at the position goal − e, that of
+    the stiffness K of a Cartesian impedance, K e = Δg, or that of drives with the stiffness k_p,
+    at which known dry friction can hold the arm besides. Slow states lower K_p and K.
     """
     e: FloatArray = np.zeros(scene.arm.joint_count)
     drives = scene.drives
@@ -288,13 +287,12 @@ def static_sag(scene: Scene) -> FloatArray:
     for _ in range(TRIES):
         q = scene.goal - e
         e = _acceleration(scene.arm, scene.arm, scene.plant.arm, q) / kp
-        cartesian = controller.options.cartesian
         g, g_0 = (ArmDynamics(arm).rigid_body.gravity(q) for arm in (scene.plant.arm, scene.arm))
         if drives is not None:
             e = (g - g_0) / drives.stiffness
-        elif scene.case.command == 'cartesian_impedance' and cartesian is not None:
-            J = TaskSpace(scene.arm, cartesian.frame).at(q).dynamic_inverse
-            e = np.asarray(J @ (J.T @ (g - g_0) / cartesian.stiffness))
+        elif isinstance(controller.laws.with_reference, CartesianImpedance):
+            K = controller.laws.with_reference.gains(controller.dynamics, q)[0]
+            e = np.asarray(np.linalg.solve(K, g - g_0))
     return SAG_TOLERANCE * np.abs(e) + held
 
 

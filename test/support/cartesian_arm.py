@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
 import numpy as np
+import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
@@ -142,29 +143,40 @@ class CartesianArm:
         return np.array([
             self.kinematics.pose(q)[0][axis] - start for q, _ in np.concatenate(rows)])
 
-    def press_on_a_wall(self, stiffness: float) -> FloatArray:
+    def press_on_a_wall(
+        self, stiffness: float, normal: npt.ArrayLike = (0.0, 0.0, 1.0),
+    ) -> FloatArray:
         """
-        Fall onto a wall below the frame, without friction; return the energy (m,) [J].
+        Fall onto a wall, without friction; return the energy (m,), 1 at the start.
 
-        The energy is that of the motion, of the spring of the law, which ends behind the wall,
-        and of the wall.
+        `normal` (3,) is the side of the frame. The energy is that of the motion, of the wall, and
+        of the spring of the law, which ends behind the wall. Directions with little inertia have
+        a softer spring than K, and a moving reference works on the arm: the energy is that of the
+        spring at the joints, from when the reference has stopped.
         """
+        n = np.asarray(normal) / np.linalg.norm(normal)
         self.run(0.1)
         p, R = self.kinematics.pose(self.q)
-        height = p[2] - DEPTH
+        height = n @ p - DEPTH
 
-        def wall(q: FloatArray) -> FloatArray:
-            place, _, J = self.kinematics.jacobian(q)
-            return np.asarray(J[2] * stiffness * max(height - place[2], 0.0))
+        def depth(q: FloatArray) -> float:
+            return max(height - float(n @ self.kinematics.pose(q)[0]), 0.0)
 
-        goal = p - np.array([0.0, 0.0, 2.0 * DEPTH])
-        self.push = wall
+        self.push = lambda q: stiffness * depth(q) * (n @ self.kinematics.jacobian(q)[2][:3])
+        goal = p - 2.0 * DEPTH * n
         self.follow(goal, R)
-        K, energy = self.cartesian.stiffness, []
-        for q, v in self.run(3.0, FINE):
-            place, turned = self.kinematics.pose(q)
-            e = np.concatenate([goal - place, rotation_vector(R @ turned.T)])
+        start = 0.5 * float(self.cartesian.stiffness[:3] @ (goal - p)**2)
+        self.run(0.5, FINE)
+        reference = self.controller.reference
+        while reference.velocity.any() or reference.acceleration.any():
+            self.run(0.1, FINE)
+            reference = self.controller.reference
+        rows = self.run(2.0, FINE)
+        law, dynamics, energy = (
+            self.controller.laws.with_reference, self.controller.dynamics, [])
+        for q, v in rows:
+            e = reference.position - q
             energy.append(
-                self.body.kinetic_energy(q, v) + 0.5 * float(K @ (e * e))
-                + 0.5 * stiffness * max(height - place[2], 0.0)**2)
-        return np.array(energy)
+                self.body.kinetic_energy(q, v) + 0.5 * float(e @ law.gains(dynamics, q)[0] @ e)
+                + 0.5 * stiffness * depth(q)**2)
+        return np.array(energy) / start
