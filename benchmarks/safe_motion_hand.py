@@ -13,23 +13,36 @@ HAND_GUIDING = 'hand_guiding'
 STIFFNESS, DAMPING = 100.0, 20.0
 """[1/s²] and [1/s] of the hand, per inertia of the arm."""
 STRENGTH = 10.0
-"""Largest push, as acceleration of a joint [rad/s²], beyond its dry friction in motion."""
+"""Largest push, as acceleration of a joint [rad/s²], beyond its dry friction."""
+YIELD = 0.02
+"""
+[rad] from the target at which the hand pushes with the true dry friction of a joint, damped like
+the spring: it does not push a joint that is ahead, and holds a light one that breaks away.
+"""
+STEP = 1e-3
+"""[s] for which a push is constant; the hold is implicit in the velocity after it."""
 HASTE = 1.5
 """Speed of the hand, by that of hand guiding, which it exceeds."""
 PATIENCE = 1.0
 """[s] after which the hand releases the arm at the end of its way."""
+AT_REST = 1e-3
+"""[rad/s]"""
+COASTING, FADING = 10.0, 1.0
+"""[s] in which a released arm may come to rest, and then until a compensation has faded."""
 
 
 class Hand:
     """A spring and a damper between the joints and a target, which is as fast as a person."""
 
-    def __init__(self, arm: ArmModel, q: FloatArray) -> None:
-        limits = arm.limits
-        self._body, self._dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
+    def __init__(self, arm: ArmModel) -> None:
+        limits, n = arm.limits, arm.joint_count
+        self._body, self.dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
+        self.rotors = np.zeros((n, n))
         self._speed = HASTE * np.minimum(0.5 * limits.velocity, 1.0)
         self._target: FloatArray | None = None
-        self._times, self._points = np.zeros(1), np.zeros((1, len(q)))
+        self._times, self._points = np.zeros(1), np.zeros((1, n))
         self._last = self._release = 0.0
+        self._released = np.inf
 
     def follow(self, trajectory: JointTrajectory, time: float, q: FloatArray) -> None:
         """Take the arm, or continue, along the points of a trajectory."""
@@ -39,10 +52,10 @@ class Hand:
         self._points = np.array([point.position for point in trajectory.points])
         self._release = self._times[-1] + PATIENCE
 
-    @property
-    def has_released(self) -> bool:
-        """Whether the hand does not touch the arm."""
-        return self._target is None
+    def has_ended(self, time: float, v: FloatArray) -> bool:
+        """Return whether the hand has released an arm that rests, or does not come to rest."""
+        return self._target is None and bool(
+            np.abs(v).max() < AT_REST or time > self._released + COASTING)
 
     def effort(self, time: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the push (n,) at a state of the arm."""
@@ -53,9 +66,13 @@ class Hand:
         step = np.clip(goal - self._target, -h * self._speed, h * self._speed)
         self._target = self._target + step
         if time > self._release and not step.any():
-            self._target = None
+            self._target, self._released = None, time
         if self._target is None:
             return np.zeros_like(q)
-        e, e_dot = self._target - q, (step / h if h > 0.0 else step) - v
-        push = np.clip(STIFFNESS * e + DAMPING * e_dot, -STRENGTH, STRENGTH)
-        return np.asarray(self._body.mass_matrix(q) @ push + self._dry * np.sign(step))
+        M, grip, lead = self._body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS
+        ahead = self._target - q - lead * v
+        push = M @ np.clip(STIFFNESS * ahead, -STRENGTH, STRENGTH)
+        implicit = np.eye(len(q)) + STEP * (STEP + lead) * grip[:, None] * np.linalg.inv(
+            M + self.rotors)
+        hold = np.linalg.solve(implicit, grip * ahead)
+        return np.asarray(push + np.clip(hold, -self.dry, self.dry))
