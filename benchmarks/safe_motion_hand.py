@@ -27,7 +27,7 @@ PATIENCE = 1.0
 """[s] after which the hand releases the arm at the end of its way."""
 AT_REST = 1e-3
 """[rad/s]"""
-COASTING, FADING = 10.0, 1.0
+COASTING, FADING = 8.0, 1.0
 """[s] in which a released arm may come to rest, and then until a compensation has faded."""
 
 
@@ -42,7 +42,6 @@ class Hand:
         self._target: FloatArray | None = None
         self._times, self._points = np.zeros(1), np.zeros((1, n))
         self._last = self._release = 0.0
-        self._released = np.inf
 
     def follow(self, trajectory: JointTrajectory, time: float, q: FloatArray) -> None:
         """Take the arm, or continue, along the points of a trajectory."""
@@ -53,9 +52,9 @@ class Hand:
         self._release = self._times[-1] + PATIENCE
 
     def has_ended(self, time: float, v: FloatArray) -> bool:
-        """Return whether the hand has released an arm that rests, or does not come to rest."""
-        return self._target is None and bool(
-            np.abs(v).max() < AT_REST or time > self._released + COASTING)
+        """Return whether the hand has released an arm that rests, or waits no longer."""
+        return time > self._release + COASTING or (
+            self._target is None and bool(np.abs(v).max() < AT_REST))
 
     def effort(self, time: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the push (n,) at a state of the arm."""
@@ -66,7 +65,7 @@ class Hand:
         step = np.clip(goal - self._target, -h * self._speed, h * self._speed)
         self._target = self._target + step
         if time > self._release and not step.any():
-            self._target, self._released = None, time
+            self._target = None
         if self._target is None:
             return np.zeros_like(q)
         M, grip, lead = self._body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS

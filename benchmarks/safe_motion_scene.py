@@ -154,7 +154,7 @@ class Scene:
         self._disturb, self._at_once = disturb, at_once
         share = self.rng.uniform()
         self._begin_share = share**2 * (3.0 - 2.0 * share)
-        self._begin_time = BEGIN + share * (LATEST_IN_PUSH - BEGIN)
+        self._begin_time = BEGIN + share * (max(LATEST_IN_PUSH, motion.end) - BEGIN)
         self.time = 0.0
         self.messages = deque(motion.messages)
         self._actions: list[tuple[float, Callable[[], None]]] = []
@@ -312,7 +312,7 @@ class Scene:
         reference, way = self.loop.reference, self.motion.goal - self.motion.start
         if self._at_once:
             return True
-        if self.case.motion == PUSH:
+        if self.case.motion == PUSH or self.hand is not None:
             return self.time >= self._begin_time
         if reference is None:
             return False
