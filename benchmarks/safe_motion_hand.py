@@ -40,15 +40,18 @@ class Hand:
         self.rotors = np.zeros((n, n))
         self._speed = HASTE * np.minimum(0.5 * limits.velocity, 1.0)
         self._target: FloatArray | None = None
-        self._times, self._points = np.zeros(1), np.zeros((1, n))
+        self._times, self._points = np.zeros(1), np.full((1, n), np.nan)
         self._last = self._release = 0.0
 
     def follow(self, trajectory: JointTrajectory, time: float, q: FloatArray) -> None:
-        """Take the arm, or continue, along the points of a trajectory."""
+        """Take the arm, or continue, along the points of a trajectory; ignore a repeated goal."""
+        points = np.array([point.position for point in trajectory.points])
+        if np.array_equal(points[-1], self._points[-1]):
+            return
         if self._target is None:
             self._target, self._last = q, time
+        self._points = points
         self._times = time + np.array([point.time_from_start for point in trajectory.points])
-        self._points = np.array([point.position for point in trajectory.points])
         self._release = self._times[-1] + PATIENCE
 
     def has_ended(self, time: float, v: FloatArray) -> bool:
