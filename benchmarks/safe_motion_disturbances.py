@@ -205,10 +205,11 @@ def stop(scene: Scene) -> None:
     """Stop: `~/stop`, the end of the node, or `command: none`."""
     scene.messages.clear()
     scene.goal, loop, kind = None, scene.loop, scene.rng.integers(3)
-    if kind == 0:
-        before = scene.state
-        loop.stop()
+    before, is_free = scene.state, scene.loop.reference is None
+    if kind == 0 or is_free:
         scene.hull.begin(before, scene.limits)
+    if kind == 0:
+        loop.stop()
     elif kind == 1:
         loop.deactivate(1.0 + scene.time)
     else:

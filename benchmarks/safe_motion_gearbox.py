@@ -95,3 +95,5 @@ def gearbox(scene: Scene) -> None:
     coulomb = np.maximum(arm.friction.coulomb, 0.01) / rng.uniform(*GIVEN)
     scene.plant = GearedPlant(arm, scene.motion.start, coulomb, distance, rotors)
     scene.has_unknown_load = True
+    if scene.hand is not None:
+        scene.hand.dry, scene.hand.rotors = coulomb, np.diag(rotors)

@@ -13,36 +13,51 @@ HAND_GUIDING = 'hand_guiding'
 STIFFNESS, DAMPING = 100.0, 20.0
 """[1/s²] and [1/s] of the hand, per inertia of the arm."""
 STRENGTH = 10.0
-"""Largest push, as acceleration of a joint [rad/s²], beyond its dry friction in motion."""
+"""Largest push, as acceleration of a joint [rad/s²], beyond its dry friction."""
+YIELD = 0.02
+"""
+[rad] from the target at which the hand pushes with the true dry friction of a joint, damped like
+the spring: it does not push a joint that is ahead, and holds a light one that breaks away.
+"""
+STEP = 1e-3
+"""[s] for which a push is constant; the hold is implicit in the velocity after it."""
 HASTE = 1.5
 """Speed of the hand, by that of hand guiding, which it exceeds."""
 PATIENCE = 1.0
 """[s] after which the hand releases the arm at the end of its way."""
+AT_REST = 1e-3
+"""[rad/s]"""
+COASTING, FADING = 8.0, 1.0
+"""[s] in which a released arm may come to rest, and then until a compensation has faded."""
 
 
 class Hand:
     """A spring and a damper between the joints and a target, which is as fast as a person."""
 
-    def __init__(self, arm: ArmModel, q: FloatArray) -> None:
-        limits = arm.limits
-        self._body, self._dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
+    def __init__(self, arm: ArmModel) -> None:
+        limits, n = arm.limits, arm.joint_count
+        self._body, self.dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
+        self.rotors = np.zeros((n, n))
         self._speed = HASTE * np.minimum(0.5 * limits.velocity, 1.0)
         self._target: FloatArray | None = None
-        self._times, self._points = np.zeros(1), np.zeros((1, len(q)))
+        self._times, self._points = np.zeros(1), np.full((1, n), np.nan)
         self._last = self._release = 0.0
 
     def follow(self, trajectory: JointTrajectory, time: float, q: FloatArray) -> None:
-        """Take the arm, or continue, along the points of a trajectory."""
+        """Take the arm, or continue, along the points of a trajectory; ignore a repeated goal."""
+        points = np.array([point.position for point in trajectory.points])
+        if np.array_equal(points[-1], self._points[-1]):
+            return
         if self._target is None:
             self._target, self._last = q, time
+        self._points = points
         self._times = time + np.array([point.time_from_start for point in trajectory.points])
-        self._points = np.array([point.position for point in trajectory.points])
         self._release = self._times[-1] + PATIENCE
 
-    @property
-    def has_released(self) -> bool:
-        """Whether the hand does not touch the arm."""
-        return self._target is None
+    def has_ended(self, time: float, v: FloatArray) -> bool:
+        """Return whether the hand has released an arm that rests, or waits no longer."""
+        return time > self._release + COASTING or (
+            self._target is None and bool(np.abs(v).max() < AT_REST))
 
     def effort(self, time: float, q: FloatArray, v: FloatArray) -> FloatArray:
         """Return the push (n,) at a state of the arm."""
@@ -56,6 +71,10 @@ class Hand:
             self._target = None
         if self._target is None:
             return np.zeros_like(q)
-        e, e_dot = self._target - q, (step / h if h > 0.0 else step) - v
-        push = np.clip(STIFFNESS * e + DAMPING * e_dot, -STRENGTH, STRENGTH)
-        return np.asarray(self._body.mass_matrix(q) @ push + self._dry * np.sign(step))
+        M, grip, lead = self._body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS
+        ahead = self._target - q - lead * v
+        push = M @ np.clip(STIFFNESS * ahead, -STRENGTH, STRENGTH)
+        implicit = np.eye(len(q)) + STEP * (STEP + lead) * grip[:, None] * np.linalg.inv(
+            M + self.rotors)
+        hold = np.linalg.solve(implicit, grip * ahead)
+        return np.asarray(push + np.clip(hold, -self.dry, self.dry))

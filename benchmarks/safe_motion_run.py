@@ -25,7 +25,8 @@ A run is bad for one of these reasons:
   in which dry friction that is not known exactly may hold a joint (`UNKNOWN_WIDTH`). A push or an
   unknown load that causes a fault ends the motion;
 - hand guiding: a person moves the arm (`safe_motion_hand`) and may pass a goal; the arm need not
-  arrive, and an unknown load may take it past a limit;
+  arrive. Without friction nothing holds it against an unknown load, which may swing it like a
+  pendulum and take it past a limit;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
 - false alarm: the check of the velocities doubts true velocities;
@@ -145,9 +146,11 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     margin = NOISE_MARGINS[rates[scene.longest_period]] if case.noisy else NO_MARGIN
     judged, q, last = trace.is_judged, trace.q, trace.q[-JUDGED:]
     is_measured, is_guided = ~scene.loop.signals.consistency.frozen, case.command == HAND_GUIDING
-    amplitudes = np.ptp(last, axis=0)
+    amplitudes, is_geared = np.ptp(last, axis=0), isinstance(scene.plant, GearedPlant)
     if is_guided:  # a released arm may move on, but not to and fro
         amplitudes = np.abs(np.diff(last, axis=0)).sum(axis=0) - amplitudes
+        if scene.has_unknown_load and not is_geared:
+            amplitudes = np.zeros_like(amplitudes)
     amplitude = float(amplitudes[is_measured].max(initial=0.0))
     excess, way = _overshoot(scene, trace)
     free_way = STEP * (PERIODS[case.rate] + case.delay) * scene.start_speed
@@ -164,7 +167,6 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     is_pushed = scene.push is not None or scene.has_unknown_load
     goal, sag = scene.goal, static_sag(scene)
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
-    is_geared = isinstance(scene.plant, GearedPlant)
     must_arrive = goal is not None and case.motion != PUSH and not is_geared and not (
         is_guided or is_pushed and PUSHED.intersection(trace.faults))
     farthest = DISTANCE if scene.push is None else max(DISTANCE, UNKNOWN_WIDTH)

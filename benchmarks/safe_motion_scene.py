@@ -24,7 +24,7 @@ from benchmarks.safe_motion_cases import (
     PUSH,
     PUSH_END,
 )
-from benchmarks.safe_motion_hand import Hand, HAND_GUIDING
+from benchmarks.safe_motion_hand import FADING, Hand, HAND_GUIDING
 from benchmarks.safe_motion_plant import Plant
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -154,7 +154,7 @@ class Scene:
         self._disturb, self._at_once = disturb, at_once
         share = self.rng.uniform()
         self._begin_share = share**2 * (3.0 - 2.0 * share)
-        self._begin_time = BEGIN + share * (LATEST_IN_PUSH - BEGIN)
+        self._begin_time = BEGIN + share * (max(LATEST_IN_PUSH, motion.end) - BEGIN)
         self.time = 0.0
         self.messages = deque(motion.messages)
         self._actions: list[tuple[float, Callable[[], None]]] = []
@@ -165,7 +165,7 @@ class Scene:
             FloatArray, FloatArray | None]] = lambda q, v: (q, v)
         """Returns the measured state."""
         self.push = motion.push
-        self._hand = Hand(arm, motion.start) if case.command == HAND_GUIDING else None
+        self.hand = Hand(arm) if case.command == HAND_GUIDING else None
         self.effort: FloatArray | None = None
         """The effort that acts; None: brakes hold the arm."""
         self.goal: FloatArray | None = motion.goal
@@ -222,8 +222,8 @@ class Scene:
 
     def send(self, trajectory: JointTrajectory) -> bool:
         """Send a trajectory to the loop; return whether the loop follows it."""
-        if self._hand is not None:
-            self._hand.follow(trajectory, self.time, self.plant.q)
+        if self.hand is not None:
+            self.hand.follow(trajectory, self.time, self.plant.q)
             return True
         before = self.state
         try:
@@ -288,8 +288,8 @@ class Scene:
                 effort = self.effort if self.effort.ndim == 1 or self.drives is None else (
                     self.drives.effort(self.effort, plant.q, plant.v))
                 others = np.zeros_like(effort) if push is None else push.effort
-                if self._hand is not None:
-                    others = others + self._hand.effort(self.time, plant.q, plant.v)
+                if self.hand is not None:
+                    others = others + self.hand.effort(self.time, plant.q, plant.v)
                 plant.step(effort + others, STEP)
             states.append((plant.q, plant.v))
             self._is_pushed = push is not None
@@ -298,7 +298,8 @@ class Scene:
             if k % LOOK == 0:
                 diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
                 if last == LONGEST and self._disturb is None and self._has_ended():
-                    last = max(SHORTEST, self.time + REST, self.begun + SETTLING)
+                    rest = REST if self.hand is None else REST + FADING
+                    last = max(SHORTEST, self.time + rest, self.begun + SETTLING)
             if diverges or self.time >= max(last, self.quiet_after):
                 break
         q, v = (np.array(values) for values in zip(*states))
@@ -311,7 +312,7 @@ class Scene:
         reference, way = self.loop.reference, self.motion.goal - self.motion.start
         if self._at_once:
             return True
-        if self.case.motion == PUSH:
+        if self.case.motion == PUSH or self.hand is not None:
             return self.time >= self._begin_time
         if reference is None:
             return False
@@ -389,7 +390,7 @@ class Scene:
     def _has_ended(self) -> bool:
         """Return whether the reference is at its end."""
         if self.time < self.quiet_after + ENTRY or self._actions or (
-                self._hand is not None and not self._hand.has_released):
+                self.hand is not None and not self.hand.has_ended(self.time, self.plant.v)):
             return False
         reference = self.loop.reference
         if reference is None:
