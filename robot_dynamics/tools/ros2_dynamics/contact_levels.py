@@ -34,8 +34,8 @@ def answer_learn_contact_levels(_: object, arguments: Namespace) -> Answer:
     kept = 3600.0 * EXPECTED / found.duration
     if rate < kept:
         lines.append(
-            f'So few are uncertain by more than a factor of 3, {kept:.3g} per hour are not: '
-            f'record {EXPECTED / rate:.2g} h for {rate:g} per hour')
+            f'The recording shows at least {kept:.3g} per hour. {rate:g} per hour is an upper '
+            f'bound, with slightly higher levels: record {EXPECTED / rate:.2g} h to show it')
     if output is not None:
         write_file(output, parameter_text(found, joints, rate))
         data['output'] = str(output)
