@@ -64,11 +64,10 @@ def learned(
 
 
 class Promise(NamedTuple):
-    """A recording's length [s] and the promised rate, with the least rate that keeps it."""
+    """A recording's length [s] and the promised rate."""
 
     seconds: float
     per_hour: float
-    least: float
 
 
 def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -> np.ndarray:
@@ -88,7 +87,7 @@ def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -
 
 def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
     """Twenty per hour, so that two hours of another motion are enough to count them."""
-    promise = Promise(TEN_MINUTES, 20.0, 0.0)
+    promise = Promise(TEN_MINUTES, 20.0)
     rates = [alarm_rates(name, 5, 2, [promise])[0] for name in ARMS]
     assert max(rates) <= SPREAD
     assert np.median(rates) >= 1.0 / SPREAD
@@ -96,18 +95,18 @@ def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
 
 @pytest.mark.soak
 def test_false_alarms_in_ten_hours() -> None:
-    """A rate that the recording does not show is an upper bound; no law was chosen by these."""
-    promises = [Promise(TEN_MINUTES, 1.0, 0.0), Promise(TEN_MINUTES, 20.0, 1.0 / SPREAD),
-                Promise(HOUR, 1.0, 0.0), Promise(HOUR, 5.0, 1.0 / SPREAD)]
+    """The promise is an upper bound; five per hour are shown by an hour, and kept."""
+    promises = [Promise(TEN_MINUTES, 1.0), Promise(TEN_MINUTES, 20.0), Promise(HOUR, 1.0),
+                Promise(HOUR, 5.0)]
     rates = np.array([
         alarm_rates(name, seed, 10, promises) for name in UNSEEN_ARMS for seed in (20, 21, 22)])
     for promise, column in zip(promises, rates.T):
-        good = (column >= promise.least) & (column <= SPREAD)
         print(f'{promise.seconds / 60:.0f} min, {promise.per_hour:g} per hour: '
               f'median {np.median(column):.2f}, {column.min():.2f} to {column.max():.2f} of the '
               f'promise; at most 3: {np.sum(column <= SPREAD)}, within a factor of 3: '
               f'{np.sum((column <= SPREAD) & (column >= 1.0 / SPREAD))} of {len(column)}')
-        assert good.mean() >= 0.9
+        assert np.mean(column <= SPREAD) >= 0.9
+    assert np.mean(rates[:, -1] >= 1.0 / SPREAD) >= 0.9
 
 
 @pytest.mark.parametrize(('law', 'above'), [
