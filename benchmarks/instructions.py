@@ -206,7 +206,7 @@ class NodeUnderTest:
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS,
                        effort=[0.0] * JOINTS)))
         parameters: Mapping[str, Any] = {
-            'robot_description_file': urdf, 'state_timeout': 10.0, 'state_max_age': 60.0,
+            'robot_description_file': urdf, 'state_timeout': 60.0, 'state_max_age': 60.0,
             'effort_check': False}
         self._node = DynamicsNode(parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
@@ -287,9 +287,9 @@ def _run(library: str) -> None:
         _count_complete(node, counter, 'with_contacts')
         node.subscribe_to_wrench()
         _count_complete(node, counter, 'with_contacts_and_wrench')
-        _count_library(arm, counter)
     node.close()
     rclpy.try_shutdown()
+    _count_library(arm, counter)
 
 
 def _count(

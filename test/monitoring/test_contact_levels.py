@@ -55,10 +55,7 @@ def motion_of(model: ArmModel, arm: ArmModel, seconds: float, seed: int) -> Unse
     return Unseen(motion.v, filtered(difference(model, arm, motion, rng)))
 
 
-def learned(
-    model: ArmModel, arm: ArmModel, seed: int, per_hour: float = 1.0, seconds: float = TEN_MINUTES,
-) -> ContactLevels:
-    seen = motion_of(model, arm, seconds, seed)
+def learned(model: ArmModel, seen: Unseen, per_hour: float) -> ContactLevels:
     return learn_contact_levels(
         np.arange(len(seen.v)) / RATE, seen.v, seen.r, model.joint_names, per_hour).levels
 
@@ -74,8 +71,9 @@ def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -
     """Return false alarms per hour by the promise, in other motion than the recordings."""
     model = model_arm(name)
     arm = true_arm(model, np.random.default_rng(seed))
-    found = [learned(model, arm, 10 * seed + 1, promise.per_hour, promise.seconds)
-             for promise in promises]
+    recordings = {seconds: motion_of(model, arm, seconds, 10 * seed + 1)
+                  for seconds in {promise.seconds for promise in promises}}
+    found = [learned(model, recordings[seconds], per_hour) for seconds, per_hour in promises]
     count = np.zeros(len(found))
     for hour in range(hours):
         unseen = motion_of(model, arm, HOUR, 1000 * seed + hour)
@@ -94,12 +92,12 @@ def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
 
 
 @pytest.mark.soak
-def test_false_alarms_in_ten_hours() -> None:
+def test_false_alarms_of_arms_by_which_the_law_was_not_chosen() -> None:
     """The promise is an upper bound; five per hour are shown by an hour, and kept."""
     promises = [Promise(TEN_MINUTES, 1.0), Promise(TEN_MINUTES, 20.0), Promise(HOUR, 1.0),
                 Promise(HOUR, 5.0)]
     rates = np.array([
-        alarm_rates(name, seed, 10, promises) for name in UNSEEN_ARMS for seed in (20, 21, 22)])
+        alarm_rates(name, seed, 6, promises) for name in UNSEEN_ARMS for seed in (20, 21, 22)])
     for promise, column in zip(promises, rates.T):
         print(f'{promise.seconds / 60:.0f} min, {promise.per_hour:g} per hour: '
               f'median {np.median(column):.2f}, {column.min():.2f} to {column.max():.2f} of the '
@@ -230,8 +228,9 @@ def pushed(name: str, seed: int) -> Push:
     model = model_arm(name)
     frame, period = tool_link(model), 1.0 / LOOP_RATE
     twins = [WrongModel(model, np.random.default_rng(seed)) for _ in range(2)]
-    levels = learned(model, twins[0].plant.arm, seed + 50)
+    seen = motion_of(model, twins[0].plant.arm, TEN_MINUTES, seed + 50)
     observers = [ExternalEffort(ArmDynamics(model), BANDWIDTH) for _ in twins]
+    levels = learned(model, seen, 1.0)
     detector, goal = ContactDetector(levels, model.joint_names), twins[0].goal()
     for twin, observer in zip(twins, observers):
         twin.follow(goal)
