@@ -273,11 +273,11 @@ def _run(library: str) -> None:
     counter.store(EMPTY, EMPTY)
     with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
         for mode, (law, topic) in MODES.items():
-            node.restart_stamps()
-            node.set('command', law)
-            if law not in ('gravity_compensation', 'hand_guiding'):
-                node.follow()
             for end in (UNPUBLISHED, PUBLISHED):
+                node.restart_stamps()
+                node.set('command', law)
+                if law not in ('gravity_compensation', 'hand_guiding'):
+                    node.follow()
                 _count(node, counter, node.commands[topic], end == PUBLISHED)
                 counter.store(mode, end)
         node.set('command', 'computed_torque')
@@ -325,6 +325,7 @@ def _count(
 def _count_complete(node: NodeUnderTest, counter: Counter, label: str) -> None:
     """Count the instructions of MESSAGES states from `_deliver` to its return."""
     node.restart_stamps()
+    node.follow()
     _count_calls(counter, label, node.deliver, node.next_state)
 
 

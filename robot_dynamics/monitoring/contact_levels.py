@@ -14,12 +14,12 @@ Statistical Society B 52(3), 1990): the excesses of the 80 highest peaks over a 
 generalized Pareto distribution with the shape ξ and the scale σ, and u + σ/ξ ((ν / rate)^ξ − 1)
 is exceeded at the promised rate, if they occur ν times per second.
 
-The promise is an upper bound. The shape of 80 peaks is uncertain by 0.1, and a shape too small by
-0.1 makes several times as many alarms. Errors of the model are bounded and noise is Gaussian; such
-sums have ξ < 0, and ξ = 0, the exponential distribution, is their bound. Therefore ξ is the mean
-of its estimate by moments (J. R. M. Hosking and J. R. Wallis, Technometrics 29(3), 1987) and of 0
-with the weight of 160 peaks. Where the recording shows the promised rate, the shape has hardly an
-effect.
+The promise is an upper bound. The shape of 80 peaks is uncertain by 0.1, which changes the alarms
+of an extrapolation from ten minutes to an hour several times. Errors of the model are bounded and
+noise is Gaussian; such sums have ξ < 0, and ξ = 0, the exponential distribution, is their bound.
+Therefore ξ is the mean of its estimate by moments (J. R. M. Hosking and J. R. Wallis,
+Technometrics 29(3), 1987) and of 0 with the weight of 160 peaks. The less is extrapolated, the
+less this matters.
 
 This detects contacts and is no safety function.
 """

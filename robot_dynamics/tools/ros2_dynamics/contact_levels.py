@@ -26,8 +26,8 @@ def answer_learn_contact_levels(_: object, arguments: Namespace) -> Answer:
         **{name: values.tolist() for name, values in zip(
             ('effort', 'effort_per_velocity', 'by_largest'), columns)}}
     lines = [
-        f'Levels for {rate:g} false alarms per hour, extrapolated from {found.duration:.0f} s '
-        'without contact',
+        f'Levels for at most {rate:g} false alarms per hour, extrapolated from '
+        f'{found.duration:.0f} s without contact',
         text_table(['joint', 'at rest', 'per velocity', 'by the largest recorded'], [
             [name, *(f'{value:.4g}' for value in values)]
             for name, *values in zip(joints, *columns)], left_columns=1)]
