@@ -20,10 +20,6 @@ command, the other threads of the process, and garbage collection (it is disable
 than `effort_command` and `~/feed_forward` has a subscriber. The cost of starting and ending the
 count is measured separately and subtracted.
 
-Estimates follow the command. Therefore complete messages are counted as well, from the call of
-`_deliver` to its return: along a trajectory without an estimate, with contact levels, and with a
-subscriber of `~/external_wrench`; and calls of the library for task space and derivatives.
-
 The stamps advance by exactly 2 ms per state, although a message takes longer under callgrind: with
 the current time as stamp, the measured state rate drops and varies, the node adapts its gains to
 it, and the figures vary by 30 %. `state_max_age` is 60 s, so that the slower stamps are accepted.
@@ -56,14 +52,11 @@ import time
 from typing import Any
 
 from benchmarks.processes import arm_file, module
-from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from robot_dynamics.model import ArmDerivatives, ArmModel, load_arm
 from robot_dynamics.ros.middleware import rclpy_internals
-from robot_dynamics.task_space import TaskSpace
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -86,8 +79,6 @@ MODES = {
     'cartesian_impedance': ('cartesian_impedance', COMMAND_TOPIC),
     FEED_FORWARD: ('computed_torque', FEED_FORWARD)}
 """The parameter `command`, and the topic at whose message counting ends."""
-COMPLETE = 'complete'
-"""The end of counts of complete messages, and of calls of the library."""
 ENVIRONMENT = {
     'PYTHONHASHSEED': '0', 'OPENBLAS_NUM_THREADS': '1', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 COUNTER_SOURCE = """
@@ -118,9 +109,6 @@ def main() -> None:
     for mode in MODES:
         print(f'{mode:22}{counts[mode, UNPUBLISHED]:9,.0f} instructions per message before the '
               f'command ({counts[mode, PUBLISHED]:,.0f} with its publish call)')
-    for (what, end), count in sorted(counts.items()):
-        if end == COMPLETE:
-            print(f'{what:22}{count:9,.0f} instructions')
 
 
 def _counts(directory: Path) -> dict[tuple[str, str], float]:
@@ -203,10 +191,9 @@ class NodeUnderTest:
 
         self._stamp = 0
         self._data = bytearray(serialize_message(
-            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS,
-                       effort=[0.0] * JOINTS)))
+            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
         parameters: Mapping[str, Any] = {
-            'robot_description_file': urdf, 'state_timeout': 60.0, 'state_max_age': 60.0,
+            'robot_description_file': urdf, 'state_timeout': 10.0, 'state_max_age': 60.0,
             'effort_check': False}
         self._node = DynamicsNode(parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
@@ -224,21 +211,11 @@ class NodeUnderTest:
         for _ in range(20):
             self.deliver(self.next_state())
 
-    def set(self, name: str, value: Any) -> None:
-        """Set a parameter."""
-        result, = self._node.set_parameters([Parameter(name, value=value)])
+    def set_command(self, command: str) -> None:
+        """Set the parameter `command`."""
+        result, = self._node.set_parameters([Parameter('command', value=command)])
         if not result.successful:
             raise RuntimeError(result.reason)
-
-    def subscribe_to_wrench(self) -> None:
-        """Subscribe to `~/external_wrench`, and wait until it is discovered."""
-        self._node.create_subscription(
-            WrenchStamped, '~/external_wrench', lambda _: None, 1)
-        deadline = time.monotonic() + TIMEOUT
-        while not self._node.count_subscribers('~/external_wrench'):
-            if time.monotonic() > deadline:
-                raise TimeoutError('no subscriber of ~/external_wrench')
-            time.sleep(0.01)
 
     def follow(self) -> None:
         """Follow a trajectory that does not end."""
@@ -264,7 +241,7 @@ def _run(library: str) -> None:
     counter = Counter(library)
     rclpy.init(args=['--ros-args', '--log-level', 'error'])
     with arm_file(JOINTS) as urdf:
-        node, arm = NodeUnderTest(urdf), load_arm(Path(urdf).read_text(encoding='utf-8'))
+        node = NodeUnderTest(urdf)
     for command in node.commands.values():
         command.wait_for_subscriber()
     for _ in range(MESSAGES):
@@ -273,23 +250,15 @@ def _run(library: str) -> None:
     counter.store(EMPTY, EMPTY)
     with np.errstate(over='ignore', invalid='ignore'):  # as in the thread of the loop
         for mode, (law, topic) in MODES.items():
+            node.restart_stamps()
+            node.set_command(law)
+            if law not in ('gravity_compensation', 'hand_guiding'):
+                node.follow()
             for end in (UNPUBLISHED, PUBLISHED):
-                node.restart_stamps()
-                node.set('command', law)
-                if law not in ('gravity_compensation', 'hand_guiding'):
-                    node.follow()
                 _count(node, counter, node.commands[topic], end == PUBLISHED)
                 counter.store(mode, end)
-        node.set('command', 'computed_torque')
-        _count_complete(node, counter, 'trajectory')
-        node.set('contact.effort', [1e6] * JOINTS)
-        node.set('contact.is_fault', True)
-        _count_complete(node, counter, 'with_contacts')
-        node.subscribe_to_wrench()
-        _count_complete(node, counter, 'with_contacts_and_wrench')
     node.close()
     rclpy.try_shutdown()
-    _count_library(arm, counter)
 
 
 def _count(
@@ -320,46 +289,6 @@ def _count(
     gc.enable()
     if command.published - before != MESSAGES:  # counting would start where it has to end
         raise RuntimeError(f'{command.published - before} commands for {MESSAGES} states')
-
-
-def _count_complete(node: NodeUnderTest, counter: Counter, label: str) -> None:
-    """Count the instructions of MESSAGES states from `_deliver` to its return."""
-    node.restart_stamps()
-    node.follow()
-    _count_calls(counter, label, node.deliver, node.next_state)
-
-
-def _count_library(arm: ArmModel, counter: Counter) -> None:
-    """Count the instructions of task space with Λ, J̄, μ and p, and of derivatives."""
-    task, derivatives = TaskSpace(arm, arm.link_names[-1]), ArmDerivatives(arm)
-    rng = np.random.default_rng(0)
-
-    def state() -> Any:
-        return rng.normal(size=(3, JOINTS))
-
-    def task_space(x: Any) -> object:
-        found = task.at(x[0], x[1])
-        return found.inertia, found.dynamic_inverse, found.coriolis_force, found.gravity_force
-
-    _count_calls(counter, 'task_space', task_space, state)
-    _count_calls(counter, 'derivatives', lambda x: derivatives.inverse_dynamics(*x), state)
-
-
-def _count_calls(
-    counter: Counter, label: str, call: Callable[[Any], object], argument: Callable[[], Any],
-) -> None:
-    """Count the instructions of MESSAGES calls with new arguments."""
-    for _ in range(WARM_UP):
-        call(argument())
-    gc.collect()
-    gc.disable()
-    for _ in range(MESSAGES):
-        x = argument()
-        counter.toggle()
-        call(x)
-        counter.toggle()
-    gc.enable()
-    counter.store(label, COMPLETE)
 
 
 if __name__ == '__main__':
