@@ -88,7 +88,12 @@ class JointCoordinates:
         return tau if self.is_identity else tau @ self.G
 
     def jacobian(self, J: FloatArray) -> FloatArray:
-        """J G: a Jacobian (k, m) over all joints of the tree, over the actuated joints (k, n)."""
+        """
+        J G (k, n): a Jacobian (k, m) over all joints of the tree, over the actuated joints.
+
+        Pinocchio returns a flat array (k,) for a tree of one joint.
+        """
+        J = J.reshape(-1, len(self.G))
         return J if self.is_identity else J @ self.G
 
     def form(self, A: FloatArray) -> FloatArray:

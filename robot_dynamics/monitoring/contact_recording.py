@@ -90,6 +90,6 @@ def parameter_text(found: LearnedLevels, joints: Sequence[str], alarms_per_hour:
         'joints': list(joints), 'contact': {
             'effort': rounded(found.levels.effort),
             'effort_per_velocity': rounded(found.levels.per_velocity)}}}}, (
-        f'Contact levels for {alarms_per_hour:g} false alarms per hour, learned from '
+        f'Contact levels for at most {alarms_per_hour:g} false alarms per hour, learned from '
         f'{found.duration:.0f} s without contact.',
         'The levels are extrapolated beyond this motion. No safety function.'), 'a parameter file')

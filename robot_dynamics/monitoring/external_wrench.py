@@ -121,7 +121,7 @@ class ExternalWrenchEstimator:
 
     def jacobian(self, q: FloatArray) -> FloatArray:
         """Return J (6, n) of the frame, in its axes: linear velocity first."""
-        return self._x.effort(pin.computeFrameJacobian(
+        return self._x.jacobian(pin.computeFrameJacobian(
             self._model, self._data, self._x.position(q), self._id, pin.LOCAL))
 
     def update(self, dt: float) -> WrenchEstimate | None:

@@ -77,8 +77,8 @@ class ArmMarks:
         for joint, kind in zip(self._joints, self._arm.joint_kinds):
             slides = kind == 'prismatic'
             column = pin.getJointJacobian(
-                self._arm.pinocchio_model, self._data, joint, pin.LOCAL_WORLD_ALIGNED)[
-                    :, self._arm.pinocchio_model.joints[joint].idx_v]
+                self._arm.pinocchio_model, self._data, joint, pin.LOCAL_WORLD_ALIGNED).reshape(
+                    6, -1)[:, self._arm.pinocchio_model.joints[joint].idx_v]
             places.append(JointPlace(
                 np.array(self._data.oMi[joint].translation),
                 np.array(column[:3] if slides else column[3:]), slides))

@@ -34,8 +34,7 @@ class FrameKinematics:
         """Return translation, rotation, and J (6, n) along the axes of the base, at q (n,)."""
         pin.computeJointJacobians(self._model, self._data, self._x.position(q))
         pose = pin.updateFramePlacement(self._model, self._data, self._id)
-        J = pin.getFrameJacobian(
-            self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED).reshape(6, -1)
+        J = pin.getFrameJacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
         return pose.translation.copy(), pose.rotation.copy(), self._x.jacobian(J)
 
 

@@ -47,7 +47,7 @@ class TaskSpaceState:
     M contains payloads and reflected rotor inertia; friction is no part of these equations.
     Other quantities are computed when they are first used. If the Jacobian has a rank below 6,
     Λ is the Moore–Penrose pseudo-inverse of Λ⁻¹ in SI units, and J̄, μ and p follow from it: no
-    quantity is infinite or NaN.
+    quantity is NaN, and only the margin of a joint without limits is infinite.
     """
 
     joint_position: FloatArray

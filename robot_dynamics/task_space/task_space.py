@@ -104,7 +104,7 @@ class TaskSpace:
         model, data, x = self._model, self._data, self.arm.coordinates
         q_tree, v_tree = x.position(q), x.rate(v)
         pin.computeAllTerms(model, data, q_tree, v_tree)
-        J = pin.getFrameJacobian(model, data, self._id, self._axes).reshape(6, -1)  # one joint
+        J = pin.getFrameJacobian(model, data, self._id, self._axes)
         M, gravity = data.M, data.g.copy()
         coriolis = data.nle - gravity if v.any() else np.zeros_like(gravity)
         pin.forwardKinematics(model, data, q_tree, v_tree, self._zero)

@@ -3,7 +3,7 @@
 
 """Derivatives against central differences of the dynamics, and the discrete model in a loop."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import math
 
 from engine_cases import with_other_relations
@@ -55,8 +55,22 @@ def differences(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -
     return np.array(columns).T
 
 
+ERRORS: list[tuple[float, str]] = []
+"""Errors of the test by the largest expected value, and of what."""
+
+
+@pytest.fixture(autouse=True)
+def largest_error() -> Iterator[None]:
+    """Print the largest error of a test."""
+    ERRORS.clear()
+    yield
+    if ERRORS:
+        print('largest error {:.1e}, {}'.format(*max(ERRORS)))
+
+
 def assert_near(actual: Array, expected: Array, what: str) -> None:
-    error = np.abs(actual - expected).max() / np.abs(expected).max()
+    error = float(np.abs(actual - expected).max() / np.abs(expected).max())
+    ERRORS.append((error, what))
     assert error <= TOLERANCE, f'{what}: {error:.1e}'
 
 
@@ -202,6 +216,7 @@ def test_lqr_holds_the_two_link_arm_upright(friction, push):
         return largest, float(np.abs(simulation.q).max())
 
     largest, last = fallen(K)
+    print(f'at most {largest:.3f} rad in the push of {push:g} N, {last:.1e} rad at the end')
     assert largest < 0.1
     assert last < 1e-3 + 0.02 * friction
     assert fallen(np.zeros((2, 4)))[0] > math.pi / 2

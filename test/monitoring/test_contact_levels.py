@@ -3,6 +3,7 @@
 
 """Contact levels: the promised rate of false alarms, and the delay of the detection."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,12 +30,13 @@ from robot_dynamics.pictures.stick_figure import tool_link
 from robots import JOINTS, robot_urdf
 from scipy import stats
 from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
-from wrong_arms import ARMS as WRONG_ARMS
 from wrong_arms import model_arm, true_arm, WrongModel
 from wrong_arms import RATE as LOOP_RATE
 
 ARMS = 'default', 'ur10', 'panda'
 EXACT_ARMS = {name: load_arm(robot_urdf(name), JOINTS.get(name, ())) for name in ARMS}
+UNSEEN_ARMS = 'panda', 'kinova', 'ur3', 'ur5', 'talos_left_arm', 'so100'
+"""Arms by which the law of the levels was not chosen."""
 TEN_MINUTES, HOUR = 600.0, 3600.0
 SPREAD = 3.0
 """Largest allowed factor between the false alarms and the promise."""
@@ -53,59 +55,76 @@ def motion_of(model: ArmModel, arm: ArmModel, seconds: float, seed: int) -> Unse
     return Unseen(motion.v, filtered(difference(model, arm, motion, rng)))
 
 
-def learned(
-    model: ArmModel, arm: ArmModel, seed: int, per_hour: float = 1.0, seconds: float = TEN_MINUTES,
-) -> ContactLevels:
-    seen = motion_of(model, arm, seconds, seed)
+def learned(model: ArmModel, seen: Unseen, per_hour: float) -> ContactLevels:
     return learn_contact_levels(
         np.arange(len(seen.v)) / RATE, seen.v, seen.r, model.joint_names, per_hour).levels
 
 
-def alarm_rate(
-    name: str, seed: int, per_hour: float, hours: int, seconds: float = TEN_MINUTES,
-) -> float:
-    """Return false alarms per hour by the promise: levels from some seconds, other motion."""
+class Promise(NamedTuple):
+    """A recording's length [s] and the promised rate."""
+
+    seconds: float
+    per_hour: float
+
+
+def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -> np.ndarray:
+    """Return false alarms per hour by the promise, in other motion than the recordings."""
     model = model_arm(name)
     arm = true_arm(model, np.random.default_rng(seed))
-    levels = learned(model, arm, 10 * seed + 1, per_hour, seconds)
-    count = 0
+    recordings = {seconds: motion_of(model, arm, seconds, 10 * seed + 1)
+                  for seconds in {promise.seconds for promise in promises}}
+    found = [learned(model, recordings[seconds], per_hour) for seconds, per_hour in promises]
+    count = np.zeros(len(found))
     for hour in range(hours):
         unseen = motion_of(model, arm, HOUR, 1000 * seed + hour)
-        count += alarms(levels, *unseen)
-    return count / hours / per_hour
+        count += [alarms(levels, *unseen) for levels in found]
+    return count / hours / [promise.per_hour for promise in promises]
 
 
 # ------------------------------------------------------------------------------ false alarms
 
-@pytest.mark.parametrize('name', ARMS)
-def test_false_alarms_on_unseen_motion_keep_the_promise(name: str) -> None:
+def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
     """Twenty per hour, so that two hours of another motion are enough to count them."""
-    assert 1.0 / SPREAD <= alarm_rate(name, 5, 20.0, 2) <= SPREAD
+    promise = Promise(TEN_MINUTES, 20.0)
+    rates = [alarm_rates(name, 5, 2, [promise])[0] for name in ARMS]
+    assert max(rates) <= SPREAD
+    assert np.median(rates) >= 1.0 / SPREAD
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize('seed', range(3))
-@pytest.mark.parametrize('name', WRONG_ARMS)
-def test_five_false_alarms_per_hour_from_an_hour(name: str, seed: int) -> None:
-    """As many as the recording shows; fewer are extrapolated with a larger factor."""
-    assert 1.0 / SPREAD <= alarm_rate(name, seed, 5.0, 10, HOUR) <= SPREAD
+def test_false_alarms_of_arms_by_which_the_law_was_not_chosen() -> None:
+    """The promise is an upper bound; five per hour are shown by an hour, and kept."""
+    promises = [Promise(TEN_MINUTES, 1.0), Promise(TEN_MINUTES, 20.0), Promise(HOUR, 1.0),
+                Promise(HOUR, 5.0)]
+    rates = np.array([
+        alarm_rates(name, seed, 6, promises) for name in UNSEEN_ARMS for seed in (20, 21, 22)])
+    for promise, column in zip(promises, rates.T):
+        print(f'{promise.seconds / 60:.0f} min, {promise.per_hour:g} per hour: '
+              f'median {np.median(column):.2f}, {column.min():.2f} to {column.max():.2f} of the '
+              f'promise; at most 3: {np.sum(column <= SPREAD)}, within a factor of 3: '
+              f'{np.sum((column <= SPREAD) & (column >= 1.0 / SPREAD))} of {len(column)}')
+        assert np.mean(column <= SPREAD) >= 0.9
+    assert np.mean(rates[:, -1] >= 1.0 / SPREAD) >= 0.9
 
 
-@pytest.mark.parametrize(('law', 'largest'), [
-    (stats.halfnorm(), SPREAD), (stats.beta(1.0, 4.0), SPREAD), (stats.expon(), 8.0)])
-def test_the_promise_is_kept_for_known_tails(law: Any, largest: float) -> None:
-    """Of Gaussian noise and bounded errors; an exponential tail, which is heavier, exceeds it."""
-    rng, n, rates = np.random.default_rng(0), 7, []
+@pytest.mark.parametrize(('law', 'above'), [
+    (stats.halfnorm(), 1), (stats.beta(1.0, 4.0), 0), (stats.expon(), 4)])
+def test_the_promise_is_an_upper_bound_for_known_tails(law: Any, above: int) -> None:
+    """Of Gaussian noise and bounded errors in nearly all recordings, at slightly high levels."""
+    rng, n, rates, levels = np.random.default_rng(0), 7, [], []
+    exact = law.isf(1.0 / 7200.0 / n)
     names = [f'j{i}' for i in range(n)]
     for _ in range(9):
         v = np.abs(rng.normal(size=(1200, n)))
         r = (1.0 + 0.5 * v) * law.rvs(size=v.shape, random_state=rng)
         found = learn_contact_levels(0.5 * np.arange(1200), v, r, names, 1.0).levels
         assert np.median(found.per_velocity / found.effort) == pytest.approx(0.5, abs=0.3)
+        levels.append(np.median(found.at(np.ones(n))) / 1.5 / exact)
         # independent samples, 7200 per hour
         v = np.abs(rng.normal(size=(20000, n)))
         rates.append(7200.0 * law.sf(found.at(v) / (1.0 + 0.5 * v)).sum(axis=1).mean())
-    assert 1.0 / SPREAD < np.median(rates) < largest
+    assert np.count_nonzero(np.array(rates) > SPREAD) <= above
+    assert 0.9 < np.median(levels) < 1.15
 
 
 def test_the_fast_estimate_is_that_of_the_observer() -> None:
@@ -209,8 +228,9 @@ def pushed(name: str, seed: int) -> Push:
     model = model_arm(name)
     frame, period = tool_link(model), 1.0 / LOOP_RATE
     twins = [WrongModel(model, np.random.default_rng(seed)) for _ in range(2)]
-    levels = learned(model, twins[0].plant.arm, seed + 50)
+    seen = motion_of(model, twins[0].plant.arm, TEN_MINUTES, seed + 50)
     observers = [ExternalEffort(ArmDynamics(model), BANDWIDTH) for _ in twins]
+    levels = learned(model, seen, 1.0)
     detector, goal = ContactDetector(levels, model.joint_names), twins[0].goal()
     for twin, observer in zip(twins, observers):
         twin.follow(goal)
@@ -246,7 +266,21 @@ def test_the_delay_on_arms_with_friction_and_noise(name: str) -> None:
     """The error of the estimate adds to the push, and may delay the detection."""
     pushes = [pushed(name, seed) for seed in range(4)]
     assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
-    assert np.mean([push.delay <= push.formula + 1e-9 for push in pushes]) >= 0.5
+    check_median(name, pushes)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize('name', ARMS)
+def test_the_median_delay_of_many_pushes(name: str) -> None:
+    check_median(name, [pushed(name, seed) for seed in range(48)])
+
+
+def check_median(name: str, pushes: list[Push]) -> None:
+    """Compare the median delay with the formula, in which the estimate has no error."""
+    late = 1e3 * np.array([push.delay - push.formula for push in pushes])
+    print(f'{name}: {np.mean(late < 1e-6):.0%} of {len(late)} pushes within the formula, median '
+          f'{np.median(late):+.1f} ms, latest {late.max():+.1f} ms')
+    assert np.median(late) < 1e-6
 
 
 # ------------------------------------------------------------------------------ files, bad input
@@ -266,7 +300,7 @@ def test_the_verb_writes_a_parameter_file(
     assert run_verb(recording, '-o', str(path)) == 0
     printed = capsys.readouterr().out
     assert 'extrapolated from 70 s' in printed
-    assert 'per hour are not: record 3 h for 1 per hour' in printed
+    assert '1 per hour is an upper bound, with slightly higher levels: record 3 h' in printed
     text = path.read_text(encoding='utf-8')
     assert 'extrapolated' in text
     parameters = read_parameter_file(path)

@@ -5,6 +5,7 @@
 
 import numpy as np
 import numpy.testing as npt
+from one_joint_arm import arm_of
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
@@ -83,6 +84,17 @@ def test_joints_of_the_planar_arm_are_where_trigonometry_puts_them():
         assert not place.slides
     assert marks.reach == pytest.approx(1.8)
     assert marks.weight == pytest.approx(8.0 * 9.81)
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
+def test_marks_of_one_joint(kind):
+    marks = ArmMarks(load_arm(arm_of(kind=kind)))
+    marks.move(np.array([0.4]))
+    [place] = marks.joints()
+    npt.assert_allclose(place.axis, [0.0, 1.0, 0.0])
+    slides = kind == 'prismatic'
+    npt.assert_allclose(marks.manipulability()[0], [0.0, 0.0, float(slides)], atol=1e-7)
+    assert place.slides == slides
 
 
 @pytest.mark.parametrize('name', ['ur10', 'panda', 'xarm7'])

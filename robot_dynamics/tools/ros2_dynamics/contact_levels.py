@@ -26,16 +26,16 @@ def answer_learn_contact_levels(_: object, arguments: Namespace) -> Answer:
         **{name: values.tolist() for name, values in zip(
             ('effort', 'effort_per_velocity', 'by_largest'), columns)}}
     lines = [
-        f'Levels for {rate:g} false alarms per hour, extrapolated from {found.duration:.0f} s '
-        'without contact',
+        f'Levels for at most {rate:g} false alarms per hour, extrapolated from '
+        f'{found.duration:.0f} s without contact',
         text_table(['joint', 'at rest', 'per velocity', 'by the largest recorded'], [
             [name, *(f'{value:.4g}' for value in values)]
             for name, *values in zip(joints, *columns)], left_columns=1)]
     kept = 3600.0 * EXPECTED / found.duration
     if rate < kept:
         lines.append(
-            f'So few are uncertain by more than a factor of 3, {kept:.3g} per hour are not: '
-            f'record {EXPECTED / rate:.2g} h for {rate:g} per hour')
+            f'The recording shows at least {kept:.3g} per hour. {rate:g} per hour is an upper '
+            f'bound, with slightly higher levels: record {EXPECTED / rate:.2g} h to show it')
     if output is not None:
         write_file(output, parameter_text(found, joints, rate))
         data['output'] = str(output)

@@ -178,7 +178,7 @@ def _contact_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser, (
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
     _add(parser, complete_nothing, '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
-         help='Promised false alarms per hour of all joints together. The default is 1.')
+         help='Most false alarms per hour of all joints together. The default is 1.')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Parameter file for dynamics_node. Without it, the levels are only printed.')
