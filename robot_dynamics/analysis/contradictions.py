@@ -6,7 +6,7 @@ Likely causes why a recording contradicts the URDF of its arm.
 
 The measured effort is regressed on the bodies, whose masses are those of the URDF with an error of
 about a third, the last one with any load, and on rotors and friction. Each hypothesis changes this
-regression: a delay of the effort, a sign, another vector of gravity, an offset of an encoder, or a
+regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an encoder, or a
 load from some time on. The one with the largest likelihood is accepted if it is likelier by
 LEAST_GAIN per independent sample and joint, by the Bayesian information criterion (G. Schwarz,
 The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
@@ -24,6 +24,7 @@ from robot_dynamics.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -47,6 +48,12 @@ LEAST_NOISE = 0.005
 DELAYS = 0.01 * np.arange(-5, 31)
 """Candidate delays [s] of the effort."""
 LEAST_TILT = np.radians(3.0)
+UNITS = (10.0, 100.0, 1000.0)
+"""Candidate ratios of the recorded effort to N·m."""
+LARGEST_OFFSET = np.radians(20.0)
+"""Offset of an encoder [rad or m] up to which its effect counts as linear."""
+LARGEST_TRAVEL = 20.0
+"""Travel [rad] of a joint that may be in degrees."""
 _REGULARIZATION = 10.0
 _ANY_LOAD = 1e-3
 _WIDTHS = (0.01, 0.05, 0.2)
@@ -68,11 +75,12 @@ class Contradictions(NamedTuple):
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """Further columns of the regression, the delay [s] of the effort, and joints of wrong sign."""
+    """Further columns, delay [s] and unit of the effort, and joints of wrong sign."""
 
     columns: tuple[int, ...] = ()
     delay: float = 0.0
     flipped: frozenset[int] = frozenset()
+    unit: float = 1.0
 
     @property
     def least_gain(self) -> float:
@@ -80,25 +88,42 @@ class _Hypothesis:
 
     def __or__(self, other: '_Hypothesis') -> '_Hypothesis':
         return _Hypothesis(
-            self.columns + other.columns, self.delay + other.delay, self.flipped ^ other.flipped)
+            self.columns + other.columns, self.delay + other.delay, self.flipped ^ other.flipped,
+            self.unit * other.unit)
 
 
 def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions:
     """
     Return the delay of the effort, and the likely causes of a contradiction.
 
-    `motion` has the effort at the joints of `arm`, in its order.
+    `motion` has the effort at the joints of `arm`, in its order. Raises RecordingError if it is in
+    degrees.
     """
     test = _Test(arm, motion)
-    accepted, cost = _Hypothesis(), test.fit(_Hypothesis())[0]
+    accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis())[0], 0.0
+    _check_degrees(arm, motion, cost - test.freedom * LEAST_GAIN)
     for _ in range(_MOST_CAUSES if test.freedom else 0):
-        trials = [(test.fit(accepted | each)[0], test.freedom * each.least_gain, accepted | each)
+        # after a large cause, a small one may be an error of the large one
+        trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), accepted | each)
                   for each in test.hypotheses(accepted)]
-        least, gain, best = min(trials, key=lambda trial: trial[0] + trial[1])
-        if cost - least < gain:
+        least, gain, best = min(trials, key=lambda trial: trial[0] + test.freedom * trial[1])
+        if cost - least < test.freedom * gain:
             break
-        accepted, cost = best, least
+        accepted, cost, least_gain = best, least, gain
     return Contradictions(test.refined_delay(accepted), tuple(test.causes(accepted)))
+
+
+def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
+    """Raise RecordingError if the fit with positions as degrees has less than this cost."""
+    turns = np.array([kind != 'prismatic' for kind in arm.joint_kinds])
+    if not (np.ptp(motion.position, axis=0)[turns] > LARGEST_TRAVEL).any():
+        return
+    unit = np.where(turns, np.radians(1.0), 1.0)
+    if _Test(arm, replace(motion, **{name: unit * getattr(motion, name) for name in (
+            'position', 'velocity', 'acceleration')})).fit(_Hypothesis())[0] < cost:
+        raise RecordingError(
+            'positions and velocities in degrees: as degrees, they explain the effort. '
+            'Expected radians')
 
 
 def corrected(
@@ -186,6 +211,8 @@ class _Test:
                     if columns[0] not in accepted.columns)
         if not accepted.delay:
             yield from (_Hypothesis(delay=float(delay)) for delay in DELAYS if delay)
+        if accepted.unit == 1.0:
+            yield from (_Hypothesis(unit=unit) for unit in UNITS)
         if not accepted.flipped:
             yield _Hypothesis(flipped=frozenset(self.measured))
         yield from (_Hypothesis(flipped=frozenset([j])) for j in self.measured
@@ -209,7 +236,9 @@ class _Test:
         p, y = self._p, self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
         columns = np.array([*range(p), *hypothesis.columns, y])
         own = self._own
-        signs = {j: -1.0 if j in hypothesis.flipped else 1.0 for j in self.measured}
+        gains = {j: (-1.0 if j in hypothesis.flipped else 1.0) / hypothesis.unit
+                 for j in self.measured}
+        powers = {j: gain**2 * self._products[j][own + y, own + y] for j, gain in gains.items()}
         is_used = dict.fromkeys(self.measured, (True, True))
         variance = dict.fromkeys(self.measured, 0.01)  # relative to the power
         x = np.zeros(len(columns))
@@ -218,19 +247,19 @@ class _Test:
             H[:p, :p], H[:p, -1] = self._regularization, self._regularization @ self._prior
             for j in self.measured:
                 S = self._without_own(j, *is_used[j])[0][np.ix_(columns, columns)]
-                S[-1] *= signs[j]
-                S[:, -1] *= signs[j]
-                H += self._count / (variance[j] * self._products[j][own + y, own + y]) * S
+                S[-1] *= gains[j]
+                S[:, -1] *= gains[j]
+                H += self._count / (variance[j] * powers[j]) * S
             scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[:-1], 1e-300))
             x[:-1] = scale * np.linalg.solve(
                 scale[:, np.newaxis] * H[:-1, :-1] * scale + 1e-9 * np.eye(len(scale)),
                 scale * H[:-1, -1])
             for j in self.measured:
-                x[-1] = -signs[j]
+                x[-1] = -gains[j]
                 S, values = self._without_own(j, *is_used[j])
                 G = self._products[j]
-                found = max(float(x @ S[np.ix_(columns, columns)] @ x) / G[own + y, own + y],
-                            LEAST_NOISE**2)
+                found = max(
+                    float(x @ S[np.ix_(columns, columns)] @ x) / powers[j], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
                 sliding = joint[_SLIDING:] @ G[_SLIDING:own, _SLIDING] >= 0.0
                 now = (is_used[j][0] and joint[_ROTOR] >= 0.0, is_used[j][1] and bool(sliding))
@@ -243,6 +272,13 @@ class _Test:
             0.5 * self._count * np.log(list(variance.values())).sum()
             + 0.5 * error @ self._regularization @ error
             + 0.5 * len(hypothesis.columns) * np.log(max(self._count, 1.0))), x[p:-1]
+
+    def cost(self, hypothesis: _Hypothesis) -> float:
+        """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""
+        cost, values = self.fit(hypothesis)
+        first = self.gravity + 3
+        is_offset = [first <= k < first + self.arm.joint_count for k in hypothesis.columns]
+        return np.inf if (np.abs(values[is_offset]) > LARGEST_OFFSET).any() else cost
 
     def refined_delay(self, accepted: _Hypothesis) -> float:
         """Return the minimum of the parabola through the costs of three delays."""
@@ -258,6 +294,9 @@ class _Test:
         """Yield a sentence per accepted cause."""
         names, first = self.arm.joint_names, self.gravity
         found = dict(zip(accepted.columns, self.fit(accepted)[1].tolist()))
+        if accepted.unit != 1.0:
+            yield ('the effort is far larger than that of the URDF: effort in mA or in another unit '
+                   'than N·m (`identify --effort current`, or `effort.scale`)')
         if accepted.flipped:
             listed = 'all joints' if accepted.flipped == set(self.measured) else ', '.join(
                 names[j] for j in sorted(accepted.flipped))
