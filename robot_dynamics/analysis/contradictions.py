@@ -6,8 +6,8 @@ Likely causes why a recording contradicts the URDF of its arm.
 
 The measured effort is regressed on the bodies, whose masses are those of the URDF with an error of
 about a third, the last one with any load, and on rotors and friction. Each hypothesis changes this
-regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an encoder, or a
-load from some time on. The one with the largest likelihood is accepted if it is likelier by
+regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an encoder,
+or a load from some time on. The one with the largest likelihood is accepted if it is likelier by
 LEAST_GAIN per independent sample and joint, by the Bayesian information criterion (G. Schwarz,
 The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
 motion and negative rotors are left out, so that they cannot explain a wrong sign.
@@ -48,6 +48,8 @@ LEAST_NOISE = 0.005
 DELAYS = 0.01 * np.arange(-5, 31)
 """Candidate delays [s] of the effort."""
 LEAST_TILT = np.radians(3.0)
+LEAST_GRAVITY = 0.5
+"""Size of gravity, by that of the URDF, below which the effort lacks it; a tilt keeps it."""
 UNITS = (10.0, 100.0, 1000.0)
 """Candidate ratios of the recorded effort to N·m."""
 LARGEST_OFFSET = np.radians(20.0)
@@ -311,7 +313,7 @@ class _Test:
                 if self.arm.joint_kinds[j] != 'prismatic':
                     value, unit = float(np.degrees(value)), '°'
                 yield (f'the position of {name} is {value:+.2g} {unit} too large: offset of the '
-                       'encoder, or masses of the URDF')
+                       'encoder, or masses of the URDF' + (', or a tilted base' if j == 0 else ''))
         for k, time in enumerate(self.times.tolist()):
             place = first + 3 + len(names) + _LOAD * k
             if place in found:
@@ -322,7 +324,7 @@ class _Test:
 def _of_gravity(g: FloatArray, found: FloatArray) -> str:
     """Return the cause if gravity `found` (3,) fits better than that of the model, g (3,)."""
     size = float(np.linalg.norm(found) / np.linalg.norm(g))
-    if size < 0.3:
+    if size < LEAST_GRAVITY:
         return ('the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or '
                 'the robot compensates it')
     angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))
