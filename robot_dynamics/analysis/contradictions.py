@@ -6,10 +6,10 @@ Likely causes why a recording contradicts the URDF of its arm.
 
 The measured effort is regressed on the bodies, whose masses are those of the URDF with an error of
 about a third, the last one with any load, and on rotors and friction. Each hypothesis changes this
-regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an encoder,
-or a load from some time on. The one with the largest likelihood is accepted if it is likelier by
-LEAST_GAIN per independent sample and joint, by the Bayesian information criterion (G. Schwarz,
-The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
+regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an
+encoder, or a load from some time on. The one with the largest likelihood is accepted if it is
+likelier by LEAST_GAIN per independent sample and joint, by the Bayesian information criterion
+(G. Schwarz, The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
 motion and negative rotors are left out, so that they cannot explain a wrong sign.
 """
 
@@ -51,7 +51,8 @@ LEAST_TILT = np.radians(3.0)
 LEAST_GRAVITY = 0.5
 """Size of gravity, by that of the URDF, below which the effort lacks it; a tilt keeps it."""
 UNITS = (10.0, 100.0, 1000.0)
-"""Candidate ratios of the recorded effort to N·m."""
+LEAST_OF_UNIT = 3.0
+"""Candidate ratios of the recorded effort to N·m, at most this times that to the URDF's effort."""
 LARGEST_OFFSET = np.radians(20.0)
 """Offset of an encoder [rad or m] up to which its effect counts as linear."""
 LARGEST_TRAVEL = 20.0
@@ -200,6 +201,12 @@ class _Test:
                 _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
         power = self._products.diagonal(axis1=1, axis2=2)[:, -len(DELAYS):]
         self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()
+        described = np.einsum(
+            'a,jab,b->j', self._prior, self._products[:, own.shape[2]:, own.shape[2]:][
+                :, :self._p, :self._p], self._prior)
+        strongest = int(np.argmax(described))
+        self._ratio = float(np.sqrt(
+            power[strongest].max() / max(float(described[strongest]), 1e-300)))
         self._count = min(count, len(rows))
         self.freedom = self._count * len(self.measured)
         self._reduced: dict[tuple[int, bool, bool], tuple[FloatArray, FloatArray]] = {}
@@ -214,7 +221,8 @@ class _Test:
         if not accepted.delay:
             yield from (_Hypothesis(delay=float(delay)) for delay in DELAYS if delay)
         if accepted.unit == 1.0:
-            yield from (_Hypothesis(unit=unit) for unit in UNITS)
+            yield from (
+                _Hypothesis(unit=unit) for unit in UNITS if unit < LEAST_OF_UNIT * self._ratio)
         if not accepted.flipped:
             yield _Hypothesis(flipped=frozenset(self.measured))
         yield from (_Hypothesis(flipped=frozenset([j])) for j in self.measured
@@ -297,8 +305,8 @@ class _Test:
         names, first = self.arm.joint_names, self.gravity
         found = dict(zip(accepted.columns, self.fit(accepted)[1].tolist()))
         if accepted.unit != 1.0:
-            yield ('the effort is far larger than that of the URDF: effort in mA or in another unit '
-                   'than N·m (`identify --effort current`, or `effort.scale`)')
+            yield ('the effort is far larger than that of the URDF: effort in mA or in another '
+                   'unit than N·m (`identify --effort current`, or `effort.scale`)')
         if accepted.flipped:
             listed = 'all joints' if accepted.flipped == set(self.measured) else ', '.join(
                 names[j] for j in sorted(accepted.flipped))
