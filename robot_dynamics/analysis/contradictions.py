@@ -9,8 +9,8 @@ about a third, the last one with any load, and on rotors and friction. Each hypo
 regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an
 encoder, or a load from some time on. The one with the largest likelihood is accepted if it is
 likelier by LEAST_GAIN per independent sample and joint, by the Bayesian information criterion
-(G. Schwarz, The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
-motion and negative rotors are left out, so that they cannot explain a wrong sign.
+(G. Schwarz, The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that
+drives the motion and negative rotors are left out, so that they cannot explain a wrong sign.
 """
 
 from collections.abc import Iterator
@@ -321,7 +321,7 @@ class _Test:
                 if self.arm.joint_kinds[j] != 'prismatic':
                     value, unit = float(np.degrees(value)), '°'
                 yield (f'the position of {name} is {value:+.2g} {unit} too large: offset of the '
-                       'encoder, or masses of the URDF' + (', or a tilted base' if j == 0 else ''))
+                       'encoder, masses of the URDF, or a tilted base')
         for k, time in enumerate(self.times.tolist()):
             place = first + 3 + len(names) + _LOAD * k
             if place in found:

@@ -150,7 +150,7 @@ def test_a_tilted_base_of_a_planar_arm_is_no_other_unit(seed):
     assert not any('mA' in cause for cause in causes)
 
 
-def test_an_offset_of_the_first_joint_may_be_a_tilted_base():
+def test_an_offset_of_an_encoder_may_be_a_tilted_base():
     (cause,) = planar_causes(1, tilted=True)
     assert 'position of joint1' in cause
     assert 'or a tilted base' in cause
