@@ -61,6 +61,13 @@ class ReadRecording:
     losses: tuple[str, ...]
     remarks: tuple[str, ...]
 
+    def check_effort(self) -> None:
+        """Raise RecordingError without effort, with the joints whose effort is not finite."""
+        if self.series.effort is None:
+            raise RecordingError('; '.join((
+                'the recording has no effort, expected the measured effort',
+                *(f'no finite number: {each}' for each in self.series.faults.never_finite))))
+
 
 def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     """

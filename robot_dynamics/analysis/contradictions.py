@@ -6,11 +6,11 @@ Likely causes why a recording contradicts the URDF of its arm.
 
 The measured effort is regressed on the bodies, whose masses are those of the URDF with an error of
 about a third, the last one with any load, and on rotors and friction. Each hypothesis changes this
-regression: a delay of the effort, a sign, another vector of gravity, an offset of an encoder, or a
-load from some time on. The one with the largest likelihood is accepted if it is likelier by
-LEAST_GAIN per independent sample and joint, by the Bayesian information criterion (G. Schwarz,
-The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that drives the
-motion and negative rotors are left out, so that they cannot explain a wrong sign.
+regression: a delay, sign or unit of the effort, another vector of gravity, an offset of an
+encoder, or a load from some time on. The one with the largest likelihood is accepted if it is
+likelier by LEAST_GAIN per independent sample and joint, by the Bayesian information criterion
+(G. Schwarz, The Annals of Statistics 6(2), 1978); then the others are tried with it. Friction that
+drives the motion and negative rotors are left out, so that they cannot explain a wrong sign.
 """
 
 from collections.abc import Iterator
@@ -24,6 +24,7 @@ from robot_dynamics.analysis.motion_filter import (
     samples_per_independent_sample,
 )
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -47,6 +48,15 @@ LEAST_NOISE = 0.005
 DELAYS = 0.01 * np.arange(-5, 31)
 """Candidate delays [s] of the effort."""
 LEAST_TILT = np.radians(3.0)
+LEAST_GRAVITY = 0.5
+"""Size of gravity, by that of the URDF, below which the effort lacks it; a tilt keeps it."""
+UNITS = (10.0, 100.0, 1000.0)
+LEAST_OF_UNIT = 3.0
+"""Candidate ratios of the recorded effort to N·m, at most this times that to the URDF's effort."""
+LARGEST_OFFSET = np.radians(20.0)
+"""Offset of an encoder [rad or m] up to which its effect counts as linear."""
+LARGEST_TRAVEL = 20.0
+"""Travel [rad] of a joint that may be in degrees."""
 _REGULARIZATION = 10.0
 _ANY_LOAD = 1e-3
 _WIDTHS = (0.01, 0.05, 0.2)
@@ -68,11 +78,12 @@ class Contradictions(NamedTuple):
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """Further columns of the regression, the delay [s] of the effort, and joints of wrong sign."""
+    """Further columns, delay [s] and unit of the effort, and joints of wrong sign."""
 
     columns: tuple[int, ...] = ()
     delay: float = 0.0
     flipped: frozenset[int] = frozenset()
+    unit: float = 1.0
 
     @property
     def least_gain(self) -> float:
@@ -80,25 +91,42 @@ class _Hypothesis:
 
     def __or__(self, other: '_Hypothesis') -> '_Hypothesis':
         return _Hypothesis(
-            self.columns + other.columns, self.delay + other.delay, self.flipped ^ other.flipped)
+            self.columns + other.columns, self.delay + other.delay, self.flipped ^ other.flipped,
+            self.unit * other.unit)
 
 
 def find_contradictions(arm: ArmModel, motion: FilteredMotion) -> Contradictions:
     """
     Return the delay of the effort, and the likely causes of a contradiction.
 
-    `motion` has the effort at the joints of `arm`, in its order.
+    `motion` has the effort at the joints of `arm`, in its order. Raises RecordingError if it is in
+    degrees.
     """
     test = _Test(arm, motion)
-    accepted, cost = _Hypothesis(), test.fit(_Hypothesis())[0]
+    accepted, cost, least_gain = _Hypothesis(), test.fit(_Hypothesis())[0], 0.0
+    _check_degrees(arm, motion, cost - test.freedom * LEAST_GAIN)
     for _ in range(_MOST_CAUSES if test.freedom else 0):
-        trials = [(test.fit(accepted | each)[0], test.freedom * each.least_gain, accepted | each)
+        # after a large cause, a small one may be an error of the large one
+        trials = [(test.cost(accepted | each), max(least_gain, each.least_gain), accepted | each)
                   for each in test.hypotheses(accepted)]
-        least, gain, best = min(trials, key=lambda trial: trial[0] + trial[1])
-        if cost - least < gain:
+        least, gain, best = min(trials, key=lambda trial: trial[0] + test.freedom * trial[1])
+        if cost - least < test.freedom * gain:
             break
-        accepted, cost = best, least
+        accepted, cost, least_gain = best, least, gain
     return Contradictions(test.refined_delay(accepted), tuple(test.causes(accepted)))
+
+
+def _check_degrees(arm: ArmModel, motion: FilteredMotion, cost: float) -> None:
+    """Raise RecordingError if the fit with positions as degrees has less than this cost."""
+    turns = np.array([kind != 'prismatic' for kind in arm.joint_kinds])
+    if not (np.ptp(motion.position, axis=0)[turns] > LARGEST_TRAVEL).any():
+        return
+    unit = np.where(turns, np.radians(1.0), 1.0)
+    if _Test(arm, replace(motion, **{name: unit * getattr(motion, name) for name in (
+            'position', 'velocity', 'acceleration')})).fit(_Hypothesis())[0] < cost:
+        raise RecordingError(
+            'positions and velocities in degrees: as degrees, they explain the effort. '
+            'Expected radians')
 
 
 def corrected(
@@ -173,6 +201,12 @@ class _Test:
                 _ANY_LOAD if i == len(roots) - 1 else _REGULARIZATION)
         power = self._products.diagonal(axis1=1, axis2=2)[:, -len(DELAYS):]
         self.measured = np.flatnonzero(power.min(axis=1) > 0.0).tolist()
+        described = np.einsum(
+            'a,jab,b->j', self._prior, self._products[:, own.shape[2]:, own.shape[2]:][
+                :, :self._p, :self._p], self._prior)
+        strongest = int(np.argmax(described))
+        self._ratio = float(np.sqrt(
+            power[strongest].max() / max(float(described[strongest]), 1e-300)))
         self._count = min(count, len(rows))
         self.freedom = self._count * len(self.measured)
         self._reduced: dict[tuple[int, bool, bool], tuple[FloatArray, FloatArray]] = {}
@@ -186,6 +220,9 @@ class _Test:
                     if columns[0] not in accepted.columns)
         if not accepted.delay:
             yield from (_Hypothesis(delay=float(delay)) for delay in DELAYS if delay)
+        if accepted.unit == 1.0:
+            yield from (
+                _Hypothesis(unit=unit) for unit in UNITS if unit < LEAST_OF_UNIT * self._ratio)
         if not accepted.flipped:
             yield _Hypothesis(flipped=frozenset(self.measured))
         yield from (_Hypothesis(flipped=frozenset([j])) for j in self.measured
@@ -209,7 +246,9 @@ class _Test:
         p, y = self._p, self.effort + int(np.argmin(np.abs(DELAYS - hypothesis.delay)))
         columns = np.array([*range(p), *hypothesis.columns, y])
         own = self._own
-        signs = {j: -1.0 if j in hypothesis.flipped else 1.0 for j in self.measured}
+        gains = {j: (-1.0 if j in hypothesis.flipped else 1.0) / hypothesis.unit
+                 for j in self.measured}
+        powers = {j: gain**2 * self._products[j][own + y, own + y] for j, gain in gains.items()}
         is_used = dict.fromkeys(self.measured, (True, True))
         variance = dict.fromkeys(self.measured, 0.01)  # relative to the power
         x = np.zeros(len(columns))
@@ -218,19 +257,19 @@ class _Test:
             H[:p, :p], H[:p, -1] = self._regularization, self._regularization @ self._prior
             for j in self.measured:
                 S = self._without_own(j, *is_used[j])[0][np.ix_(columns, columns)]
-                S[-1] *= signs[j]
-                S[:, -1] *= signs[j]
-                H += self._count / (variance[j] * self._products[j][own + y, own + y]) * S
+                S[-1] *= gains[j]
+                S[:, -1] *= gains[j]
+                H += self._count / (variance[j] * powers[j]) * S
             scale = 1.0 / np.sqrt(np.maximum(np.diag(H)[:-1], 1e-300))
             x[:-1] = scale * np.linalg.solve(
                 scale[:, np.newaxis] * H[:-1, :-1] * scale + 1e-9 * np.eye(len(scale)),
                 scale * H[:-1, -1])
             for j in self.measured:
-                x[-1] = -signs[j]
+                x[-1] = -gains[j]
                 S, values = self._without_own(j, *is_used[j])
                 G = self._products[j]
-                found = max(float(x @ S[np.ix_(columns, columns)] @ x) / G[own + y, own + y],
-                            LEAST_NOISE**2)
+                found = max(
+                    float(x @ S[np.ix_(columns, columns)] @ x) / powers[j], LEAST_NOISE**2)
                 joint = -values[:, columns] @ x
                 sliding = joint[_SLIDING:] @ G[_SLIDING:own, _SLIDING] >= 0.0
                 now = (is_used[j][0] and joint[_ROTOR] >= 0.0, is_used[j][1] and bool(sliding))
@@ -243,6 +282,13 @@ class _Test:
             0.5 * self._count * np.log(list(variance.values())).sum()
             + 0.5 * error @ self._regularization @ error
             + 0.5 * len(hypothesis.columns) * np.log(max(self._count, 1.0))), x[p:-1]
+
+    def cost(self, hypothesis: _Hypothesis) -> float:
+        """Return the cost of `fit`, ∞ if an offset of an encoder is implausibly large."""
+        cost, values = self.fit(hypothesis)
+        first = self.gravity + 3
+        is_offset = [first <= k < first + self.arm.joint_count for k in hypothesis.columns]
+        return np.inf if (np.abs(values[is_offset]) > LARGEST_OFFSET).any() else cost
 
     def refined_delay(self, accepted: _Hypothesis) -> float:
         """Return the minimum of the parabola through the costs of three delays."""
@@ -258,6 +304,9 @@ class _Test:
         """Yield a sentence per accepted cause."""
         names, first = self.arm.joint_names, self.gravity
         found = dict(zip(accepted.columns, self.fit(accepted)[1].tolist()))
+        if accepted.unit != 1.0:
+            yield ('the effort is far larger than that of the URDF: effort in mA or in another '
+                   'unit than N·m (`identify --effort current`, or `effort.scale`)')
         if accepted.flipped:
             listed = 'all joints' if accepted.flipped == set(self.measured) else ', '.join(
                 names[j] for j in sorted(accepted.flipped))
@@ -272,7 +321,7 @@ class _Test:
                 if self.arm.joint_kinds[j] != 'prismatic':
                     value, unit = float(np.degrees(value)), '°'
                 yield (f'the position of {name} is {value:+.2g} {unit} too large: offset of the '
-                       'encoder, or masses of the URDF')
+                       'encoder, masses of the URDF, or a tilted base')
         for k, time in enumerate(self.times.tolist()):
             place = first + 3 + len(names) + _LOAD * k
             if place in found:
@@ -283,7 +332,7 @@ class _Test:
 def _of_gravity(g: FloatArray, found: FloatArray) -> str:
     """Return the cause if gravity `found` (3,) fits better than that of the model, g (3,)."""
     size = float(np.linalg.norm(found) / np.linalg.norm(g))
-    if size < 0.3:
+    if size < LEAST_GRAVITY:
         return ('the effort lacks gravity (`measured_effort: joint_torque_without_gravity`), or '
                 'the robot compensates it')
     angle = float(np.arccos(np.clip(found @ g / np.linalg.norm(g)**2 / size, -1.0, 1.0)))

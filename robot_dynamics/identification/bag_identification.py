@@ -80,10 +80,7 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotio
             LEAST_TRAVEL * scales_of(arm.joint_kinds))).all():
         raise RecordingError(
             f'the recording is at rest: no joint moves by {LEAST_TRAVEL:g} rad, expected a motion')
-    if read.series.effort is None:
-        raise RecordingError('; '.join((
-            'the recording has no effort, expected the measured effort',
-            *(f'no finite number: {each}' for each in read.series.faults.never_finite))))
+    read.check_effort()
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks

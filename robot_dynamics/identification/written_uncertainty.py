@@ -13,7 +13,8 @@ determine have the deviations of the noise; the others have those of such a URDF
 The noise is calibrated so that the interval ± 2 σ of covariance, friction and noise contains
 COVERAGE of the recorded samples of each joint, above and below its median speed (split conformal
 prediction: J. Lei et al., J. American Statistical Association 113(523), 2018). It is not an
-assumed distribution: the errors of friction are not normal.
+assumed distribution: the errors of friction are not normal. Samples for training count without the
+covariance, because the fit to them has not its error.
 
 The bodies and rotors are represented by their base parameters for any direction of gravity, so
 that the covariance is also valid for an arm with another mounting.
@@ -29,6 +30,7 @@ from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import base_parameters_of, Identification, prior_of
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import bounded_problem, own_variables
+from robot_dynamics.identification.steps import EffortSeries
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.regressor import random_states
@@ -82,14 +84,22 @@ def recorded_deviations(
     deviation = _model_deviation(identification)
     shown = [recording.shown for recording in identification.recordings]
     variance = np.concatenate([
-        0.25 * (each.measured - each.single)**2 - (deviation.errors(
-            each.position, each.velocity, each.acceleration)**2).sum(axis=2) for each in shown])
+        0.25 * (each.measured - each.single)**2 - _covariance_in_residual(deviation, each)
+        for each in shown])
     speed = np.abs(np.concatenate([each.velocity for each in shown]))
     middle = np.median(speed, axis=0)
     slow, fast = (np.sqrt(np.maximum([
         np.quantile(own[rows], COVERAGE) for own, rows in zip(variance.T, is_part.T)], 0.0))
         for is_part in (speed <= middle, speed >= middle))
     return fast, slow, middle, speed.max(axis=0)
+
+
+def _covariance_in_residual(deviation: EffortDeviation, series: EffortSeries) -> FloatArray:
+    """Return the variance (m, n) by the covariance, 0 at samples for training, which lack it."""
+    is_test = series.times >= series.test_from
+    variance = (deviation.errors(
+        series.position, series.velocity, series.acceleration)**2).sum(axis=2)
+    return np.asarray(np.where(is_test[:, np.newaxis], variance, 0.0))
 
 
 def _model_deviation(identification: Identification) -> EffortDeviation:

@@ -86,6 +86,7 @@ def _read(
 ) -> tuple[ArmModel, FilteredMotion, tuple[str, ...]]:
     """Return the arm, the filtered motion with joint effort, and remarks."""
     read = read_for_arm(bag, settings)
+    read.check_effort()
     motion = filter_motion_below(read.series, CUTOFF) if settings.cutoff_hz is None else (
         filter_motion(read.series, settings.cutoff_hz))
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)

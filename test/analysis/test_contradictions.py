@@ -24,6 +24,7 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.bag_identification import IdentificationSettings, read_motion
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
+from robot_dynamics.payload_estimation.recordings import estimate_from_bags
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import JOINTS, robot_urdf
 
@@ -116,6 +117,71 @@ def test_the_offset_of_an_encoder_of_a_light_arm_is_named(seed):
     assert 'shoulder_lift_joint is +' in causes[0]
 
 
+def test_a_tilt_is_not_also_an_offset_of_an_encoder():
+    arm = load_arm(robot_urdf('talos_left_arm'))
+    states = fourier_motion(arm, 100.0, 20.0, 1)
+    limit = np.where(arm.limits.effort > 0.0, arm.limits.effort, 50.0)
+    tilted = changed_arm(arm, 0.25, 1).with_gravity((-3.83, 0.0, -9.03))
+    effort = rigid_effort(tilted, states, 0.005 * limit) + limit * (
+        0.02 * np.tanh(states.v / 0.03) + 0.01 * states.v)
+    noise = 0.004 * limit * np.random.default_rng(1).normal(size=effort.shape)
+    motion = filter_motion(series_of(arm, states, effort + noise))
+    (cause,) = find_contradictions(arm, motion).causes
+    assert 'base is tilted by 2' in cause
+
+
+def planar_causes(seed, tilted, has_gravity=True):
+    """Return the causes for the default arm, whose masses differ from the URDF by 25 %."""
+    arm = load_arm(default_arm_urdf())
+    states, true = fourier_motion(arm, 100.0, 20.0, seed), changed_arm(arm, 0.25, seed)
+    if tilted:
+        true = true.with_gravity((-3.35, 0.0, -9.22))
+    limit = arm.limits.effort
+    effort = rigid_effort(true, states, 0.005 * limit) + 0.02 * limit * np.tanh(states.v / 0.03)
+    if not has_gravity:
+        effort -= rigid_effort(true, states._replace(v=0.0 * states.v, a=0.0 * states.a))
+    noise = 0.004 * limit * np.random.default_rng(seed).normal(size=effort.shape)
+    return find_contradictions(arm, filter_motion(series_of(arm, states, effort + noise))).causes
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_a_tilted_base_of_a_planar_arm_is_no_other_unit(seed):
+    causes = planar_causes(seed, tilted=True)
+    assert not any('mA' in cause for cause in causes)
+
+
+def test_an_offset_of_an_encoder_may_be_a_tilted_base():
+    (cause,) = planar_causes(1, tilted=True)
+    assert 'position of joint1' in cause
+    assert 'or a tilted base' in cause
+
+
+def test_a_third_of_gravity_is_none():
+    (cause,) = planar_causes(1, tilted=False, has_gravity=False)
+    assert 'lacks gravity' in cause
+
+
+@pytest.mark.parametrize('unit', [60.0, 1000.0])
+def test_another_unit_of_the_effort_is_named(unit):
+    constants = unit * np.random.default_rng(0).uniform(0.7, 1.4, 6)
+    motion = filter_motion(series_of(ARM, STATES, constants * (effort_of() + NOISE)))
+    (cause,) = find_contradictions(ARM, motion).causes
+    assert 'effort in mA' in cause
+
+
+def test_positions_and_velocities_in_degrees_contradict_the_effort_of_joints_without_limits():
+    arm = load_arm(default_arm_urdf())
+    states = fourier_motion(arm, 100.0, 20.0)
+    effort = rigid_effort(arm, states) + 2.0 * np.tanh(states.v / 0.03)
+    in_degrees = states._replace(q=np.degrees(states.q), v=np.degrees(states.v))
+    with pytest.raises(RecordingError, match='positions and velocities in degrees'):
+        find_contradictions(arm, filter_motion(series_of(arm, in_degrees, effort)))
+    many_turns = states._replace(q=20.0 * states.q, v=20.0 * states.v, a=20.0 * states.a)
+    effort = rigid_effort(arm, many_turns) + 2.0 * np.tanh(many_turns.v / 0.03)
+    assert find_contradictions(
+        arm, filter_motion(series_of(arm, many_turns, effort))) == (0.0, ())
+
+
 @pytest.mark.parametrize('seconds', [0.05, 0.2])
 def test_a_delay_is_found_and_removed(seconds):
     motion = filtered(late(seconds))
@@ -146,7 +212,7 @@ def test_the_recording_of_a_real_arm_has_no_cause():
     assert find_contradictions(read.arm, filter_motion(read.series)) == (0.0, ())
 
 
-def test_identification_names_rest_and_a_joint_without_effort(tmp_path):
+def test_rest_and_a_joint_without_effort_are_named(tmp_path):
     settings = IdentificationSettings(SETTINGS, 0.6)
     still = recorded(tmp_path / 'still', q=0.0 * MOTION.q, v=0.0 * MOTION.v)
     with pytest.raises(RecordingError, match='is at rest'):
@@ -155,3 +221,5 @@ def test_identification_names_rest_and_a_joint_without_effort(tmp_path):
     tau[:, 4] = np.nan
     with pytest.raises(RecordingError, match='no finite number: effort of wrist_2_joint'):
         read_motion(recorded(tmp_path / 'nan', tau=tau), settings)
+    with pytest.raises(RecordingError, match='no finite number: effort of wrist_2_joint'):
+        estimate_from_bags([tmp_path / 'nan'], 'tool0', SETTINGS)
