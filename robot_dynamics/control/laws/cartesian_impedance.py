@@ -145,8 +145,8 @@ class CartesianImpedance(ModalImpedance):
         Return the effort (n,) that brakes joints before their limits of position and velocity.
 
         With D it is critically damped at Ω_c. It acts on these joints only, as a stop does: an
-        effort at other joints would keep their springs from returning them. A reference beyond the margin, or faster, is no
-        limit of its joint: the arm follows it undisturbed.
+        effort at other joints would keep their springs from returning them. A reference beyond
+        the margin, or faster, is no limit of its joint: the arm follows it undisturbed.
         """
         assert state.v is not None
         rate, v, fastest = 0.5 * self.largest_frequency, state.v, self._fastest
