@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from robot_dynamics.control.laws.cartesian import make_cartesian
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance, LEAST_FREQUENCY
+from robot_dynamics.control.laws.control_law import LawInput
 from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
@@ -112,6 +113,24 @@ def test_a_step_overshoots_by_at_most_5_percent(
         way = one.step(axis, 0.05 if axis < 3 else 0.3, 1.5)
         assert way.max() <= 1.05
         assert way[-1] == pytest.approx(1.0, abs=0.06)
+
+
+@arms
+@settings(max_examples=50, deadline=None)
+@seeds
+def test_a_joint_before_its_limit_is_braked_by_its_own_effort(robot: str, seed: int) -> None:
+    """An effort at other joints would keep them away from their reference."""
+    arm = rotored(smooth_arm(robot))
+    law, rng, q = law_of(arm), np.random.default_rng(seed), random_pose(arm, seed)
+    j = rng.choice(np.flatnonzero(np.isfinite(arm.limits.upper)))
+    q[j] = arm.limits.upper[j] - 0.01
+    v = 0.2 * np.eye(len(q))[j]
+    dynamics = UncheckedArmDynamics(arm)
+    law._K, law._D = law.gains(dynamics, q)
+    state = LawInput(dynamics, 0, q, v, q, None, law._reference)
+    brake = law.damper(state, 0.0 * q, -v, 0.0 * q) + law._D @ v
+    assert brake[j] < 0.0
+    assert np.delete(brake, j) == pytest.approx(0.0, abs=1e-9)
 
 
 def largest_rise(energy: np.ndarray) -> float:
