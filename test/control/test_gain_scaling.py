@@ -208,6 +208,16 @@ def test_only_a_state_that_follows_another_one_has_a_period() -> None:
     assert 'measured velocities' in str(one)
 
 
+@given(st.floats(FAST, 0.1))
+def test_gains_before_the_rate_is_known_are_at_most_those_of_that_rate(period: float) -> None:
+    """Else noise of the first slow states moves the arm as with the gains of fast ones."""
+    one = stable(decoupled())
+    first = one.scale
+    follow(one, 0.0, Q, V)
+    follow(one, period, Q, V)
+    assert (first <= one.scale).all()
+
+
 def test_pauses_in_a_row_are_the_period_up_to_a_second() -> None:
     one = stable(decoupled())
     for dt, period in ((0.0, 0.0), (FAST, FAST), (0.7, FAST), (0.8, 0.8), (0.9, 0.9), (3.0, 1.0)):

@@ -50,6 +50,8 @@ LEAST = 0.05
 """Smallest fraction s for noise; with noise that requires less, the loop is no longer stable."""
 UNKNOWN = 0.5
 """Factor of s that is used until the quality of the states is known."""
+FIRST_PERIOD = 0.1
+"""Period of the states [s] that is assumed until two states are known."""
 _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
 """Weights of a new state in the estimates: if every state is used, and if only few are."""
 _TURN, _FEW = 16, 6
@@ -283,7 +285,7 @@ class StableGains:
             self.scale, self.least, self.reference_scale = np.ones_like(self.scale), 1.0, 1.0
             return False
         of_noise = self._scale_of_noise(gains)
-        full = self._scaled(gains, self.period, of_noise)
+        full = self._scaled(gains, self.period or FIRST_PERIOD, of_noise)
         scale = full if self.is_known else UNKNOWN * full
         least = float(scale.min(initial=1.0))
         usual = np.minimum(gains.frequency, USUAL_FREQUENCY)
