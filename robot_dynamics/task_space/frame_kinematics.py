@@ -43,11 +43,6 @@ def rotation_vector(R: FloatArray) -> FloatArray:
     return np.asarray(pin.log3(R))
 
 
-def rotation_matrix(vector: FloatArray) -> FloatArray:
-    """Return the rotation (3, 3) about an axis by its length (3,) [rad]."""
-    return np.asarray(pin.exp3(vector))
-
-
 def last_link(arm: ArmModel) -> str:
     """Return the last of the links that the largest number of joints moves."""
     q = np.zeros(arm.joint_count)

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
@@ -17,7 +18,7 @@ from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.task_space.frame_kinematics import rotation_matrix, rotation_vector
+from robot_dynamics.task_space.frame_kinematics import rotation_vector
 from robot_dynamics.task_space.inverse_kinematics import joints_at
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -123,7 +124,7 @@ class CartesianArm:
         p, R = self.kinematics.pose(self.q)
         d = np.zeros(6)
         d[axis] = size
-        self.follow(p + d[:3], rotation_matrix(d[3:]) @ R)
+        self.follow(p + d[:3], pin.exp3(d[3:]) @ R)
         way = []
         for q, _ in self.run(seconds):
             p_now, R_now = self.kinematics.pose(q)
