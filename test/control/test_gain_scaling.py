@@ -14,6 +14,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import (
     CROSSOVER,
     DELAY_LAG,
+    FIRST_PERIOD,
     LESS,
     LOOP_DELAY,
     loop_gains,
@@ -208,7 +209,7 @@ def test_only_a_state_that_follows_another_one_has_a_period() -> None:
     assert 'measured velocities' in str(one)
 
 
-@given(st.floats(FAST, 0.1))
+@given(st.floats(FAST, FIRST_PERIOD))
 def test_gains_before_the_rate_is_known_are_at_most_those_of_that_rate(period: float) -> None:
     """Else noise of the first slow states moves the arm as with the gains of fast ones."""
     one = stable(decoupled())

@@ -50,7 +50,7 @@ LEAST = 0.05
 """Smallest fraction s for noise; with noise that requires less, the loop is no longer stable."""
 UNKNOWN = 0.5
 """Factor of s that is used until the quality of the states is known."""
-FIRST_PERIOD = 0.1
+FIRST_PERIOD = 0.035
 """Period of the states [s] that is assumed until two states are known."""
 _FORGETTING, _SPARSE_FORGETTING = 0.02, 0.1
 """Weights of a new state in the estimates: if every state is used, and if only few are."""
