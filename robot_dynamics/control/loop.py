@@ -214,7 +214,9 @@ class ControlLoop:
                 return str(fault)
             if mode is Mode.BRAKING:
                 return 'the arm is being stopped, because the command ends'
-            return 'the command is being ramped to zero' if mode is Mode.STOPPING else ''
+            if mode is Mode.STOPPING:
+                return 'the command is being ramped to zero'
+            return '' if supervisor.recurring is None else str(supervisor.recurring)
 
     def stop(self) -> str:
         """Stop the arm and hold its position; return a report."""
