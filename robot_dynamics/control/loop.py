@@ -392,6 +392,8 @@ class ControlLoop:
         supervisor, controller = self.supervisor, self.controller
         if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
             self._fault_count = supervisor.fault_count
+            if controller.trajectory is not None:
+                supervisor.end_reference(self._steady)
             self.goals.fail(supervisor.fault, self.signals.frozen is not None)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:

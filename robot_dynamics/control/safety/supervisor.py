@@ -131,7 +131,7 @@ class CommandSupervisor:
         self.recurring: Fault | None = None
         """The fault of the motion that has recurred, until `reset`."""
         self._recent = deque[float](maxlen=RECURRENCES)
-        """Times [s] of the last faults of the motion."""
+        """Times [s] of the last faults of the motion that have ended a reference."""
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
@@ -187,6 +187,8 @@ class CommandSupervisor:
         """
         fault, recurring = self.fault, self.recurring
         if recurring is not None and not self.is_latched:
+            if fault is recurring:
+                self.fault = replace(recurring, recurs=False)
             self.recurring = None
             self._recent.clear()
             return True, f'reset {recurring.name}: {recurring.message}'
@@ -216,18 +218,19 @@ class CommandSupervisor:
             self._begin(Mode.FAULT, now)
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
-            self.fault, self.fault_count = self._recurring(now, fault), self.fault_count + 1
+            self.fault, self.fault_count = fault, self.fault_count + 1
 
-    def _recurring(self, now: float, fault: Fault) -> Fault:
-        """Return a fault; that of the motion with `recurs` if it was the last of many."""
-        if fault.name not in (FOLLOWING_ERROR, OVERSPEED) or self.recurring is not None:
-            return fault
+    def end_reference(self, now: float) -> None:
+        """Let references wait for `reset` if this fault of the motion was the last of many."""
+        fault = self.fault
+        if fault is None or self.recurring is not None or (
+                fault.name not in (FOLLOWING_ERROR, OVERSPEED)):
+            return
         self._recent.append(now)
-        if len(self._recent) < RECURRENCES or now - self._recent[0] > RECURRENCE_TIME:
-            return fault
-        self.recurring = replace(fault, recurs=True, message=(
-            f'{fault.message}; {RECURRENCES} faults of the motion within {RECURRENCE_TIME:g} s'))
-        return self.recurring
+        if len(self._recent) == RECURRENCES and now - self._recent[0] <= RECURRENCE_TIME:
+            self.fault = self.recurring = replace(fault, recurs=True, message=(
+                f'{fault.message}; {RECURRENCES} faults of the motion within '
+                f'{RECURRENCE_TIME:g} s'))
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
