@@ -359,14 +359,3 @@ def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(
         v_end, v, a, bounds = problem
         T = oracle.plan('Velocity', v_end, problem).duration
         assert duration(velocity_change(v, a, v_end, bounds)) == pytest.approx(T, rel=1e-6)
-
-
-@counts
-def test_no_motion_leaves_limits_within_which_the_oracle_can_stop(
-    oracle: Oracle, count: int,
-) -> None:
-    for problem in problems(count, symmetric=False, near_stop=0.2):
-        stopping = oracle.plan('Velocity', 0.0, problem).position_extrema[0]
-        found = problem.extremes(to_rest(*problem))
-        assert found.q_min >= min(stopping.min, problem.distance, 0.0) - 1e-9
-        assert found.q_max <= max(stopping.max, problem.distance, 0.0) + 1e-9
