@@ -25,7 +25,6 @@ from ros_harness import (
     wait_until,
 )
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 NAMES = ['joint1', 'joint2']
@@ -138,16 +137,6 @@ def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> Non
     assert 0.2 <= silence < 0.2 + 2.0 / RATE
     stood = 1e-9 * stamp_from_ros(standing.header.stamp) - (since + silence)
     assert 0.0 <= stood < LONG
-
-
-def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) -> None:
-    arm.move()
-    arm.command(None)
-    wait_standing(arm.states)
-    assert client.call(Trigger, '/silence/simulated_arm/reset').success
-    arm.states.wait_for(lambda m: list(m.position) == START)
-    assert list(wait_standing(arm.states).position) == START
-    arm.move()
 
 
 # --- the duration of the timeout -----------------------------------------------------------------
