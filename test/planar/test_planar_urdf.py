@@ -228,10 +228,6 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--masses', '5', '-3'], 'planar_urdf: masses[1] (link2) is -3, expected a number > 0\n'),
-    (['--masses', '5', 'nan'],
-     'planar_urdf: masses[1] (link2) is nan, expected a finite number\n'),
-    (['--lengths', '1', '1', '1'],
-     "planar_urdf: lengths has 3 values, expected 2, one for each of ['link1', 'link2']\n"),
     (['--viscous', '1', '2', '3'],
      'planar_urdf: viscous_friction has 3 values, expected 2, '
      "one for each of ['joint1', 'joint2']\n"),
