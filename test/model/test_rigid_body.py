@@ -146,6 +146,12 @@ def coriolis_matrix_is_of_the_christoffel_symbols(case):
         C @ case.v, nonlinear, rtol=0, atol=1e-11 * max(scale, abs(nonlinear).max(), 100.0))
 
 
+def mass_matrix_rate_minus_twice_coriolis_is_skew(case):
+    M_rate = slope(case.body.mass_matrix, case.q, case.v, 1e-3)
+    S = M_rate - 2.0 * case.body.coriolis_matrix(case.q, case.v)
+    npt.assert_allclose(S, -S.T, rtol=0, atol=1e-7 * max(1.0, abs(M_rate).max()))
+
+
 def forward_dynamics_undoes_inverse_dynamics(case):
     dynamics = ArmDynamics(case.arm)
     for wrenches in ((), case.wrenches()):
@@ -204,6 +210,13 @@ def terms_add_up(case):
     assert terms.potential_energy == case.body.potential_energy(case.q)
 
 
+def inverse_dynamics_is_affine_in_the_acceleration(case):
+    M, rest = case.body.mass_matrix(case.q), case.body.nonlinear(case.q, case.v)
+    tau = case.body.inverse_dynamics(case.q, case.v, case.a)
+    npt.assert_allclose(
+        tau, M @ case.a + rest, rtol=0, atol=1e-11 * max(1.0, abs(tau).max(), abs(rest).max()))
+
+
 def batch_is_the_single_ones(case):
     dynamics, n = ArmDynamics(case.arm), case.arm.joint_count
     q, v, a = case.rng.normal(0, 2, (3, 5, n))
@@ -258,10 +271,12 @@ LAWS = (
     gravity_is_the_slope_of_the_potential_energy,
     christoffel_symbols_are_of_the_mass_matrix,
     coriolis_matrix_is_of_the_christoffel_symbols,
+    mass_matrix_rate_minus_twice_coriolis_is_skew,
     forward_dynamics_undoes_inverse_dynamics,
     power_is_the_rate_of_energy_and_what_friction_takes,
     wrenches_do_the_work_of_their_links,
     terms_add_up,
+    inverse_dynamics_is_affine_in_the_acceleration,
     batch_is_the_single_ones,
     order_of_joints_is_the_order_of_everything,
 )
