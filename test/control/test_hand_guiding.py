@@ -17,6 +17,7 @@ from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.guiding import LARGEST_SHARE, make_guiding
 from robot_dynamics.control.laws.hand_guiding import WALL_PUSH
 from robot_dynamics.control.loop import ControlLoop
@@ -157,12 +158,13 @@ def test_friction_is_not_compensated_towards_a_position_limit(side: float) -> No
     assert side * push[-1] > 0.1
 
 
-def test_gravity_is_that_of_the_middle_of_a_period() -> None:
+def test_gravity_is_that_of_the_position_at_which_the_effort_acts() -> None:
     arm = smooth_arm('default')
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=COULOMB['default']))
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
     effort = effort_in_motion(arm, q, v, guiding=make_guiding(arm, 0.0))
-    assert effort == pytest.approx(ArmDynamics(arm).gravity(q + 0.005 * v), abs=1e-9)
+    assert effort == pytest.approx(ArmDynamics(arm).gravity(
+        q + 0.5 * (0.01 + LOOP_DELAY) * v), abs=1e-9)
 
 
 def test_leaving_the_mode_holds_the_arm() -> None:

@@ -21,14 +21,15 @@ fades, so that the whole dry friction holds the arm. In motion at least MASS_ERR
 remains of dry friction, as far as the share exceeds LEAST_SHARE.
 
 Towards a position limit it is at most the share of v_d that is allowed: nothing moves a joint into
-its limit. g and M are those of half a period later, when the effort acts: late gravity is negative
-damping, and accelerates light wrists.
+its limit. g and M are those of the position q + q̇ (T + LOOP_DELAY)/2 when the effort acts
+on average (`gain_scaling`): late gravity is negative damping, and accelerates light wrists.
 """
 
 from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
@@ -79,17 +80,18 @@ class HandGuiding(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort; without a velocity, g(q)."""
-        zero = self._zero
         moved, dt = self._moved(state)
-        state = state._replace(q=state.q + 0.5 * moved)  # when the effort acts
-        gravity, dynamics, friction, remaining, f = state.gravity, state.dynamics, zero, zero, zero
+        dynamics, zero = state.dynamics, self._zero
+        friction, remaining, f = zero, zero, zero
         if state.v is None or dt == 0.0:
+            gravity = state.gravity
             return LawOutput(gravity, partial(
                 self._terms, state, gravity, zero, zero, zero), zero, False, gravity)
-        allowed = self._allowed(state.q)
+        v = _slower(state.v, moved / dt)
+        state = state._replace(q=state.q + 0.5 * (dt + LOOP_DELAY) * v)
+        gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
-        v = _slower(state.v, moved / dt)
         a = self._braking(state, v, *allowed)
         effort = gravity + friction
         if a.any():
