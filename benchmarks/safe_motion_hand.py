@@ -82,6 +82,7 @@ class Hand:
         implicit = np.eye(len(q)) + STEP * (STEP + lead) * grip[:, None] * np.linalg.inv(
             M + self.rotors)
         hold = np.linalg.solve(implicit, grip * ahead)
+        hold = np.where(hold * ahead > 0.0, hold, 0.0)  # the coupling may reverse it
         push = push + np.clip(hold, -self.dry, self.dry)
         gravity = self._body.gravity(q)
         spare = HELD * self._effort - np.where(push > 0.0, -gravity, gravity)
