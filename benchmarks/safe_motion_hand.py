@@ -14,6 +14,11 @@ STIFFNESS, DAMPING = 100.0, 20.0
 """[1/s²] and [1/s] of the hand, per inertia of the arm."""
 STRENGTH = 10.0
 """Largest push, as acceleration of a joint [rad/s²], beyond its dry friction."""
+HELD = 0.8
+"""
+Share of an effort limit that gravity and the push take at most: an arm that is stopped can hold
+the hand.
+"""
 YIELD = 0.02
 """
 [rad] from the target at which the hand pushes with the true dry friction of a joint, damped like
@@ -38,7 +43,7 @@ class Hand:
         limits, n = arm.limits, arm.joint_count
         self._body, self.dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
         self.rotors = np.zeros((n, n))
-        self._speed = HASTE * np.minimum(0.5 * limits.velocity, 1.0)
+        self._effort, self._speed = limits.effort, HASTE * np.minimum(0.5 * limits.velocity, 1.0)
         self._target: FloatArray | None = None
         self._times, self._points = np.zeros(1), np.full((1, n), np.nan)
         self._last = self._release = 0.0
@@ -77,4 +82,9 @@ class Hand:
         implicit = np.eye(len(q)) + STEP * (STEP + lead) * grip[:, None] * np.linalg.inv(
             M + self.rotors)
         hold = np.linalg.solve(implicit, grip * ahead)
-        return np.asarray(push + np.clip(hold, -self.dry, self.dry))
+        hold = np.where(hold * ahead > 0.0, hold, 0.0)  # the coupling may reverse it
+        push = push + np.clip(hold, -self.dry, self.dry)
+        gravity = self._body.gravity(q)
+        spare = HELD * self._effort - np.where(push > 0.0, -gravity, gravity)
+        return np.asarray(push * min(1.0, max(0.0, np.min(
+            spare / np.maximum(np.abs(push), 1e-9)))))

@@ -19,7 +19,8 @@ A run is bad for one of these reasons:
 - too fast: a velocity exceeds SPEED times its limit, or WRONG_SPEED times after velocities were
   wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count.
   A joint with a gearbox may be faster by what no feedback prevents (`GearedPlant.free_speed`);
-- past limit: a position limit is passed, by more than the static sag under an unknown load;
+- past limit: a position limit is passed, by more than the static sag under an unknown load. Not of
+  a joint without a signal that a person guides: nothing shows that it comes to its limit;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
   plus the static sag of the feedback for an unknown load. Gearboxes, whose rotors the loop does
   not know, have no such verdict. After a push this distance is the width
@@ -177,7 +178,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         is_guided or is_pushed and PUSHED.intersection(trace.faults))
     farthest = DISTANCE if scene.push is None else max(DISTANCE, UNKNOWN_WIDTH)
     is_true, is_past = scene.velocities_are_true, (
-        (q > limits.upper + sag) | (q < limits.lower - sag))
+        (q > limits.upper + sag) | (q < limits.lower - sag)) & (is_measured | (not is_guided))
     vibrates = isinstance(scene.plant, GearedPlant) and not case.noisy and (
         case.rate >= SLOWEST and not scene.plant.is_calm)
     return Outcome(

@@ -13,13 +13,16 @@ from typing import Any
 from bristled_arm import BristledArm, Case, COULOMB
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step_loop import directions, LockStep, middle, smooth_arm
+from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.guiding import LARGEST_SHARE, make_guiding
 from robot_dynamics.control.laws.hand_guiding import WALL_PUSH
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -130,6 +133,38 @@ def test_a_strong_push_is_braked_and_held_within_the_position_limit(
     assert (trace.q[:, 0] < arm.limits.upper[0] + 1e-3).all()
     assert one.loop.supervisor.fault_count == 0
     assert np.abs(trace.last(0.5).v[:, 0]).max() < 0.05
+
+
+def effort_in_motion(arm: ArmModel, q: FloatArray, v: FloatArray, **options: Any) -> FloatArray:
+    """Return the effort at q (n,) after a second at the velocity v (n,), with states at 100 Hz."""
+    loop = ControlLoop.of_arm(arm, command='hand_guiding', **options)
+    for k in range(101):
+        answer = loop.answer(FIRST_STAMP + 10 * MS * k, q + 0.01 * (k - 100) * v, v)
+    assert answer.effort is not None
+    return answer.effort
+
+
+@pytest.mark.parametrize('side', [-1.0, 1.0])
+def test_friction_is_not_compensated_towards_a_position_limit(side: float) -> None:
+    arm = smooth_arm('z1')
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=COULOMB['z1']))
+    q, v = middle(arm), np.zeros(arm.joint_count)
+    q[-1] = (arm.limits.upper if side > 0.0 else arm.limits.lower)[-1] - side * 0.02
+    v[-1] = side * 0.02
+    push = effort_in_motion(arm, q, v) - ArmDynamics(arm).gravity(q)
+    assert side * push[-1] < 0.0
+    q[-1] -= side * 0.5
+    push = effort_in_motion(arm, q, v) - ArmDynamics(arm).gravity(q)
+    assert side * push[-1] > 0.1
+
+
+def test_gravity_is_that_of_the_position_at_which_the_effort_acts() -> None:
+    arm = smooth_arm('default')
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=COULOMB['default']))
+    q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
+    effort = effort_in_motion(arm, q, v, guiding=make_guiding(arm, 0.0))
+    assert effort == pytest.approx(ArmDynamics(arm).gravity(
+        q + 0.5 * (0.01 + LOOP_DELAY) * v), abs=1e-9)
 
 
 def test_leaving_the_mode_holds_the_arm() -> None:

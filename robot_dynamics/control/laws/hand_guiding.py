@@ -19,12 +19,17 @@ the compensation therefore follows the way of the joint: dz = dq / w − (v_d / 
 with the width w of the compensation at rest. Slower than v_d it is less than full, and at rest it
 fades, so that the whole dry friction holds the arm. In motion at least MASS_ERROR of gravity
 remains of dry friction, as far as the share exceeds LEAST_SHARE.
+
+Towards a position limit it is at most the share of v_d that is allowed: nothing moves a joint into
+its limit. g and M are those of the position q + q̇ (T + LOOP_DELAY)/2 when the effort acts
+on average (`gain_scaling`): late gravity is negative damping, and accelerates light wrists.
 """
 
 from functools import partial
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
@@ -75,15 +80,19 @@ class HandGuiding(ControlLaw):
 
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort; without a velocity, g(q)."""
-        gravity, zero = state.gravity, self._zero
         moved, dt = self._moved(state)
-        v, dynamics, friction, remaining, f = state.v, state.dynamics, zero, zero, zero
-        if v is None or dt == 0.0:
+        dynamics, zero = state.dynamics, self._zero
+        friction, remaining, f = zero, zero, zero
+        if state.v is None or dt == 0.0:
+            gravity = state.gravity
             return LawOutput(gravity, partial(
                 self._terms, state, gravity, zero, zero, zero), zero, False, gravity)
+        v = _slower(state.v, moved / dt)
+        state = state._replace(q=state.q + 0.5 * (dt + LOOP_DELAY) * v)
+        gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
-            friction, remaining = self._friction(state, gravity, moved, dt)
-        a = self._braking(state, v, moved / dt)
+            friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
+        a = self._braking(state, v, *allowed)
         effort = gravity + friction
         if a.any():
             effort = effort + dynamics.rigid_body.mass_matrix(state.q) @ a
@@ -110,12 +119,14 @@ class HandGuiding(ControlLaw):
 
     def _friction(
         self, state: LawInput, gravity: FloatArray, moved: FloatArray, dt: float,
+        least: FloatArray, most: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
         friction, alpha = state.dynamics.friction, self._guiding.friction_share
         w = friction.tracking_width
         self._z = np.clip(
-            self._z + moved / w - np.minimum(FULL_SPEED * dt / w, 1.0) * self._z, -1.0, 1.0)
+            self._z + moved / w - np.minimum(FULL_SPEED * dt / w, 1.0) * self._z,
+            np.clip(least / FULL_SPEED, -1.0, 0.0), np.clip(most / FULL_SPEED, 0.0, 1.0))
         dry = np.maximum(friction.at_rest.static, 1e-9)
         spare = 1.0 - MASS_ERROR * np.abs(gravity) / dry
         share = np.minimum(alpha, np.maximum(spare, LEAST_SHARE))
@@ -124,23 +135,22 @@ class HandGuiding(ControlLaw):
         compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
         return compensation, (1.0 - share) * dry
 
-    def _braking(self, state: LawInput, v: FloatArray, mean: FloatArray) -> FloatArray:
-        """
-        Return the acceleration (n,) of joints that are too fast, or have no friction.
+    def _braking(
+        self, state: LawInput, v: FloatArray, least: FloatArray, most: FloatArray,
+    ) -> FloatArray:
+        """Return the acceleration (n,) of joints that are too fast, or have no friction."""
+        allowed = np.minimum(np.maximum(v, least), most)
+        damping = np.where(state.dynamics.friction.at_rest.static > 0.0, 0.0, DAMPING)
+        return np.asarray(self.scale * self._gains.kd * (allowed - v) - damping * v)
 
-        The velocity is the smaller one of v and the mean since the last state, because a wrong
-        sign would drive the joint.
-        """
-        q, s, most = state.q, self.scale, self._guiding.speed
-        beta, lower, upper = s * self._gains.ratio, self._guiding.lower, self._guiding.upper
+    def _allowed(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the largest allowed velocity (n,) at q."""
+        s, guiding = self.scale, self._guiding
         with np.errstate(divide='ignore'):
             wall = np.minimum(WALL_PUSH / (s * s * self._gains.kp), LARGEST_WALL)
-        v = np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)
-        allowed = np.minimum(np.maximum(
-            v, np.maximum(-most, beta * (lower + wall - q))), np.minimum(
-                most, beta * (upper - wall - q)))
-        damping = np.where(state.dynamics.friction.at_rest.static > 0.0, 0.0, DAMPING)
-        return np.asarray(s * self._gains.kd * (allowed - v) - damping * v)
+        beta = s * self._gains.ratio
+        return np.maximum(-guiding.speed, beta * (guiding.lower + wall - q)), np.minimum(
+            guiding.speed, beta * (guiding.upper - wall - q))
 
     def _terms(
         self, state: LawInput, gravity: FloatArray, a: FloatArray, friction: FloatArray,
@@ -153,3 +163,12 @@ class HandGuiding(ControlLaw):
         terms = equation_terms(state.dynamics, state.q, self._zero, a, friction, gravity)
         return terms._replace(
             kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, v))
+
+
+def _slower(v: FloatArray, mean: FloatArray) -> FloatArray:
+    """
+    Return the smaller one of v and the mean since the last state, (n,) each.
+
+    It is 0 if their signs differ, because a wrong sign would drive the joint.
+    """
+    return np.where(v * mean > 0.0, np.where(np.abs(mean) < np.abs(v), mean, v), 0.0)
