@@ -24,7 +24,11 @@ def braked(
     drive = controller.arm.drive
     torque = holding if drive is None else drive.torque(holding)
     with controller.lock, np.errstate(all='ignore'):
-        M, limit = controller.dynamics.rigid_body.mass_matrix(q), controller.arm.limits.effort
+        body, limit, ahead = controller.dynamics.rigid_body, controller.arm.limits.effort, q
+        if controller.gains.least < 1.0:
+            ahead = q + controller.gains.lag * v
+            torque = torque + body.gravity(ahead) - body.gravity(q)
+        M = body.mass_matrix(ahead)
         damping = M @ (FAULT_DAMPING * controller.feedback_gains[1] * v)
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
