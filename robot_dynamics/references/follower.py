@@ -32,6 +32,8 @@ from robot_dynamics.trajectories.joint_trajectory import (
 )
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
+SAME_SPEED = 1e-9
+"""[rad/s] or [m/s] by which equal velocities of two references differ, because of rounding."""
 _LATEST = 1 << 62
 """[ns] beyond all times."""
 
@@ -97,6 +99,11 @@ class ActiveTrajectory:
             return self._state_before
         segment = self.segment(now_ns)
         return evaluate(segment.coefficients, segment.phase(now_ns))
+
+    def continues(self, other: 'ActiveTrajectory') -> bool:
+        """Return whether this trajectory begins with the velocity of another one, or is it."""
+        return self is other or np.allclose(
+            self._state_before.velocity, other.sample(self._arrival_ns).velocity, 0.0, SAME_SPEED)
 
     def segment(self, now_ns: int) -> Segment:
         """Return the segment at `now_ns`; before the arrival and after the end it is constant."""

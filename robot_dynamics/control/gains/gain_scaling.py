@@ -275,8 +275,12 @@ class StableGains:
 
     @property
     def lag(self) -> float:
-        """The mean time [s] from a state to the middle of the period in which its effort acts."""
-        return 0.5 * (self.period + LOOP_DELAY)
+        """
+        The mean time [s] from a state to the middle of the period in which its effort acts.
+
+        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time.
+        """
+        return 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
