@@ -329,7 +329,8 @@ class StableGains:
             return 1.0
         if self._is_noisy and was_noisy:
             of_difference = self._largest_scale(gains, self._difference.deviation)
-            self.differs = self.differs or LESS * of_difference**2 > scale**2
+            lowers = scale < float(self._scaled(gains, self.period, 1.0).min(initial=1.0))
+            self.differs = self.differs or lowers and LESS * of_difference**2 > scale**2
             scale = of_difference if self.differs else scale
         else:
             self.differs = False

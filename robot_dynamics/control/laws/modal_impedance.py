@@ -18,6 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
@@ -117,7 +118,7 @@ class ModalImpedance(ControlLaw):
         feedback = spring + damper
         if self.is_soft:
             last, self._last = self._last, (trajectory, state.stamp_ns)
-            if state.lag > 0.0:
+            if 2.0 * state.lag > LOOP_DELAY:
                 a_ref = _mean_acceleration(trajectory, state, last)
         effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
@@ -144,17 +145,17 @@ def _mean_acceleration(
     trajectory: ActiveTrajectory, state: LawInput, last: tuple[ActiveTrajectory, int] | None,
 ) -> FloatArray:
     """
-    Return the mean acceleration (n,) of a reference until the effort of a state has acted.
+    Return the mean acceleration (n,) of a reference while the effort of a state acts.
 
-    A set-point since the last state may have changed the reference: the last efforts have
-    accelerated the arm to the velocity of the `last` reference instead, until this state. The rest
-    is then made up for.
+    A set-point since the last state may have changed the reference. The effort before has then
+    accelerated the arm to the velocity of the `last` reference; this one makes up for the rest.
     """
-    now, T, before = state.stamp_ns, 2.0 * state.lag, trajectory
+    begin, T = state.stamp_ns + round(0.5e9 * LOOP_DELAY), 2.0 * state.lag - LOOP_DELAY
+    before = trajectory
     if last is not None and trajectory.continues(last[0]):
-        before, T = last[0], max(T, 1e-9 * (now - last[1]))
-    v = trajectory.sample(now + round(1e9 * T)).velocity
-    return np.asarray((v - before.sample(now).velocity) / T)
+        before, T = last[0], max(T, 1e-9 * (state.stamp_ns - last[1]))
+    v = trajectory.sample(begin + round(1e9 * T)).velocity
+    return np.asarray((v - before.sample(begin).velocity) / T)
 
 
 def root_of(M: FloatArray) -> FloatArray:
