@@ -114,6 +114,17 @@ def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
     assert 'differences of the positions in use' in str(gains)
 
 
+def test_noise_that_lowers_no_gains_does_not_change_the_velocity() -> None:
+    """At 30 Hz the delay lowers the gains more, and the difference of positions is later still."""
+    rng, one = np.random.default_rng(1), observing(DEFAULT, RATE)
+    for k in range(400):
+        noise = rng.normal(0.0, 0.03, 2) if k > 100 else 0.0
+        take(one, 1.0 / 30.0 if k else 0.0, Q, noise + np.zeros(2))
+        assert not one.differs
+    assert one._is_noisy
+    assert one.least == pytest.approx(observe(30.0)[0].least)
+
+
 def test_if_both_are_noisy_the_gains_are_lowered() -> None:
     gains, _ = observe(500.0, noise=0.2, resolution=2e-3)
     assert not gains.differs
