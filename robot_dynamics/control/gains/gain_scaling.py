@@ -278,9 +278,11 @@ class StableGains:
         """
         The mean time [s] from a state to the middle of the period in which its effort acts.
 
-        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time.
+        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time. A
+        single gap is no period of the states.
         """
-        return 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
+        period = min(self.period, self.mean_period)
+        return 0.5 * (period + LOOP_DELAY) if self.least < 1.0 else 0.0
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
