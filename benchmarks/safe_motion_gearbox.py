@@ -65,6 +65,17 @@ class GearedPlant(Plant):
         self._efforts.append(tau)
         self._speeds.append(float(np.abs(v).max()))
 
+    def free_speed(self, q: FloatArray, given: FloatArray, reaction: float) -> FloatArray:
+        """
+        Return the speed (n,) that no feedback prevents, which acts after a reaction time [s].
+
+        A bristle releases F_c d / 2, and friction given (n,) too large accelerates until then.
+        """
+        M = self._body.mass_matrix(q) + self._rotors
+        m = 1.0 / np.diagonal(np.linalg.inv(M))
+        surplus = np.maximum(given - self.coulomb, 0.0)
+        return np.asarray(np.sqrt(self.coulomb * self._d / m) + surplus * reaction / m)
+
     def _yielding(self, v: FloatArray) -> FloatArray:
         return np.clip(1.0 - np.sign(v) * self._z / self._d, 0.0, 2.0)
 

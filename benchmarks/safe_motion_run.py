@@ -17,7 +17,8 @@ A run is bad for one of these reasons:
   OVERSHOOT_FRACTION of its way. With a disturbance, a joint leaves the hull of all references so
   far by as much; runs with a push, an unknown load or wrong velocities have no such verdict;
 - too fast: a velocity exceeds SPEED times its limit, or WRONG_SPEED times after velocities were
-  wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count;
+  wrong. The time of a push, and that of the ramp to zero, in which the arm falls, do not count.
+  A joint with a gearbox may be faster by what no feedback prevents (`GearedPlant.free_speed`);
 - past limit: a position limit is passed, by more than the static sag under an unknown load;
 - no arrival: the mean position of the last second is more than DISTANCE away from the last goal,
   plus the static sag of the feedback for an unknown load. Gearboxes, whose rotors the loop does
@@ -163,7 +164,12 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         after[round(scene.push.begin / STEP):round(
             (scene.push.end + PUSH_SETTLING) / STEP) + 1] = False
     speed = np.abs(trace.v[after]).max(axis=0, initial=0.0)
-    fastest = SPEED if scene.velocities_are_true else WRONG_SPEED
+    fastest = limits.velocity * (SPEED if scene.velocities_are_true else WRONG_SPEED)
+    if isinstance(scene.plant, GearedPlant):
+        reaction = STEP * (scene.longest_period + case.delay)
+        for j, k in enumerate(np.abs(np.where(after[:, np.newaxis], trace.v, 0.0)).argmax(axis=0)):
+            fastest[j] += scene.plant.free_speed(
+                trace.q[k], scene.arm.friction.coulomb, reaction)[j]
     is_pushed = scene.push is not None or scene.has_unknown_load
     goal, sag = scene.goal, static_sag(scene)
     distance = 0.0 if goal is None else float((np.abs(last.mean(axis=0) - goal) - sag).max())
@@ -178,7 +184,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         oscillates=trace.diverges or vibrates or amplitude > AMPLITUDE + margin.amplitude,
         overshoots=bool(
             is_true and not is_pushed and not is_guided and (excess > allowed).any()),
-        too_fast=bool((speed > fastest * limits.velocity + margin.velocity).any()),
+        too_fast=bool((speed > fastest + margin.velocity).any()),
         past_limit=bool(is_past[judged].any() and not (is_guided and scene.has_unknown_load)),
         misses=must_arrive and (trace.diverges or not trace.follows or distance > farthest),
         leaves_hull=trace.hull_excess > HULL_TOLERANCE,

@@ -297,7 +297,9 @@ class Scene:
                 self._mode not in (Mode.STOPPING, Mode.INACTIVE)))
             if k % LOOK == 0:
                 diverges = not (np.abs(plant.v) <= HOPELESS * self.arm.limits.velocity).all()
-                if last == LONGEST and self._disturb is None and self._has_ended():
+                if self._disturb is not None or not self._has_ended():
+                    last = LONGEST  # also if the next set-point has begun another motion
+                elif last == LONGEST:
                     rest = REST if self.hand is None else REST + FADING
                     last = max(SHORTEST, self.time + rest, self.begun + SETTLING)
             if diverges or self.time >= max(last, self.quiet_after):

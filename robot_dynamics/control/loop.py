@@ -214,7 +214,9 @@ class ControlLoop:
                 return str(fault)
             if mode is Mode.BRAKING:
                 return 'the arm is being stopped, because the command ends'
-            return 'the command is being ramped to zero' if mode is Mode.STOPPING else ''
+            if mode is Mode.STOPPING:
+                return 'the command is being ramped to zero'
+            return '' if supervisor.recurring is None else str(supervisor.recurring)
 
     def stop(self) -> str:
         """Stop the arm and hold its position; return a report."""
@@ -390,6 +392,8 @@ class ControlLoop:
         supervisor, controller = self.supervisor, self.controller
         if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
             self._fault_count = supervisor.fault_count
+            if controller.trajectory is not None:
+                supervisor.end_reference(self._steady)
             self.goals.fail(supervisor.fault, self.signals.frozen is not None)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:

@@ -80,12 +80,16 @@ class ActiveTrajectory:
         self.end_ns = self._times[-1]
         self._final = _held(self._points[-1], trajectory.is_set_point and plan is None)
         self._segment: Segment | None = None
+        self.is_from_measurement = False
+        """Whether this is a stop of an arm that moves without a reference."""
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
         """Return the same trajectory with all times lower by `shift_ns`."""
-        return ActiveTrajectory(
+        shifted = ActiveTrajectory(
             self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
             self._state_before, self._plan)
+        shifted.is_from_measurement = self.is_from_measurement
+        return shifted
 
     def sample(self, now_ns: int) -> Reference:
         """

@@ -8,8 +8,9 @@ import pytest
 from robot_dynamics.control.braking import braked, FAULT_DAMPING
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control.options import ControllerOptions, default_options
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -119,6 +120,27 @@ def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds: bool
     if reference is not None:
         assert reference.position == pytest.approx(later)
         assert reference.velocity == pytest.approx(V)
+
+
+@pytest.mark.parametrize('command', ['computed_torque', 'joint_impedance'])
+def test_friction_brakes_a_stop_from_a_measured_velocity(command: str) -> None:
+    """Its compensation, given too large, would drive a light joint on after each fault."""
+    arm = ARM.with_friction(make_friction(NAMES, coulomb=[4.0, 1.5]))
+    one = Controller(arm, default_options(arm, command=command))
+    one.update(NOW, Q, V)
+    stop = one.update(NOW + MS, Q + 1e-3 * V, V)
+    assert stop.reference.velocity == pytest.approx(V)
+    assert np.abs(stop.law.friction).max() < 0.1
+    one.followed.shift_time(MS)
+    assert np.abs(one.update(NOW + MS, Q + 1e-3 * V, V).law.friction).max() < 0.1
+    one.stop()  # of the same motion
+    assert np.abs(one.update(NOW + 2 * MS, Q + 2e-3 * V, V).law.friction).max() < 0.1
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 1.3], 2.0), 0)
+    motion = one.update(NOW + SECOND, Q + 0.4, ZERO)
+    assert motion.reference.velocity.min() > 0.3
+    one.stop()
+    q = motion.reference.position
+    assert one.update(NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
 
 
 @pytest.mark.parametrize('holds', [True, False])

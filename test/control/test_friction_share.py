@@ -3,12 +3,18 @@
 
 """Compensation of friction that drives a light joint away: when its share is lowered."""
 
+from lock_step_loop import FIRST_STAMP, MS, STEP
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.friction_share import (
     CATCH_UP,
+    FADING,
     FrictionShare,
+    LARGEST_SPEED,
+    LEAST,
+    MARGIN,
+    PACE,
     PAUSE,
     RATE,
     REACTION_TIME,
@@ -17,10 +23,12 @@ from robot_dynamics.control.gains.friction_share import (
     SPEED_FRACTION,
     SURPLUS,
 )
+from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 Q, LIMIT = np.array([0.8, 0.5]), np.array([2.0, 10.0])
@@ -117,3 +125,55 @@ def test_the_share_of_a_joint_that_stays_behind_grows_again(sign: float) -> None
     for _ in range(1000):
         take(share, 1.3, -SLOW * np.sign(e), e=e)
     assert share.share == pytest.approx([1.0, SHARE])
+
+
+@pytest.mark.parametrize('sign', [-1.0, 1.0])
+@pytest.mark.parametrize('v_ref', [0.0, 0.3, 1.0])
+def test_the_compensation_fades_at_a_joint_that_is_faster_than_its_reference(
+    sign: float, v_ref: float,
+) -> None:
+    limit = np.minimum(LIMIT, LARGEST_SPEED)
+    pace = np.maximum(v_ref + MARGIN, PACE) * limit
+    for part, expected in ((-0.01, None), (0.5, 0.5 * (1.0 + LEAST)), (1.0, LEAST), (9.0, LEAST)):
+        share = FrictionShare(LIMIT)
+        v = sign * (pace + part * FADING * limit)
+        share.fade(v, -sign * v_ref * limit, sign * np.ones(2))
+        assert share.acting == pytest.approx(1.0 if expected is None else [expected] * 2)
+        assert (share.fading is None) == (expected is None)
+        share.fade(v, -sign * v_ref * limit, np.zeros(2))  # the compensation has changed its sign
+        assert share.acting == pytest.approx(1.0 if expected is None else [expected] * 2)
+        share.fade(v, -sign * v_ref * limit, -sign * np.ones(2))  # it brakes the joint
+        assert share.fading is None
+
+
+def test_a_light_joint_at_which_the_compensation_has_faded_has_run_away() -> None:
+    """Also if the position error and the reference explain its velocity."""
+    share, v, v_ref = FrictionShare(LIMIT), np.array([1.55, 0.0]), np.array([0.6, 0.0])
+    assert not take(share, 1.0, v - v_ref, expected=100.0)
+    share.fade(v, v_ref, np.ones(2))
+    assert take(share, 1.0, v - v_ref, expected=100.0)
+    assert share.acting == pytest.approx([LEAST * SHARE, 1.0])
+
+
+ROTOR, MASS, TRUE = 0.0158, 5e-4, 0.39
+"""[kg·m²], [kg·m²] and [N·m] of a wrist of which the loop does not know the rotor."""
+ONE = load_arm(planar_arm_urdf(
+    [0.1], [0.1], [0.0], [MASS], coulomb_friction=1.3 * TRUE, velocity_limits=0.84))
+
+
+def test_the_speed_of_a_joint_that_catches_up_is_bounded_although_its_rotor_is_unknown() -> None:
+    """With friction given 1.3 times too large a Kinova wrist reached 1.2 times its limit."""
+    loop, q, v, fastest = ControlLoop.of_arm(ONE), 0.0, 0.0, 0.0
+    for k in range(4000):
+        effort = loop.answer(FIRST_STAMP + k * MS, np.array([q]), np.array([v])).effort
+        if k == 10:
+            loop.follow(make_trajectory(ONE.joint_names, [0.0], [[1.5]]))
+        assert effort is not None
+        v += STEP * float(effort[0]) / (MASS + ROTOR)
+        v = np.sign(v) * max(abs(v) - STEP * TRUE / (MASS + ROTOR), 0.0)
+        v = 0.0 if k < 500 else v  # something holds the joint until it is behind
+        q += STEP * v
+        fastest = max(fastest, abs(v))
+    assert 0.6 < fastest / 0.84 < 0.95
+    assert loop.supervisor.fault_count == 0
+    assert q == pytest.approx(1.5, abs=0.03)

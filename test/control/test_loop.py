@@ -18,7 +18,7 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.supervisor import Fault, Mode, SafetyOptions
+from robot_dynamics.control.safety.supervisor import Fault, Mode, OVERSPEED, SafetyOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
@@ -138,6 +138,25 @@ def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset() -> None:
     assert one.loop.reset() == (True, 'reset broken: words')
     assert rests(one.run(2.0))
     assert one.loop.reference is not None
+
+
+def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset() -> None:
+    one = in_motion()
+    goal = one.q + 0.2
+    for k in range(3):
+        one.run(1.0)
+        one.follow(goal - 0.1 * k)
+        one.run(0.1)
+        one.loop.fail(one.now, Fault(OVERSPEED, 'words'))
+    trace = one.run(3.0)
+    assert one.loop.supervisor.mode is Mode.RUNNING
+    assert rests(trace)
+    assert one.loop.reference.position == pytest.approx(one.q, abs=1e-3)
+    with pytest.raises(TrajectoryError, match='3 faults of the motion within 10 s; waits for'):
+        one.follow(goal)
+    assert one.loop.reset()[0]
+    one.follow(goal)
+    assert one.run(4.0).q[-1] == pytest.approx(goal, abs=1e-3)
 
 
 def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:

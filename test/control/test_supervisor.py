@@ -11,7 +11,10 @@ from robot_dynamics.control.safety.supervisor import (
     CommandSupervisor,
     Fault,
     FAULT_ACTIONS,
+    FOLLOWING_ERROR,
     Mode,
+    OVERSPEED,
+    RECURRENCE_TIME,
     SafetyOptions,
 )
 from supervised import (
@@ -336,3 +339,57 @@ def test_options_that_change_act_at_once() -> None:
     one.set_options(limits(), SafetyOptions(fault_action='stop_publishing'))
     assert one.tick(START + 0.21) is None
     assert not one.acts_alone
+
+
+# --- faults that recur ---------------------------------------------------------------------------
+
+@pytest.mark.parametrize('is_followed', [False, True])  # by another fault
+@pytest.mark.parametrize(('names', 'gap', 'recurs'), [
+    ((OVERSPEED, FOLLOWING_ERROR, OVERSPEED), 0.49 * RECURRENCE_TIME, True),
+    ((OVERSPEED, OVERSPEED, OVERSPEED), 0.51 * RECURRENCE_TIME, False),
+    ((OVERSPEED, FOLLOWING_ERROR), 0.1, False),
+    (('trouble', 'trouble', 'trouble'), 0.1, False),
+    ((OVERSPEED, 'trouble', OVERSPEED, OVERSPEED), 0.1, True),
+])
+def test_three_faults_of_the_motion_within_their_time_wait_for_a_reset(
+    names: tuple[str, ...], gap: float, recurs: bool, is_followed: bool,
+) -> None:
+    one, now = running(), START
+    for name in names:
+        now += gap
+        one.last_state = now
+        one.fail(now, Fault(name, 'words'))
+        one.end_reference(now)
+        answer(one, now + PERIOD)
+        assert one.mode is Mode.RUNNING  # the arm is held
+    assert (one.recurring is not None) == recurs
+    assert one.fault is not None
+    assert one.fault.recurs == recurs
+    if not recurs:
+        assert one.reset()[0] is False
+        return
+    assert str(one.recurring) == (
+        f'fault {names[-1]}: words; 3 faults of the motion within 10 s; waits for ~/reset_fault')
+    if is_followed:
+        one.fail(now + 0.1, TROUBLE)
+        answer(one, now + 0.2)
+        assert one.recurring is not None
+    assert one.reset() == (
+        True, f'reset {names[-1]}: words; 3 faults of the motion within 10 s')
+    assert one.recurring is None
+    assert not one.fault.recurs
+    one.fail(now + 0.3, Fault(OVERSPEED, 'words'))
+    one.end_reference(now + 0.3)
+    assert one.recurring is None
+
+
+def test_a_latched_fault_is_reset_before_one_that_recurs() -> None:
+    one = running()
+    for k in range(3):
+        one.fail(START + k * PERIOD, Fault(OVERSPEED, 'words'))
+        one.end_reference(START + k * PERIOD)
+        answer(one, START + (k + 0.5) * PERIOD)
+    one.fail(START + 3 * PERIOD, LATCHED)
+    answer(one, START + 4 * PERIOD)
+    assert one.reset()[1].startswith('reset broken')
+    assert one.reset()[1].startswith('reset overspeed')

@@ -30,6 +30,7 @@ import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import wait_until
+from std_srvs.srv import Trigger
 
 SWING = 43.0
 """Angular frequency of an arm that is too fast [rad/s]."""
@@ -126,7 +127,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     pytest.param(v, marks=fault(
         GROUP, f'joint velocities of {words} while a reference is followed',
         'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
-        'the limits; ends automatically'))
+        'the limits; ends automatically; after the third, references wait for `~/reset_fault`'))
     for words, v in (('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
                      ('-20 and 20 rad/s', [-20.0, 20.0]))])
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
@@ -142,8 +143,14 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     arm.efforts.wait_for(lambda message: abs(message.effort[0] - G[0]) > 50.0)
     arm.wait_status('reference', lambda status: (
         status.message.startswith('ended early: fault overspeed: ')))
+    arm.wait_status('command', lambda status: status.message.endswith('waits for ~/reset_fault'))
     arm.driver.go_on()
+    wait_rejected(arm, 'no reference can be followed now: fault overspeed: ')
+    response = arm.client.call(Trigger, arm.name('reset_fault'))
+    assert response.success
+    assert response.message.startswith("reset overspeed: velocity of 'joint")
     arm.wait_running()
+    follow(arm, Q)
     wait_until(
         lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
     arm.check_efforts()

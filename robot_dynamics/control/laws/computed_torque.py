@@ -69,7 +69,7 @@ class ComputedTorque(ControlLaw):
         friction, effort = self._friction.none, dynamics.rigid_body.inverse_dynamics(q_ahead, v, a)
         if not dynamics.is_frictionless:
             friction = self._friction.effort(
-                dynamics, v_ref, e, v, self.feedback.gains.ratio, effort)
+                state, v_ref, e, self.feedback.gains.ratio, effort)
             effort = effort + friction
         return LawOutput(
             effort, partial(self._terms, state, a, friction), friction, exceeds_limit,

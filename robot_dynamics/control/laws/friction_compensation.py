@@ -5,7 +5,7 @@
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.control.laws.control_law import LawInput
 
 FRICTION_MODES = ('reference', 'measured', 'none')
 """The velocity at which friction is compensated; see `error_feedback`."""
@@ -26,15 +26,20 @@ class FrictionCompensation:
         self._stiffness, self._share = stiffness, share
 
     def effort(
-        self, dynamics: UncheckedArmDynamics, v_ref: FloatArray, e: FloatArray, v: FloatArray,
-        rate: FloatArray, load: FloatArray,
+        self, state: LawInput, v_ref: FloatArray, e: FloatArray, rate: FloatArray,
+        load: FloatArray,
     ) -> FloatArray:
         """
-        Return the effort (n,) [N·m] or [N] at a velocity v, along a reference with v_ref.
+        Return the effort (n,) [N·m] or [N] at a state, along a reference with v_ref.
 
-        `e` is the position error, `rate` K_p/K_d [1/s], and `load` the effort without friction.
+        `e` is the position error, `rate` K_p/K_d [1/s], and `load` the effort without friction. A
+        stop from a measured velocity is not helped along: friction brakes the arm.
         """
         if self._mode == 'reference':
-            return dynamics.friction.tracking_effort(
+            if state.trajectory is not None and state.trajectory.is_from_measurement:
+                v_ref = self.none
+            return state.dynamics.friction.tracking_effort(
                 v_ref, e, rate, load, self._stiffness, self._share)
-        return dynamics.friction_effort(v, load) if self._mode == 'measured' else self.none
+        if self._mode == 'none' or state.v is None:
+            return self.none
+        return state.dynamics.friction_effort(state.v, load)

@@ -126,7 +126,7 @@ class ModalImpedance(ControlLaw):
             damping = np.diagonal(D)
             rate = np.divide(
                 np.diagonal(K), damping, out=np.zeros_like(e), where=damping > 0.0)
-            friction = self._friction.effort(dynamics, v_ref, e, v, rate, effort)
+            friction = self._friction.effort(state, v_ref, e, rate, effort)
             effort = effort + friction
         return LawOutput(
             effort, partial(self._terms, state, a_ref, feedback, friction), friction,

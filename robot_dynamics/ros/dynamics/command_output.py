@@ -267,7 +267,9 @@ class CommandOutput:
             return
         if self.mode_seen is Mode.FAULT and supervisor.mode is Mode.RUNNING:
             logger.info(
-                'The fault has ended: commanding again, from the measured state.',
+                'The fault has ended: commanding again, from the measured state.' if (
+                    supervisor.recurring is None) else
+                'The fault has ended: the arm is held. References wait for ~/reset_fault.',
                 throttle_duration_sec=LOG_PERIOD)
         if supervisor.mode is Mode.RUNNING and self.mode_seen in (Mode.INACTIVE, Mode.WAITING):
             logger.info(
@@ -282,8 +284,11 @@ class CommandOutput:
         """Return the state of the command for the diagnostics."""
         with self._changed:
             loop = self.loop
-            mode, fault = (None, self._latched) if loop is None else (
-                loop.supervisor.mode, loop.supervisor.fault)
+            mode, fault = None, self._latched
+            if loop is not None:
+                mode, fault = loop.supervisor.mode, loop.supervisor.fault
+                if mode is not Mode.FAULT:
+                    fault = loop.supervisor.recurring or fault
             return command_status(
                 self.counters, mode, fault,
                 is_off=self.is_active and loop is not None and (

@@ -79,9 +79,8 @@ def command_status(
 def _verdict(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
 ) -> tuple[bytes, str]:
-    if fault is not None and (mode is Mode.FAULT or fault.latched):
-        waits = '; waits for ~/reset_fault' if fault.latched else ''
-        return ERROR, f'{fault}{waits}'
+    if fault is not None and (mode is Mode.FAULT or fault.latched or fault.recurs):
+        return ERROR, str(fault)
     if mode is None:
         return WARN, 'no model yet'
     if mode is Mode.INACTIVE and is_off:
