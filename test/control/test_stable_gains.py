@@ -114,7 +114,7 @@ def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
     assert 'differences of the positions in use' in str(gains)
 
 
-def test_noise_that_lowers_no_gains_does_not_change_the_velocity() -> None:
+def test_harmless_noise_does_not_change_the_velocity() -> None:
     """At 30 Hz the delay lowers the gains more, and the difference of positions is later still."""
     rng, one = np.random.default_rng(1), observing(DEFAULT, RATE)
     for k in range(400):
