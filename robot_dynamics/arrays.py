@@ -26,14 +26,6 @@ def all_finite(values: FloatArray) -> bool:
     return math.isfinite(sum(values.tolist())) or bool(np.isfinite(values).all())
 
 
-def largest(values: FloatArray) -> float:
-    """Return the largest magnitude of a vector, shape (n,): infinite if one is not finite."""
-    numbers = values.tolist()
-    if not math.isfinite(sum(numbers)) and not np.isfinite(values).all():
-        return math.inf
-    return max(map(abs, numbers), default=0.0)
-
-
 def any_of(mask: BoolArray) -> bool:
     """Return whether any of a few flags is set, shape (n,); quicker than numpy's `any` for few."""
     return True in mask.tolist()

@@ -17,6 +17,7 @@ import signal
 from typing import Any, TYPE_CHECKING
 
 from fault_table import COLLECTED, Row, row_of, seen_words, write_page
+from largest_error import ERRORS
 import pytest
 from robots import must_have_everything
 from shared_memory import remove_orphans
@@ -156,6 +157,15 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 def seen(record_property: Any) -> Any:
     """Return a function that adds text to the observation in the table of faults."""
     return lambda words: record_property('seen', words)
+
+
+@pytest.fixture
+def largest_error() -> Iterator[None]:
+    """Print the largest of the errors that the test has checked with `assert_small`."""
+    ERRORS.clear()
+    yield
+    if ERRORS:
+        print('largest error {:.1e}, {}'.format(*max(ERRORS)))
 
 
 @pytest.fixture(scope='module')

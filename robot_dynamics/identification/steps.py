@@ -57,10 +57,9 @@ class ModelTest:
         return np.sqrt(np.divide(
             squares, effort, out=np.full_like(squares, np.nan), where=effort > 0.0))
 
-    def rms(self, which: str = 'test') -> FloatArray:
-        """Return the RMS of the residual, (n,) [N·m] or [N]."""
-        count = max(self.samples[0 if which == 'train' else 1], 1)
-        return np.asarray(np.sqrt(getattr(self, which) / count))
+    def rms(self) -> FloatArray:
+        """Return the RMS of the residual on the test samples, (n,) [N·m] or [N]."""
+        return np.sqrt(self.test / max(self.samples[1], 1))
 
 
 def evaluate_motion(

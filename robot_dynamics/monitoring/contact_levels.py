@@ -31,7 +31,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError
@@ -114,18 +113,6 @@ class LearnedLevels(NamedTuple):
     levels: ContactLevels
     duration: float
     exceeded: FloatArray
-
-
-def detection_delay(level: npt.ArrayLike, effort: npt.ArrayLike, bandwidth: float) -> FloatArray:
-    """
-    Return the delay [s] until a constant external effort is found, infinite for one at its level.
-
-    It is −ln(1 − θ / τ) / K with K = 2π `bandwidth` [Hz]; up to one period of the states adds.
-    """
-    ratio = np.asarray(level, np.float64) / np.abs(effort)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        delay = -np.log1p(-ratio) / (2.0 * math.pi * bandwidth)
-    return np.where(ratio < 1.0, delay, np.inf)
 
 
 def learn_contact_levels(

@@ -158,13 +158,6 @@ def _inward(
     return force, tau
 
 
-def inverse_dynamics(
-    chain: PlanarChain, q: npt.ArrayLike, v: npt.ArrayLike, a: npt.ArrayLike,
-) -> FloatArray:
-    """Return only the joint torques, shape (n,) [N·m]; see `newton_euler`."""
-    return newton_euler(chain, q, v, a).tau
-
-
 def forward_kinematics(chain: PlanarChain, q: npt.ArrayLike) -> PlanarPositions:
     """Return the positions of joints, centres of mass and tip at q, shape (n,) [rad]."""
     directions = link_direction(np.cumsum(_joints(chain, 'q', q)))
@@ -172,26 +165,6 @@ def forward_kinematics(chain: PlanarChain, q: npt.ArrayLike) -> PlanarPositions:
     joints = np.vstack([np.zeros((1, 2)), ends[:-1]])
     coms = joints + np.array(chain.com_distances)[:, None] * directions
     return PlanarPositions(joints, coms, ends[-1])
-
-
-def kinetic_energy(chain: PlanarChain, q: npt.ArrayLike, v: npt.ArrayLike) -> float:
-    """Return K, the sum of m |velocity of the COM|² / 2 + I ω² / 2 over the links [J]."""
-    points = forward_kinematics(chain, q)
-    omega = np.cumsum(_joints(chain, 'v', v))
-    ends = _link_ends(points)
-    energy, velocity = 0.0, np.zeros(2)
-    for i, joint in enumerate(points.joints):
-        com_velocity = velocity + omega[i] * _perpendicular(points.coms[i] - joint)
-        energy += 0.5 * chain.masses[i] * float(com_velocity @ com_velocity)
-        energy += 0.5 * chain.inertias[i] * float(omega[i]) ** 2
-        velocity = velocity + omega[i] * _perpendicular(ends[i] - joint)
-    return energy
-
-
-def potential_energy(chain: PlanarChain, q: npt.ArrayLike) -> float:
-    """Return P, the sum of m g (height of the COM above joint 1) over the links [J]."""
-    heights = forward_kinematics(chain, q).coms[:, 1]
-    return float(chain.gravity * np.array(chain.masses) @ heights)
 
 
 def _joints(chain: PlanarChain, field: str, value: Any) -> FloatArray:

@@ -10,7 +10,7 @@ damaged files is returned, and `losses` lists what is missing: see `mcap_salvage
 `sqlite_salvage`. `writer` writes recordings.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -199,19 +199,15 @@ class Recording(AbstractContextManager['Recording']):
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),
             decode_joint_states([data for _, data in messages]))
 
-    def joint_series(
-        self, topic: str, joint_names: Sequence[str] = (),
-        renamed: Mapping[str, str] | None = None,
-    ) -> JointSeries:
+    def joint_series(self, topic: str, joint_names: Sequence[str] = ()) -> JointSeries:
         """
         Return the samples of a topic of sensor_msgs/msg/JointState.
 
         `joint_names` choose joints and their order; empty means those of the first message.
-        `renamed` are other names for recorded joints, {recorded: new}. Times are the header
-        stamps, or the recording times if all stamps are zero. Raises RecordingError for another
-        type, unknown joints, or no samples.
+        Times are the header stamps, or the recording times if all stamps are zero. Raises
+        RecordingError for another type, unknown joints, or no samples.
         """
-        return self.joint_states(topic).renamed(renamed or {}).series(joint_names)
+        return self.joint_states(topic).series(joint_names)
 
     def close(self) -> None:
         self._stack.close()

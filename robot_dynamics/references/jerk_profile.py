@@ -146,19 +146,6 @@ def end(phases: Phases, q: float, v: float, a: float) -> State:
     return q, v, a
 
 
-def evaluate(
-    phases: Phases, t: float, q: float, v: float, a: float,
-) -> tuple[float, float, float, float]:
-    """Return (q, v, a, jerk) at time t [s], with zero jerk after the end."""
-    t = max(t, 0.0)
-    for T, j in phases:
-        if t < T:
-            return (*_after(t, j, q, v, a), j)
-        q, v, a = _after(T, j, q, v, a)
-        t -= T
-    return (*_after(t, 0.0, q, v, a), 0.0)
-
-
 def extremes(phases: Phases, q: float, v: float, a: float) -> Extremes:
     """Return the exact extremes of a motion from (q, v, a)."""
     states = [(q, v, a)]

@@ -68,12 +68,6 @@ def arm() -> Iterator[NodeProcess]:
         yield node
 
 
-def memory(bench: FaultBench) -> int:
-    """Return the peak memory of the node so far [MB]."""
-    with open(f'/proc/{bench.node.pid}/status', encoding='ascii') as file:
-        return next(int(line.split()[1]) // 1024 for line in file if line.startswith('VmHWM'))
-
-
 def now_stamped(data: bytes) -> bytes:
     """Return a message whose stamp is the current time."""
     return data[:4] + struct.pack('<iI', *divmod(time.time_ns(), NANOSECONDS)) + data[12:]
@@ -114,7 +108,7 @@ def test_joint_states(
     bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
 ) -> None:
     bench.check_alive()
-    before, memory_before = bench.known('joint states', 'dropped: unreadable'), memory(bench)
+    before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
     bench.driver.be_quiet()
     sent = send_until(
         raw, f'{bench.namespace}/joint_states', JointState,
@@ -126,7 +120,7 @@ def test_joint_states(
     bench.check_alive()
     unreadable = bench.known('joint states', 'dropped: unreadable') - before
     seen(f'{unreadable} of {sent} messages unreadable')
-    assert memory(bench) < memory_before + 100
+    assert bench.peak_memory() < memory_before + 100 * 2**20
 
 
 @fault(GROUP, '`joint_states`: truncated messages between valid ones',

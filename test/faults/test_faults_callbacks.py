@@ -14,7 +14,7 @@ from failing_node import WORDS
 from fault_bench import FaultBench, STEADY
 from fault_table import fault
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.srv import GetState
 import pytest
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from ros_harness import NodeProcess, RosClient, wait_until
@@ -66,7 +66,7 @@ def test_a_service_that_fails(
 ) -> None:
     begun = time.monotonic()
     for _ in range(CALLS):
-        response = bench.client.call(kind, bench.name(service))
+        response = bench.ask(service, kind)
         assert not response.success
         assert re.search(f'^internal error: {words}', response.message), response.message
     check_reported(bench, f'~/{service}', words, begun)
@@ -99,16 +99,12 @@ def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
        '`success` false; the command has ramped to zero; the node is unconfigured and can be '
        'configured')
 def test_a_transition_that_fails(bench: FaultBench) -> None:
-    def change(transition: int) -> bool:
-        return bool(bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
-            transition=Transition(id=transition))).success)
-
     bench.check_commanding()
-    assert change(Transition.TRANSITION_DEACTIVATE)
-    assert not change(Transition.TRANSITION_CLEANUP)
-    state = bench.client.call(GetState, bench.name('get_state')).current_state
+    assert bench.change(Transition.TRANSITION_DEACTIVATE)
+    assert not bench.change(Transition.TRANSITION_CLEANUP)
+    state = bench.ask('get_state', GetState).current_state
     assert state.id == State.PRIMARY_STATE_UNCONFIGURED
     wait_until(lambda: list(bench.efforts.messages[-1].effort) == [0.0, 0.0], 'efforts of zero')
-    assert change(Transition.TRANSITION_CONFIGURE)
-    assert change(Transition.TRANSITION_ACTIVATE)
+    assert bench.change(Transition.TRANSITION_CONFIGURE)
+    assert bench.change(Transition.TRANSITION_ACTIVATE)
     bench.check_commanding()

@@ -17,7 +17,6 @@ from typing import Any
 from fault_bench import Driver, fault_bench, FaultBench, figure_of, G, stamp_of
 from fault_table import fault
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
@@ -216,8 +215,7 @@ def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
     clock.stop()
     try:
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
-            assert one.client.call(ChangeState, one.name('change_state'), ChangeState.Request(
-                transition=Transition(id=transition))).success
+            assert one.change(transition)
             if transition == Transition.TRANSITION_DEACTIVATE:
                 one.wait_silent()
                 check_no_jump(one)

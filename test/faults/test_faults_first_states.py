@@ -77,9 +77,7 @@ def test_a_flood(bench: FaultBench, seen: Callable[[str], Any]) -> None:
         bench.efforts.clear()
         moment = time.time_ns()
         bench.efforts.wait_for(lambda message: nanoseconds_of(message.header.stamp) > moment)
-        response = bench.client.call(
-            InverseDynamics, bench.name('inverse_dynamics'),
-            InverseDynamics.Request(position=Q))
+        response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
         assert response.effort == pytest.approx(G, abs=1e-6)
         output, _ = flood.communicate(timeout=TIMEOUT)
     finally:

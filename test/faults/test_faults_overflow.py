@@ -18,7 +18,7 @@ BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False}}
 
 def reset(bench: FaultBench) -> Any:
     """Call `~/reset_fault`; return the response."""
-    return bench.client.call(Trigger, bench.name('reset_fault'))
+    return bench.ask('reset_fault', Trigger)
 
 
 @fault(GROUP, 'a velocity of 10²⁰⁰ rad/s in the first state after a pause of 0.2 s, at which the '

@@ -43,11 +43,8 @@ def set_payload(
     com: Vector3 | None = None, **inertia: float,
 ) -> Any:
     """Call `~/set_payload`; return the response."""
-    return bench.client.call(SetPayload, bench.name('set_payload'), SetPayload.Request(
-        payload=InertiaStamped(
-            header=Header(frame_id=link),
-            inertia=Inertia(m=mass, com=com or Vector3(), **inertia)),
-        transition_time=seconds))
+    return bench.ask('set_payload', SetPayload, transition_time=seconds, payload=InertiaStamped(
+        header=Header(frame_id=link), inertia=Inertia(m=mass, com=com or Vector3(), **inertia)))
 
 
 def is_loaded(message: Any) -> bool:

@@ -212,9 +212,8 @@ def test_a_goal_that_is_clipped(client: RosClient, bench: FaultBench) -> None:
        '`feasible` false; the message names joint, value, limits and time')
 def test_a_trajectory_beyond_limits_is_not_feasible(bench: FaultBench) -> None:
     def ask(*points: JointTrajectoryPoint) -> Any:
-        return bench.client.call(
-            InverseDynamicsTrajectory, bench.name('inverse_dynamics_trajectory'),
-            InverseDynamicsTrajectory.Request(trajectory=trajectory(*points)))
+        return bench.ask('inverse_dynamics_trajectory', InverseDynamicsTrajectory,
+                         trajectory=trajectory(*points))
 
     assert ask(point(Q), point(GOAL, 5.0)).feasible
     answer = ask(point(Q), point([0.0, 3.0], 5.0))

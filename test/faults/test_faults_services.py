@@ -14,7 +14,7 @@ from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 from damaged_bytes import HEAD, noise, with_noise
-from fault_bench import FaultBench, G, NAMES, Q, V
+from fault_bench import G, NAMES, Q, V
 from fault_table import fault
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
@@ -56,12 +56,6 @@ def raw(control: ControlContinues) -> Iterator[RawRequests]:
     """Return a process that sends arbitrary bytes as requests."""
     with RawRequests(control.bench.namespace) as process:
         yield process
-
-
-def memory_of(bench: FaultBench) -> int:
-    """Return the peak memory of the node [bytes]."""
-    with open(f'/proc/{bench.node.pid}/status', encoding='utf-8') as status:
-        return 1024 * int(next(line for line in status if line.startswith('VmHWM')).split()[1])
 
 
 # --- malformed -----------------------------------------------------------------------------------
@@ -209,7 +203,7 @@ def test_random_bytes_as_requests(
         raw.send(requests)
         for name in SERVICES:  # all services still answer
             assert not control.ask(name, SERVICES[name]).message.startswith('internal')
-    assert memory_of(control.bench) < MOST_MEMORY
+    assert control.bench.peak_memory() < MOST_MEMORY
     seen(f'{len(requests)} requests; longest gap between commands '
          f'{1e3 * control.longest_pause:.0f} ms')
 
@@ -237,8 +231,8 @@ def test_counts_that_no_memory_holds(
         for count in (2**32 - 1, 2**29)]
     with control.checked():
         raw.send(requests)
-    assert memory_of(control.bench) < MOST_MEMORY
-    seen(f'at most {memory_of(control.bench) / 2**20:.0f} MiB')
+    assert control.bench.peak_memory() < MOST_MEMORY
+    seen(f'at most {control.bench.peak_memory() / 2**20:.0f} MiB')
 
 
 @fault(GROUP, 'a request with an element count of 8 million names, without names',
@@ -248,7 +242,7 @@ def test_a_count_that_delays_control(
 ) -> None:
     with control.checked(with_faults=True):
         raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])
-    assert memory_of(control.bench) < MOST_MEMORY
+    assert control.bench.peak_memory() < MOST_MEMORY
     seen(f'longest gap between commands {1e3 * control.longest_pause:.0f} ms')
 
 
@@ -291,7 +285,7 @@ def test_damaged_requests_of_the_action(
         raw.send(requests)
         assert sent.result()[0] in (SUCCEEDED[0], GoalStatus.STATUS_ABORTED)
         assert action.send(HOLD).result() == SUCCEEDED
-    assert memory_of(control.bench) < MOST_MEMORY
+    assert control.bench.peak_memory() < MOST_MEMORY
     seen(f'{len(requests)} requests')
 
 

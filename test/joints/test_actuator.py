@@ -151,18 +151,6 @@ def test_invalid_values_are_rejected_by_name(field: str, value: list[float], wor
 
 # --- the arm -------------------------------------------------------------------------------------
 
-def test_reflected_inertia_is_part_of_the_mass_matrix_and_of_the_energy() -> None:
-    arm, geared = one_link(), one_link(motor())
-    reflected = 100.0**2 * 2e-5
-    body, with_rotor = ArmDynamics(arm).rigid_body, ArmDynamics(geared).rigid_body
-    q, v = np.array([0.3]), np.array([2.0])
-    assert with_rotor.mass_matrix(q) - body.mass_matrix(q) == pytest.approx(
-        np.array([[reflected]]))
-    assert with_rotor.kinetic_energy(q, v) - body.kinetic_energy(q, v) == pytest.approx(
-        0.5 * reflected * 4.0)
-    tau = with_rotor.inverse_dynamics(q, v, np.array([1.5]))
-    assert with_rotor.forward_dynamics(q, v, tau) == pytest.approx([1.5])
-
 
 positive = st.floats(0.0, 5.0)
 

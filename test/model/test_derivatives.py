@@ -3,10 +3,11 @@
 
 """Derivatives against central differences of the dynamics, and the discrete model in a loop."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import math
 
 from engine_cases import with_other_relations
+from largest_error import assert_small
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -21,6 +22,7 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
 
+pytestmark = pytest.mark.usefixtures('largest_error')
 Array = npt.NDArray[np.float64]
 TOLERANCE = 1e-6
 ROBOTS = (
@@ -55,23 +57,9 @@ def differences(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -
     return np.array(columns).T
 
 
-ERRORS: list[tuple[float, str]] = []
-"""Errors of the test by the largest expected value, and of what."""
-
-
-@pytest.fixture(autouse=True)
-def largest_error() -> Iterator[None]:
-    """Print the largest error of a test."""
-    ERRORS.clear()
-    yield
-    if ERRORS:
-        print('largest error {:.1e}, {}'.format(*max(ERRORS)))
-
-
 def assert_near(actual: Array, expected: Array, what: str) -> None:
     error = float(np.abs(actual - expected).max() / np.abs(expected).max())
-    ERRORS.append((error, what))
-    assert error <= TOLERANCE, f'{what}: {error:.1e}'
+    assert_small(error, TOLERANCE, what)
 
 
 def smooth_effort(arm: ArmModel, wrenches: list[ExternalWrench]) -> Callable[..., Array]:

@@ -12,7 +12,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import describe_change, make_payload, Payload, with_payload_on
-from robots import robot_urdf
 
 laws = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -101,32 +100,6 @@ def test_a_payload_is_one_more_fixed_link(seed, link):
         everything(load_arm(with_fixed_link(GRIPPER_ARM, payload)), seed))
 
 
-@pytest.mark.parametrize(('robot', 'link'), [
-    ('ur10', 'tool0'), ('panda', 'panda_hand'), ('kinova', 'j2s6s200_end_effector'),
-    ('pr2', 'r_gripper_palm_link'),
-])
-def test_a_payload_of_a_real_robot_is_one_more_fixed_link(robot, link):
-    urdf = robot_urdf(robot)
-    payload = random_payload(np.random.default_rng(2), link)
-    bare = load_arm(urdf)
-    loaded, expected = bare.with_payloads([payload]), load_arm(with_fixed_link(urdf, payload))
-    assert_same(everything(loaded, 4), everything(expected, 4))
-    assert np.abs(everything(loaded, 4)[1] - everything(bare, 4)[1]).max() > 0.1
-
-
-@laws
-@given(seed=seeds)
-def test_loads_add_up(seed):
-    rng = np.random.default_rng(seed)
-    first, second, third = (random_payload(rng, link) for link in ('hand', 'hand', 'upper'))
-    urdf = GRIPPER_ARM
-    for i, payload in enumerate((first, second, third)):
-        urdf = with_fixed_link(urdf, payload, f'load{i}')
-    loaded = load_arm(GRIPPER_ARM).with_payloads([first, second, third])
-    assert loaded.payloads == (first, second, third)
-    assert_same(everything(loaded, seed), everything(load_arm(urdf), seed))
-
-
 @laws
 @given(seed=seeds)
 def test_a_load_without_mass_is_none(seed):
@@ -160,15 +133,6 @@ def test_a_payload_at_the_base_has_no_effect():
     *expected, without = everything(arm, 0)
     assert_identical(ours, expected)
     npt.assert_allclose(potential[0] - without[0], 50.0 * 9.81 * 3.0, rtol=1e-12)
-
-
-def test_a_point_mass_pulls_with_its_weight():
-    # The arm stands upright; a mass m at a distance x from its axis exerts m g x on joint 1.
-    arm = load_arm(GRIPPER_ARM)
-    loaded = arm.with_payloads([make_payload('upper', 2.0, (0.3, 0.0, 0.7))])
-    q = np.zeros(arm.joint_count)
-    more = RigidBody(loaded).gravity(q) - RigidBody(arm).gravity(q)
-    npt.assert_allclose(more, [-2.0 * 9.81 * 0.3, 0.0, 0.0], rtol=0, atol=1e-12)
 
 
 def test_a_payload_at_an_unknown_link_is_refused():

@@ -3,20 +3,13 @@
 
 """Locked joints, the direction of gravity, wrenches and rejected input of the rigid bodies."""
 
-from hypothesis import given
 import numpy as np
 import numpy.testing as npt
 import pytest
 from random_trees import (
     case_of,
-    GRAVITY,
-    laws,
     random_case,
     random_inertial,
-    random_urdf,
-    seeds,
-    text,
-    turn,
 )
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
@@ -26,46 +19,8 @@ from robots import robot_urdf
 
 # --- locked joints -------------------------------------------------------------------------------
 
-@laws
-@given(seed=seeds)
-def test_locking_joints_leaves_the_block_of_the_others(seed):
-    rng = np.random.default_rng(seed)
-    urdf = random_urdf(rng, mimic=False)
-    whole = load_arm(urdf)
-    kept = [str(name) for name in rng.permutation(whole.joint_names)][
-        :int(rng.integers(1, whole.joint_count + 1))]
-    arm = load_arm(urdf, kept)
-    index = [whole.joint_names.index(name) for name in kept]
-    q, v, a = rng.normal(0, 1, (3, len(kept)))
-    q_whole = np.array([arm.locked_joints.get(name, 0.0) for name in whole.joint_names])
-    v_whole, a_whole = np.zeros((2, whole.joint_count))
-    q_whole[index], v_whole[index], a_whole[index] = q, v, a
-    npt.assert_allclose(
-        RigidBody(arm).mass_matrix(q),
-        RigidBody(whole).mass_matrix(q_whole)[np.ix_(index, index)], rtol=1e-10, atol=1e-10)
-    npt.assert_allclose(
-        RigidBody(arm).inverse_dynamics(q, v, a),
-        RigidBody(whole).inverse_dynamics(q_whole, v_whole, a_whole)[index],
-        rtol=1e-10, atol=1e-9)
-
 
 # --- gravity -------------------------------------------------------------------------------------
-
-@laws
-@given(seed=seeds)
-def test_turning_gravity_is_turning_the_base(seed):
-    case = random_case(seed, some_locked=False)
-    rpy = case.rng.uniform(-3, 3, 3)
-    x, y, z = np.eye(3)
-    R = turn(z, rpy[2]) @ turn(y, rpy[1]) @ turn(x, rpy[0])
-    mounted = case.urdf.replace(
-        '</robot>',
-        '<link name="floor"/><joint name="mount" type="fixed"><parent link="floor"/>'
-        f'<child link="link0"/><origin rpy="{text(rpy)}"/></joint></robot>')
-    expected = RigidBody(load_arm(mounted)).inverse_dynamics(case.q, case.v, case.a)
-    tilted = load_arm(case.urdf, gravity=R.T @ GRAVITY)
-    ours = RigidBody(tilted).inverse_dynamics(case.q, case.v, case.a)
-    npt.assert_allclose(ours, expected, rtol=0, atol=1e-10 * max(1.0, abs(expected).max()))
 
 
 def test_without_gravity_nothing_is_needed_to_hold_the_arm():

@@ -25,7 +25,6 @@ from ros_harness import (
     wait_until,
 )
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 NAMES = ['joint1', 'joint2']
@@ -45,8 +44,8 @@ class Controller:
 
     def __init__(self, client: RosClient, namespace: str) -> None:
         self.effort: JointState | None = None
-        self.sent = self.answered = 0
-        """Efforts so far, and the stamp [ns] of the last state that got one."""
+        self.answered = 0
+        """Stamp [ns] of the last state that got an effort."""
         self._node = client.node
         self._publisher = client.publisher(JointState, f'{namespace}/effort_command', 1)
         self._subscription = client.node.create_subscription(
@@ -57,7 +56,6 @@ class Controller:
         if effort is not None:
             self.answered = stamp_from_ros(state.header.stamp)
             self._publisher.publish(effort)
-            self.sent += 1
 
     def close(self) -> None:
         self._node.destroy_subscription(self._subscription)
@@ -77,15 +75,10 @@ class Driven:
         """Return the stamp [ns] of the last state that was answered with an effort."""
         return self._controller.answered
 
-    def command(self, effort: Any, names: list[str] = NAMES) -> None:
+    def command(self, effort: Any) -> None:
         """Answer with this effort from now on; None for no answer."""
         self._controller.effort = None if effort is None else JointState(
-            name=names, effort=effort)
-
-    def wait_for_answers(self, count: int) -> None:
-        """Wait until `count` more efforts have been sent."""
-        enough = self._controller.sent + count
-        wait_until(lambda: self._controller.sent >= enough, f'{count} answers')
+            name=NAMES, effort=effort)
 
     def move(self) -> JointState:
         """Command the effort until the arm moves."""
@@ -138,16 +131,6 @@ def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> Non
     assert 0.2 <= silence < 0.2 + 2.0 / RATE
     stood = 1e-9 * stamp_from_ros(standing.header.stamp) - (since + silence)
     assert 0.0 <= stood < LONG
-
-
-def test_a_reset_waits_for_a_first_effort_again(arm: Driven, client: RosClient) -> None:
-    arm.move()
-    arm.command(None)
-    wait_standing(arm.states)
-    assert client.call(Trigger, '/silence/simulated_arm/reset').success
-    arm.states.wait_for(lambda m: list(m.position) == START)
-    assert list(wait_standing(arm.states).position) == START
-    arm.move()
 
 
 # --- the duration of the timeout -----------------------------------------------------------------

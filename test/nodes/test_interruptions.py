@@ -23,8 +23,6 @@ from interruption_bench import (
     wait_rejected,
 )
 from lifecycle_bench import ACTIVATE, DEACTIVATE
-from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
@@ -77,22 +75,15 @@ def test_a_position_limit(arm: FaultBench) -> None:
 
 # --- an arm that is moved by hand ----------------------------------------------------------------
 
-def change_state(bench: FaultBench, transition: int) -> None:
-    """Make a transition of the lifecycle."""
-    response = bench.client.call(ChangeState, bench.name('change_state'), ChangeState.Request(
-        transition=Transition(id=transition)))
-    assert response.success
-
-
 @fault(GROUP, 'deactivation; the arm is moved by hand; activation',
        f'a trajectory sent in between is rejected; after activation {HELD}')
 def test_deactivation(arm: FaultBench) -> None:
-    change_state(arm, DEACTIVATE)
+    assert arm.change(DEACTIVATE)
     assert arm.next_status('reference').message == 'ended early: the node was deactivated'
     move_by_hand(arm, ELSEWHERE)
     wait_rejected(arm, 'no reference can be followed now: the node is not active')
     arm.efforts.clear()
-    change_state(arm, ACTIVATE)
+    assert arm.change(ACTIVATE)
     assert arm.efforts.wait_for().effort == pytest.approx(gravity(ELSEWHERE), abs=1e-6)
     check_held(arm, ELSEWHERE)
 

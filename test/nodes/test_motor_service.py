@@ -123,19 +123,3 @@ def test_the_urdfs_transmissions_are_the_gear_ratios(
     assert list(answer.effort) == pytest.approx(effort)
     actuators = dynamics.arm.actuators
     assert list(answer.motor_current) == pytest.approx(actuators.load(effort, v, a).current)
-
-
-def test_a_reflected_inertia_alone_is_no_motor(
-        client: RosClient, dynamics: ArmDynamics) -> None:
-    parameters = {'joints': NAMES, 'actuator.reflected_inertia': [0.1, 0.05]}
-    with NodeProcess(DYNAMICS, parameters, namespace='/rotors'):
-        answer = client.call(
-            InverseDynamics, '/rotors/dynamics/inverse_dynamics',
-            InverseDynamics.Request(position=Q, velocity=V, acceleration=A))
-        result, = client.set_parameters(
-            '/rotors/dynamics', {'actuator.reflected_inertia': [0.2]})
-    # the motors of this test have the same reflected inertia
-    assert list(answer.effort) == pytest.approx(
-        dynamics.inverse_dynamics(*(np.array(x) for x in (Q, V, A))))
-    assert len(answer.motor_current) == len(answer.current_ratio) == 0
-    assert not result.successful

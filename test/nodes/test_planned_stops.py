@@ -11,11 +11,18 @@ from collections.abc import Callable, Sequence
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import FaultBench, NAMES, nanoseconds_of, Q
+from fault_bench import FaultBench, nanoseconds_of, Q
 from fault_table import fault
-from interruption_bench import check_held, ELSEWHERE, follow, gravity, GROUP, move_by_hand
+from interruption_bench import (
+    check_held,
+    ELSEWHERE,
+    follow,
+    gravity,
+    GROUP,
+    move_by_hand,
+    trajectory_to,
+)
 from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
 import numpy as np
 import pytest
@@ -23,7 +30,6 @@ from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import Collector, LONG, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
 class IdealArm:
@@ -81,7 +87,7 @@ class IdealArm:
 
 def stop(bench: FaultBench) -> Any:
     """Call `~/stop`; return the response."""
-    response = bench.client.call(Trigger, bench.name('stop'))
+    response = bench.ask('stop', Trigger)
     assert response.success
     return response
 
@@ -93,20 +99,14 @@ def is_between(q: Sequence[float], one: Sequence[float], other: Sequence[float])
 
 
 SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
-
-
-def slow_trajectory() -> JointTrajectory:
-    """Return a trajectory of a straight path that takes longer than any test should."""
-    return JointTrajectory(joint_names=NAMES, points=[
-        JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
-        for one, sec in ((Q, 0), (SLOW_GOAL, 10))])
+"""Reached in 10 s, longer than any test should take."""
 
 
 @fault(GROUP, '`~/stop` while a trajectory is followed',
        'each joint stops alone; the position is held; reported until the next reference')
 def test_stop_on_a_trajectory(arm: FaultBench) -> None:
     with IdealArm(arm) as ideal:
-        arm.trajectories.publish(slow_trajectory())
+        arm.trajectories.publish(trajectory_to(SLOW_GOAL, 10))
         ideal.wait_moving()
         response = stop(arm)
         assert response.message == 'stopping along the reference, then holding the position'
@@ -150,7 +150,7 @@ def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], 
             assert service.wait_for_service(TIMEOUT)
             # in another thread, so that no answer to a batch delays the answer of ~/stop
             operator.call(Trigger, arm.name('stop'))
-            arm.trajectories.publish(slow_trajectory())
+            arm.trajectories.publish(trajectory_to(SLOW_GOAL, 10))
             ideal.wait_moving()
             request = InverseDynamicsBatch.Request(position=np.zeros(2 * SAMPLES))
             for _ in range(BATCHES):

@@ -87,6 +87,3 @@ def test_a_set_point_is_followed(tracking: Bench) -> None:
 def test_the_error_is_fed_back_with_the_gains_of_each_joint(tracking: Bench) -> None:
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 0.02, Q[1] - 0.03]))
     settle(tracking, ([Q[0] + 0.02, Q[1] - 0.03],))
-
-
-# --- the parameters of the command ---------------------------------------------------------------

@@ -4,7 +4,6 @@
 """The services of `dynamics` over DDS: results, units, orders of joints, and warnings."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -168,32 +167,6 @@ def test_a_thousand_samples_at_once(robot: Served) -> None:
     assert effort == pytest.approx(robot.dynamics.inverse_dynamics_batch(*rows))
     for i in (0, 499, 999):
         assert effort[i] == pytest.approx(robot.dynamics.inverse_dynamics(*rows[:, i]))
-
-
-def test_mimic_joints_may_be_named_where_they_agree(robot: Served) -> None:
-    arm = robot.arm
-    if not arm.mimic_joints:
-        assert robot.namespace in ('/kinova', '/ur10')
-        return
-    q, v, a = some_state(arm, 4)
-    leaders = {name: i for i, name in enumerate(arm.joint_names)}
-    names = [*(m.name for m in arm.mimic_joints), *arm.joint_names]
-
-    def rows(offset: float = 0.0) -> dict[str, Any]:
-        def row(x: np.ndarray, with_offset: bool) -> Any:
-            follow = [m.multiplier * x[leaders[m.leader]] + (m.offset if with_offset else 0.0)
-                      for m in arm.mimic_joints]
-            follow[0] += offset
-            return floats_to_ros(np.array([*follow, *x]))
-        return {'joint_names': names, 'position': row(q, True), 'velocity': row(v, False),
-                'acceleration': row(a, False)}
-
-    response = robot.answer('inverse_dynamics', **rows())
-    assert tuple(response.joint_names) == arm.joint_names
-    assert response.effort == pytest.approx(robot.dynamics.inverse_dynamics(q, v, a))
-    refusal = robot.ask('inverse_dynamics', **rows(offset=0.1))
-    assert not refusal.success
-    assert f"position of mimic joint '{arm.mimic_joints[0].name}'" in refusal.message
 
 
 # --- warnings ------------------------------------------------------------------------------------

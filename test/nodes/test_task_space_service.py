@@ -4,26 +4,22 @@
 """`~/task_space` and the derivatives of `~/inverse_dynamics` over DDS, against the library."""
 
 from collections.abc import Iterator
-import time
 from typing import Any
 
 from geometry_msgs.msg import Point
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, TASK_SPACE_ARRAYS
 from robot_dynamics.task_space import TaskSpace, TaskSpaceState
 from robots import robot_urdf
-from ros_harness import RosClient, wait_until
-from sensor_msgs.msg import JointState
-from service_bench import A, Q, Served, served, V
+from ros_harness import RosClient
+from service_bench import Q, Served, served
 
 POINT = (0.1, -0.2, 0.05)
 LINK = 'panda_hand'
-OVER_JOINTS = ('jacobian', 'position_margin', 'dynamic_inverse')
 
 
 @pytest.fixture(scope='module')
@@ -98,32 +94,12 @@ def test_a_payload_is_in_the_inertia(planar: Served) -> None:
     np.testing.assert_allclose(lost @ expected.jacobian, 0.0, atol=1e-12)
 
 
-def test_ten_thousand_states_while_joint_states_are_answered(
-    panda: Served, client: RosClient,
-) -> None:
+def test_ten_thousand_states_while_joint_states_are_answered(panda: Served) -> None:
     q = np.random.default_rng(12).normal(size=(10_000, 8))
-    answers: list[float] = []
-    publisher = client.node.create_publisher(JointState, '/panda/joint_states', 10)
-    subscription = client.node.create_subscription(
-        JointState, '/panda/dynamics/gravity_compensation',
-        lambda _: answers.append(time.monotonic()), 10)
-
-    def publish() -> None:
-        message = JointState(name=list(panda.arm.joint_names), position=[0.01] * 8,
-                             velocity=[0.0] * 8)
-        message.header.stamp = client.node.get_clock().now().to_msg()
-        publisher.publish(message)
-
-    timer = client.node.create_timer(0.005, publish)
-    wait_until(lambda: len(answers) > 20, 'answers to joint states')
-    begin = time.monotonic()
-    response = panda.answer('task_space', frame=LINK, position=q.ravel().tolist())
-    end = time.monotonic()
-    client.node.destroy_timer(timer)
-    client.node.destroy_subscription(subscription)
+    response = panda.answer_while_streaming(
+        [0.01] * 8, 'task_space', frame=LINK, position=q.ravel().tolist())
     assert len(response.inertia) == 36 * 10_000
     assert np.isfinite(response.inertia).all()
-    assert len([one for one in answers if begin < one < end]) > 5
 
 
 def test_derivatives_on_request(panda: Served) -> None:
@@ -140,18 +116,3 @@ def test_derivatives_on_request(panda: Served) -> None:
         np.testing.assert_allclose(given, getattr(by, name)[::-1, ::-1], atol=1e-9)
         assert not len(getattr(without, f'effort_{name}_derivative'))
     assert list(response.effort) == list(without.effort)
-
-
-def test_derivatives_of_the_planar_arm_are_differences_of_the_service(planar: Served) -> None:
-    motion = {'velocity': V, 'acceleration': A}
-    response = planar.answer(
-        'inverse_dynamics', position=Q, include_derivatives=True, **motion)
-    h = 1e-6
-    for j, e in enumerate(np.eye(2)):
-        ahead, behind = (np.array(planar.answer(
-            'inverse_dynamics', position=(Q + s * h * e).tolist(), **motion).effort)
-            for s in (1, -1))
-        column = np.reshape(response.effort_position_derivative, (2, 2))[:, j]
-        assert column == pytest.approx((ahead - behind) / (2 * h), rel=1e-6)
-    M = ArmDynamics(planar.arm).mass_matrix(Q)
-    assert np.reshape(response.effort_acceleration_derivative, (2, 2)) == pytest.approx(M)

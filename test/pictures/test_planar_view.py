@@ -103,20 +103,6 @@ def test_newton_and_euler_hold_for_each_link(robot):
             rtol=0.0, atol=1e-9)
 
 
-def test_velocities_and_accelerations_are_the_derivatives_of_positions():
-    view = PlanarView(load_arm(robot_urdf('ur10'), UR10_PLANE))
-    q, v, a = motion(5, 3)
-    h = 1e-4
-
-    def at(t):
-        return view.passes(q + v * t + 0.5 * a * t * t, v + a * t, a)
-
-    before, now, after = at(-h), at(0.0), at(h)
-    second = (after.com_position - 2.0 * now.com_position + before.com_position) / h**2
-    npt.assert_allclose(now.com_acceleration, second, rtol=1e-4, atol=1e-3)
-    npt.assert_allclose(now.omega_dot, (after.omega - before.omega) / (2.0 * h), atol=1e-6)
-
-
 def test_upright_is_reported():
     assert PlanarView(load_arm(default_arm_urdf())).upright_at_zero
     tilted = on_a_turned_base(default_arm_urdf(), (0.0, 0.3, 0.0))

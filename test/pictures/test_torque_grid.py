@@ -75,49 +75,6 @@ def test_values_are_those_of_the_library_at_each_point(arm):
             inertia[row, column], np.diag(body.mass_matrix(q)), rtol=0.0, atol=1e-9)
 
 
-def test_the_default_arm_is_the_closed_form():
-    grid, two_link = make_grid(DEFAULT, samples=13), PlanarTwoLink()
-    v, a = np.array([0.5, 0.3]), np.array([0.1, 0.2])
-    gravity, motion = gravity_efforts(DEFAULT, grid), motion_efforts(DEFAULT, grid, v, a)
-    inertia = inertia_diagonal(DEFAULT, grid)
-    for row, column in some_points(grid):
-        q = grid.positions[row, column]
-        npt.assert_allclose(gravity[row, column], planar.gravity_vector(two_link, q), atol=1e-10)
-        npt.assert_allclose(
-            motion[row, column], planar.inverse_dynamics(two_link, q, v, a), atol=1e-10)
-        npt.assert_allclose(
-            inertia[row, column], np.diag(planar.mass_matrix(two_link, q)), atol=1e-10)
-
-
-def test_gravity_is_the_slope_of_the_potential_energy(arm):
-    grid = make_grid(arm, samples=61)
-    first, second = grid.joints
-    gravity, body = gravity_efforts(arm, grid), RigidBody(arm)
-    # Around a cell the work against gravity is 0, and along an edge it is the energy difference.
-    along = np.trapezoid(gravity[0, :, first], grid.x) if hasattr(np, 'trapezoid') else (
-        np.trapz(gravity[0, :, first], grid.x))
-    energies = [body.potential_energy(grid.positions[0, column]) for column in (0, -1)]
-    assert along == pytest.approx(energies[1] - energies[0], abs=0.02 * np.abs(gravity).max())
-    slope = np.gradient(gravity[..., first], grid.y, axis=0)[1:-1, 1:-1]
-    other = np.gradient(gravity[..., second], grid.x, axis=1)[1:-1, 1:-1]
-    npt.assert_allclose(slope, other, rtol=0.0, atol=0.02 * max(np.abs(slope).max(), 1.0))
-
-
-def test_the_map_is_largest_where_the_search_says():
-    grid = make_grid(DEFAULT)
-    worst = worst_gravity(DEFAULT).effort
-    largest = np.abs(gravity_efforts(DEFAULT, grid)).max(axis=(0, 1))
-    npt.assert_allclose(largest, worst, rtol=1e-3)
-    assert (largest <= worst + 1e-9).all()
-
-
-def test_inertia_is_positive_and_does_not_depend_on_joint_1(arm):
-    grid = make_grid(arm, arm.joint_names[:2], samples=7)
-    inertia = inertia_diagonal(arm, grid)
-    assert (inertia > 0.0).all()
-    npt.assert_allclose(inertia, np.broadcast_to(inertia[:, :1], inertia.shape), atol=1e-9)
-
-
 # --- the grid ------------------------------------------------------------------------------------
 
 def test_grids_cover_the_limits_and_a_turn_where_there_are_none():

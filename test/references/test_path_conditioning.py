@@ -97,43 +97,22 @@ def paths(draw: Any) -> JointTrajectory:
 
 @laws
 @given(paths())
-def test_a_path_of_positions_passes_its_points_and_rests_at_both_ends(
-    sent: JointTrajectory,
-) -> None:
+def test_a_path_of_positions_is_followed_within_the_limits(sent: JointTrajectory) -> None:
+    """It passes its points, in the proportions of their times, without overshoot."""
     found, slowness = conditioned(sent)
     assert slowness >= 1.0
-    assert len(found.points) == len(sent.points)
-    for point, original in zip(found.points, sent.points):
-        assert point.position.tolist() == original.position.tolist()
-    assert_starts_and_ends_at_rest(found, sent)
-
-
-@laws
-@given(paths())
-def test_a_path_of_positions_keeps_the_proportions_of_its_times(sent: JointTrajectory) -> None:
-    found, slowness = conditioned(sent)
     first = sent.points[0].time_from_start
     assert found.points[0].time_from_start == first
-    for point, original in zip(found.points, sent.points):
+    for point, original in zip(found.points, sent.points, strict=True):
+        assert point.position.tolist() == original.position.tolist()
         assert point.time_from_start - first == pytest.approx(
             slowness * (original.time_from_start - first))
-
-
-@laws
-@given(paths())
-def test_a_path_of_positions_does_not_overshoot_its_points(sent: JointTrajectory) -> None:
-    found, _ = conditioned(sent)
+    assert_starts_and_ends_at_rest(found, sent)
+    assert_within_limits(found)
     for q, _, _ in dense(found):
-        sign = np.sign(q[-1] - q[0])
-        assert (np.diff(q, axis=0) * sign >= -1e-9).all()
+        assert (np.diff(q, axis=0) * np.sign(q[-1] - q[0]) >= -1e-9).all()
         assert (q >= np.minimum(q[0], q[-1]) - 1e-9).all()
         assert (q <= np.maximum(q[0], q[-1]) + 1e-9).all()
-
-
-@laws
-@given(paths())
-def test_a_path_of_positions_is_within_the_limits(sent: JointTrajectory) -> None:
-    assert_within_limits(conditioned(sent)[0])
 
 
 def test_a_slow_path_of_positions_is_not_slowed_down() -> None:

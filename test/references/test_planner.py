@@ -8,16 +8,11 @@ import math
 import random
 from typing import Any, NamedTuple
 
+from jerk_motion import evaluate
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.references.jerk_profile import (
-    Bounds,
-    evaluate,
-    Extremes,
-    extremes,
-    stop,
-)
+from robot_dynamics.references.jerk_profile import Bounds, Extremes, extremes, stop
 from robot_dynamics.references.joint_planner import Target
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.planner import (
@@ -124,7 +119,7 @@ def cases(count: int, scaled: bool = True) -> Iterator[Case]:
             yield case
             t = case.plan.duration * r.choice([r.random(), r.random(), 1.2])
             state = Reference(*np.array([
-                evaluate(case.plan.phases[j.j], t, *j.state)[:3] for j in case.joints()]).T)
+                evaluate(case.plan.phases[j.j], t, *j.state) for j in case.joints()]).T)
 
 
 def position_in(r: random.Random, limits: MotionLimits) -> FloatArray:
@@ -235,7 +230,7 @@ def test_segments_follow_the_phases_without_steps(count: int) -> None:
                     segment.coefficients, segment.phase(end_ns)))
                 t = (end_ns - since_ns) / SECOND
                 expected = np.array([
-                    evaluate(plan.phases[joint.j], t, *joint.state)[:3]
+                    evaluate(plan.phases[joint.j], t, *joint.state)
                     for joint in case.joints()]).T.ravel()
                 assert (np.abs(found - expected) <= 1e-7 * sizes).all()
             now_ns = segment.end_ns

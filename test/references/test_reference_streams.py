@@ -60,26 +60,6 @@ def test_a_stream_with_accelerations_is_followed_more_closely(rate: int) -> None
     assert np.abs(found.a + OMEGA**2 * exact).max() < 0.1 * largest_jerk * CORRECTION
 
 
-@pytest.mark.parametrize('rate', [50, 1000])
-@pytest.mark.parametrize('jump', [0.1, 1.0, 3.0])
-def test_a_jump_in_a_stream_with_velocities_is_followed_within_the_limits(
-    rate: int, jump: float,
-) -> None:
-    one, h, most = generator(), 1.0 / rate, limits_of().whole
-    found = stream(one, lambda t: (np.full(2, jump if t > 0.3 else 0.0), ZERO), h, 0.8, True)
-    assert (np.abs(found.v) <= TOLERANCE * most.velocity).all()
-    assert (np.abs(found.a) <= TOLERANCE * most.acceleration).all()
-    assert found.jerk <= TOLERANCE * most.jerk[0]
-
-
-def test_a_velocity_beyond_the_limit_is_not_followed() -> None:
-    one, most = generator(), limits_of().whole
-    found = stream(one, lambda t: (50.0 * np.array((t, -t)), np.array((50.0, -50.0))),
-                   0.01, 1.0, True)
-    assert (np.abs(found.v) <= TOLERANCE * most.velocity).all()
-    assert (np.abs(found.a) <= TOLERANCE * most.acceleration).all()
-
-
 @pytest.mark.parametrize('rate', [50, 500])
 @pytest.mark.parametrize('end', [0.5, 0.9, 1.1])
 def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate: int, end: float) -> None:

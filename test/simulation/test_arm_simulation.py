@@ -94,18 +94,6 @@ def test_how_a_motion_is_cut_into_calls_does_not_matter() -> None:
     assert parts.q == pytest.approx(whole.q, abs=1e-12)
 
 
-def test_a_real_arm_keeps_its_energy() -> None:
-    arm = load_arm(robot_urdf('ur10'))
-    assert not arm.friction.coulomb.any()
-    assert not arm.friction.viscous.any()
-    simulation = released(arm, [0.2, -1.0, 0.8, 0.3, -0.4, 0.1])
-    at_start = sum(simulation.energy)
-    simulation.step(np.zeros(6), 2.0)
-    kinetic, potential = simulation.energy
-    assert kinetic > 10.0  # the arm fell
-    assert kinetic + potential == pytest.approx(at_start, abs=1e-5 * kinetic)
-
-
 # --- brakes, reset, payload, wrench --------------------------------------------------------------
 
 def test_brakes_hold_until_they_are_released() -> None:

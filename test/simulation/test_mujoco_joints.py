@@ -15,19 +15,15 @@ from typing import NamedTuple
 from engines import Array, MujocoEngine
 import numpy as np
 import pytest
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
 from simulated_arms import released
 
 TOLERANCE = 1e-9
 DOWN = (0.0, 0.0, -9.81)
-ARMS = {'default': 2, 'ur10': 6, 'xarm7': 7, 'skew': 3}
-"""Number of joints by name."""
-on_arms = pytest.mark.parametrize('name', ARMS)
 
 
 class Pair(NamedTuple):
@@ -43,19 +39,6 @@ def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]
     return Pair(arm.with_friction(make_friction(arm.joint_names, **friction)), mujoco)
 
 
-def skew_urdf() -> str:
-    """Return an arm of three links with one reversed and one oblique axis."""
-    urdf = planar_arm_urdf([3.0, 2.0, 1.0], [0.5, 0.4, 0.3], [0.2, 0.2, 0.1], [0.05, 0.03, 0.01])
-    for axis in ('0 -1 0', '0.6 0.8 0'):
-        urdf = urdf.replace('<axis xyz="0 1 0"', f'<axis xyz="{axis}"', 1)
-    return urdf
-
-
-def urdf_of(name: str) -> str:
-    made = {'default': default_arm_urdf, 'skew': skew_urdf}
-    return made[name]() if name in made else robot_urdf(name)
-
-
 def states(n: int, count: int = 20) -> Array:
     """Return positions, velocities and accelerations (count, 3, n), no velocity near zero."""
     random = np.random.default_rng(n)
@@ -64,44 +47,7 @@ def states(n: int, count: int = 20) -> Array:
     return rows
 
 
-def check_dynamics(arm: ArmModel, mujoco: MujocoEngine) -> None:
-    """Compare M, energy, inverse and forward dynamics, relative to the largest entry."""
-    dynamics = ArmDynamics(arm)
-    for q, v, a in states(arm.joint_count):
-        M = mujoco.mass_matrix(q)
-        assert np.abs(dynamics.rigid_body.mass_matrix(q) - M).max() <= TOLERANCE * np.abs(M).max()
-        assert dynamics.rigid_body.kinetic_energy(q, v) == pytest.approx(
-            mujoco.kinetic_energy(q, v), rel=TOLERANCE)
-        tau = mujoco.inverse_dynamics(q, v, a)
-        difference = dynamics.inverse_dynamics(q, v, a) - tau
-        assert np.abs(difference).max() <= TOLERANCE * np.abs(tau).max()
-        motion = mujoco.forward_dynamics(q, v, tau)
-        difference = dynamics.forward_dynamics(q, v, tau) - motion
-        assert np.abs(difference).max() <= TOLERANCE * np.abs(motion).max()
-
-
 # --- rotors and viscous friction -----------------------------------------------------------------
-
-@on_arms
-def test_reflected_inertia_is_armature(name: str) -> None:
-    arm, mujoco = pair(urdf_of(name))
-    random = np.random.default_rng(0)
-    N, J_r = random.uniform(-120.0, 120.0, arm.joint_count), random.uniform(
-        1e-6, 1e-4, arm.joint_count)
-    motors = make_actuators(arm.joint_names, [0.1], N.tolist(), rotor_inertia=J_r.tolist())
-    before = mujoco.mass_matrix(np.zeros(arm.joint_count))
-    mujoco.model.dof_armature[mujoco.velocity] = N**2 * J_r
-    assert np.abs(mujoco.mass_matrix(np.zeros(arm.joint_count)) - before).max() > 1e-3
-    check_dynamics(arm.with_actuators(motors), mujoco)
-    check_dynamics(arm.with_reflected_inertia(N**2 * J_r), mujoco)
-
-
-@on_arms
-def test_viscous_friction_is_damping(name: str) -> None:
-    viscous = np.linspace(3.0, 0.2, ARMS[name])
-    arm, mujoco = pair(urdf_of(name), viscous=viscous.tolist())
-    mujoco.model.dof_damping[mujoco.velocity] = viscous
-    check_dynamics(arm, mujoco)
 
 
 def runge_kutta(
@@ -127,7 +73,7 @@ def runge_kutta(
 def test_mujocos_motion_converges_to_ours_with_its_order(
     name: str, viscous: list[float], steps: Sequence[float], bound: float,
 ) -> None:
-    arm, mujoco = pair(urdf_of(name), viscous=viscous)
+    arm, mujoco = pair(robot_urdf(name), viscous=viscous)
     mujoco.model.dof_damping[mujoco.velocity] = viscous
     n = arm.joint_count
     q, v, tau = np.full(n, 0.4), np.full(n, 0.3), np.full(n, 0.5)
@@ -166,7 +112,7 @@ HARD = (1e-3, 0.9999)
 @on_dry_arms
 def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
     loss, _, _ = DRY[name]
-    arm, mujoco = pair(urdf_of(name), coulomb=loss)
+    arm, mujoco = pair(robot_urdf(name), coulomb=loss)
     with_frictionloss(mujoco, loss, *HARD)
     dynamics = ArmDynamics(arm)
     for q, v, tau in states(arm.joint_count):
@@ -180,7 +126,7 @@ def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
 def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) -> None:
     """Both slide and stop in the first half; at the end MuJoCo's joints still creep."""
     loss, q, v = DRY[name]
-    arm, _ = pair(urdf_of(name), coulomb=loss)
+    arm, _ = pair(robot_urdf(name), coulomb=loss)
     zero = np.zeros(arm.joint_count)
     simulation = released(arm, q, v)
     ours = [simulation.step(zero, 1e-3) for _ in range(600)]
@@ -191,7 +137,7 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
 
     errors, drifts = [], []
     for softness in ((4e-2, 0.9), (1e-2, 0.99), HARD):
-        _, mujoco = pair(urdf_of(name))
+        _, mujoco = pair(robot_urdf(name))
         with_frictionloss(mujoco, loss, *softness)
         rows = runge_kutta(mujoco, np.array(q), np.array(v), zero, 0.6, 2e-4)[4::5]
         errors.append(max(

@@ -13,60 +13,12 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
-from simulated_arms import ABOUT_JOINT, COM, INERTIA, LENGTH, MASS, one_link, released
+from simulated_arms import COM, INERTIA, LENGTH, MASS, released
 
 laws = settings(deadline=None, derandomize=True, max_examples=25)
 
 
 # --- viscous and dry friction --------------------------------------------------------------------
-
-def test_viscous_friction_slows_down_exponentially() -> None:
-    b, v0, t = 0.8, 3.0, 1.5
-    simulation = released(one_link(viscous=b), (0.0,), (v0,))
-    q, v = simulation.step(np.zeros(1), t)
-    decay = np.exp(-b * t / ABOUT_JOINT)
-    assert v[0] == pytest.approx(v0 * decay, rel=1e-10)
-    assert q[0] == pytest.approx(v0 * ABOUT_JOINT / b * (1.0 - decay), rel=1e-10)
-
-
-def test_coulomb_friction_slows_down_linearly_and_stops_for_good() -> None:
-    friction, v0 = 0.6, 1.2
-    slowing = friction / ABOUT_JOINT
-    stop = v0 / slowing
-    simulation = released(one_link(coulomb=friction), (0.0,), (v0,))
-    half, = simulation.step(np.zeros(1), stop / 2).velocity
-    assert half == pytest.approx(v0 / 2, rel=1e-9)
-    at_stop, v = simulation.step(np.zeros(1), stop / 2 + 2e-3)
-    assert v.tolist() == [0.0]
-    assert at_stop[0] == pytest.approx(v0 * stop / 2, abs=1e-6)
-    for _ in range(10):
-        assert simulation.step(np.zeros(1), 0.1).velocity.tolist() == [0.0]
-    assert simulation.q.tolist() == at_stop.tolist()
-
-
-@pytest.mark.parametrize('fraction', [0.0, 0.5, 0.999, -0.999])
-def test_a_joint_at_rest_stays_below_its_friction(fraction: float) -> None:
-    simulation = released(one_link(coulomb=0.6), (0.4,))
-    simulation.step(np.array([fraction * 0.6]), 1.0)
-    assert simulation.v.tolist() == [0.0]
-    assert simulation.q.tolist() == [0.4]
-
-
-def test_a_joint_moves_above_its_friction() -> None:
-    simulation = released(one_link(coulomb=0.6), (0.4,))
-    _, v = simulation.step(np.array([0.9]), 1.0)
-    assert v[0] == pytest.approx(0.3 / ABOUT_JOINT, rel=1e-9)
-
-
-def test_friction_holds_one_joint_while_another_one_moves() -> None:
-    arm = load_arm(planar_arm_urdf(
-        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[500.0, 0.0]))
-    simulation = released(arm, (1.0, 0.5))
-    for _ in range(20):
-        _, v = simulation.step(np.zeros(2), 0.05)
-        assert v[0] == 0.0
-    assert abs(v[1]) > 0.1
-    assert simulation.q[0] == 1.0
 
 
 @laws

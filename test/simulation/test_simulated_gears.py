@@ -125,17 +125,6 @@ def test_the_energy_balance_closes(width: list[float], backlash: float | None) -
     assert simulation.heat > 5.0
 
 
-def test_friction_of_gears_without_an_offset_takes_energy_only() -> None:
-    arm = geared(effort_bias=[0.0])
-    simulation = released(arm, [2.5, 0.5], [1.0, -1.0])
-    heat = 0.0
-    for _ in range(1000):
-        simulation.step(np.zeros(2), 0.002)
-        assert simulation.heat >= heat - 1e-12
-        heat = simulation.heat
-    assert heat > 1.0
-
-
 @pytest.mark.parametrize('v', [[0.3, -0.2], [0.0, 0.4], [-0.02, 0.0], [0.0, 0.0]])
 def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> None:
     arm, effort = geared(presliding_distance=[0.0]), np.array([90.0, 5.0])

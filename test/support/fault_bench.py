@@ -18,6 +18,8 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import numpy.typing as npt
 from ros_harness import (
@@ -208,6 +210,21 @@ class FaultBench:
     def name(self, name: str) -> str:
         """Return the full name of a topic or service of the node."""
         return f'{self.namespace}/dynamics/{name}'
+
+    def ask(self, service: str, kind: Any, **fields: Any) -> Any:
+        """Return the response of a service below `~`."""
+        return self.client.call(kind, self.name(service), kind.Request(**fields))
+
+    def change(self, transition: int = 0, label: str = '') -> bool:
+        """Request a transition of the lifecycle; return whether it succeeded."""
+        return bool(self.ask('change_state', ChangeState, transition=Transition(
+            id=transition, label=label)).success)
+
+    def peak_memory(self) -> int:
+        """Return the peak memory of the node so far [bytes]."""
+        with open(f'/proc/{self.node.pid}/status', encoding='ascii') as status:
+            return 1024 * next(
+                int(line.split()[1]) for line in status if line.startswith('VmHWM'))
 
     # ------------------------------------------------------------------ diagnostics
 

@@ -91,17 +91,17 @@ def move_by_hand(
     wait_states(bench, 2)
 
 
-def trajectory_to(q: Sequence[float]) -> JointTrajectory:
-    """Return a trajectory of two points with a distant goal, reached in 2 s."""
+def trajectory_to(q: Sequence[float], seconds: int) -> JointTrajectory:
+    """Return a trajectory of a straight path from `Q` to q."""
     return JointTrajectory(joint_names=NAMES, points=[
         JointTrajectoryPoint(positions=list(one), time_from_start=Duration(sec=sec))
-        for one, sec in ((Q, 0), (q, 2))])
+        for one, sec in ((Q, 0), (q, seconds))])
 
 
 def wait_rejected(bench: FaultBench, reason: str) -> None:
     """Send a trajectory and a set-point; wait until diagnostics show `reason` as a rejection."""
     before = bench.figure('reference', 'refused')
-    bench.trajectories.publish(trajectory_to(FAR))
+    bench.trajectories.publish(trajectory_to(FAR, 2))
     bench.set_point(FAR)
     status = bench.wait_status(
         'reference', lambda status: figure_of(status, 'refused') >= before + 2)

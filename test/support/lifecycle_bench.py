@@ -15,7 +15,7 @@ from typing import Any
 from fault_bench import FaultBench, nanoseconds_of, STEADY
 from fault_stimuli import from_now
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.srv import GetState
 from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 
@@ -37,18 +37,9 @@ class LifecycleBench(FaultBench):
             JointState, self.name('gravity_compensation'), KEEP_MANY)
         self.gravity.wait_matched()
 
-    def change(self, transition: int = 0, label: str = '') -> bool:
-        """Request a transition; return whether it succeeded."""
-        return bool(self.client.call(ChangeState, self.name('change_state'), ChangeState.Request(
-            transition=Transition(id=transition, label=label))).success)
-
     def state(self) -> str:
         """Return the name of the lifecycle state."""
         return str(self.client.call(GetState, self.name('get_state')).current_state.label)
-
-    def ask(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Return the response of a service below `~`."""
-        return self.client.call(kind, self.name(service), kind.Request(**fields))
 
     def check_silent(self) -> None:
         """Check that the node publishes g(q) for states, and no command."""

@@ -29,14 +29,10 @@ class ControlContinues:
     """Checks that a node continues to command during requests."""
 
     def __init__(self, bench: FaultBench) -> None:
-        self.bench = bench
+        self.bench, self.ask = bench, bench.ask
         self.longest_pause = 0.0
         """Longest time between two commands during the last check [s]."""
         self._faults_known = 0
-
-    def ask(self, service: str, kind: Any, **fields: Any) -> Any:
-        """Return the response of a service below `~`."""
-        return self.bench.client.call(kind, self.bench.name(service), kind.Request(**fields))
 
     @contextmanager
     def checked(self, with_faults: bool = False) -> Iterator[None]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Verbs of `ros2 dynamics`, in this process with one client, or in processes of their own."""
+"""Verbs of `ros2 dynamics`, in this process with one client, or in separate processes."""
 
 from collections.abc import Callable
 from contextlib import nullcontext

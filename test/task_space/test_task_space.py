@@ -3,11 +3,12 @@
 
 """Task space against MuJoCo and Drake, its laws at a rank loss, and its errors."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from engine_cases import Case, description, ENGINES, make_case, with_other_relations, with_payloads
 from engines import Array
 from hypothesis import given
+from largest_error import assert_small
 import numpy as np
 import pytest
 from random_trees import laws, random_cases
@@ -20,6 +21,7 @@ from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.task_space import REFERENCES, TaskSpace, TaskSpaceState
 from robots import robot_urdf
 
+pytestmark = pytest.mark.usefixtures('largest_error')
 TOLERANCE = 1e-9
 ROBOTS = (
     'default', 'ur5', 'ur10', 'kinova', 'panda', 'xarm7', 'z1', 'so100', 'baxter',
@@ -28,24 +30,10 @@ ROBOTS = (
 POINT = np.array([0.05, -0.1, 0.2])
 
 
-ERRORS: list[tuple[float, str]] = []
-"""Errors of the test by the largest expected value, and of what."""
-
-
-@pytest.fixture(autouse=True)
-def largest_error() -> Iterator[None]:
-    """Print the largest error of a test."""
-    ERRORS.clear()
-    yield
-    if ERRORS:
-        print('largest error {:.1e}, {}'.format(*max(ERRORS)))
-
-
 def assert_near(actual: Array, expected: Array, what: str) -> None:
     scale = np.abs(expected).max(initial=0.0)
     error = np.abs(actual - expected).max(initial=0.0) / (scale if scale > 1e-9 else 1.0)
-    ERRORS.append((float(error), what))
-    assert error <= TOLERANCE, f'{what}: {error:.1e}, {scale}'
+    assert_small(float(error), TOLERANCE, what)
 
 
 def far_link(arm: ArmModel) -> str:
@@ -113,8 +101,7 @@ def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Ar
     force = state.inertia @ acceleration + state.coriolis_force + state.gravity_force
     scale = np.abs(state.inertia).max() * np.abs(acceleration).max()
     error = float(np.abs(force - F).max() / max(scale, 1.0))
-    ERRORS.append((error, 'Lambda v + mu + p'))
-    assert error <= TOLERANCE
+    assert_small(error, TOLERANCE, 'Lambda v + mu + p')
 
 
 @pytest.mark.parametrize('engine', ENGINES)

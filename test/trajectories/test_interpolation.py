@@ -76,20 +76,6 @@ def test_without_an_acceleration_at_both_ends_the_way_is_cubic():
     assert_same(mixed, sample_segment(0.7, 0.0, point(q0, v0), 2.0, point(q1, v1)))
 
 
-@laws
-@given(t=st.floats(0.01, 0.99), T=spans)
-def test_velocity_and_acceleration_are_the_derivatives_of_position(t, T):
-    p0, p1 = point([0.1, 0.4], [1.0, -1.0], [0.3, 0.0]), point([2.0, -1.0], [0.5, 0.2], [0.0, 1.0])
-    h = 1e-4 * T
-    before, at, after = (
-        sample_segment(t * T + d, 0.0, p0, T, p1) for d in (-h, 0.0, h))
-    tolerance = 1e-4 * (1.0 + 1.0 / T**2)
-    np.testing.assert_allclose(
-        (after.position - before.position) / (2 * h), at.velocity, rtol=1e-4, atol=tolerance)
-    np.testing.assert_allclose(
-        (after.velocity - before.velocity) / (2 * h), at.acceleration, rtol=1e-4, atol=tolerance)
-
-
 def test_a_time_outside_the_segment_is_the_nearer_end():
     p0, p1 = point([0.0, 1.0], [1.0, 0.0]), point([1.0, 1.0], [0.0, 0.5])
     assert_same(sample_segment(-3.0, 0.0, p0, 2.0, p1), sample_segment(0.0, 0.0, p0, 2.0, p1))

@@ -30,13 +30,6 @@ def test_point_to_point_is_the_fifth_order_time_scaling(q0, q1, T, s):
     np.testing.assert_allclose(found, q0 + scaling * (q1 - q0), atol=1e-6)
 
 
-def test_point_to_point_has_the_known_greatest_velocity():
-    path = quintic_point_to_point(JOINTS, (0.0, 0.0), (1.0, -2.0), 4.0)
-    middle = ActiveTrajectory(path, EPOCH, EPOCH, REST).sample(EPOCH + 2 * SECOND)
-    np.testing.assert_allclose(middle.velocity, 15.0 / 8.0 / 4.0 * np.array([1.0, -2.0]))
-    np.testing.assert_allclose(middle.acceleration, 0.0, atol=1e-12)
-
-
 @pytest.mark.parametrize('duration', [0.0, -1.0, math.nan])
 def test_point_to_point_refuses_a_duration_that_is_none(duration):
     with pytest.raises(TrajectoryError, match=r'points\[1\].time_from_start is'):

@@ -219,11 +219,3 @@ def test_what_motors_lack_counts_too(
     motor = '' if limit == 'effort' else 'the motor of '
     assert words.startswith(
         f'{limit} of {motor}{NAMES[j]!r} is {result.worst_ratio:.3g} times its limit at ')
-
-
-def test_the_load_counts() -> None:
-    from robot_dynamics.model.payload import make_payload
-    loaded = ArmDynamics(DYNAMICS.arm.with_payloads([make_payload('tool0', 10.0)]))
-    path = trajectory([0.0], [[np.pi / 2, 0.0]])
-    with_load, without = (efforts_along(d, path).efforts[0] for d in (loaded, DYNAMICS))
-    assert with_load - without == pytest.approx([-10.0 * 9.81 * 1.8, -10.0 * 9.81 * 0.8])

@@ -33,7 +33,7 @@ class Adaptation:
 
     def apply(self, law: ControlLaw) -> None:
         """Scale the compensation of friction of a law."""
-        law.scale_compensation(self._guard.scale, self._friction.acting)
+        law.scale_compensation(self._guard.scale, self._friction.share)
 
     def take(
         self, state: LawInput, friction: FloatArray | None, law: ControlLaw,
@@ -55,15 +55,11 @@ class Adaptation:
             now, e_dot, max(map(abs, reference.velocity.tolist()), default=0.0))
         if friction is not None and (
                 e_dot.dot(e_dot) > self._friction.least**2 or e.dot(e) > LEAST_WIDTH**2):
-            self._friction.fade(state.v, reference.velocity, friction)
             ran_away = self._friction.take(
-                now, min(max(passed, 0.0), LONGEST), state.dynamics, state.q, e, -e_dot,
-                state.feedback.gains.ratio * e, friction)
+                now, min(max(passed, 0.0), LONGEST), state.dynamics, state.q, e, state.v,
+                reference.velocity, state.feedback.gains.ratio * e, friction)
             self.apply(law)
             self.has_notice = self.has_notice or ran_away
-        elif self._friction.fading is not None:
-            self._friction.fading = None
-            self.apply(law)
         self.has_notice = self.has_notice or has_changed
         return has_changed
 

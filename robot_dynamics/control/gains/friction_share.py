@@ -6,16 +6,13 @@ How much of the compensation of dry friction acts at joints whose feedback is we
 
 A surplus of effort x acts for a delay T before the loop reacts, and accelerates the joint to
 x T / m. On a wrist with m = 5e-4 kg·m², of which the model contains no rotor, 0.4 N·m too much
-reach 8 rad/s in 10 ms: no gain prevents this. After a joint has run away in this way, only SHARE
-of its compensation acts.
+reach 8 rad/s in 10 ms: no gain prevents this. If the wrist has a rotor that the model lacks, the
+surplus accelerates it slowly, but beyond its velocity limit while it catches up with its
+reference. After a joint has run away in one of these ways, only SHARE of its compensation acts.
 
 With a share that is too small the stiffness of such a joint, less than 1 N·m/rad, leaves it far
 behind its reference. Beyond the width of the compensation at rest the share then grows, until
 the joint catches up. Within this width nothing changes, so that the joint comes to rest.
-
-Before, the compensation fades at a joint that is faster than its reference and than PACE of its
-velocity limit: a surplus would accelerate a joint that catches up, if its feedback is weak because
-the model contains no rotor.
 """
 
 import numpy as np
@@ -37,9 +34,9 @@ PAUSE = 0.2
 """[s] after a reduction, in which its effect is awaited."""
 RATE = 0.5
 """[1/s] by which the share of a joint grows again that stays behind."""
-PACE, MARGIN, FADING, LEAST = 0.6, 0.05, 0.15, 0.5
-"""By the velocity limit: the speed at which the compensation begins to fade, but at least that of
-the reference and MARGIN, and the range of speed in which it fades to LEAST."""
+PACE, MARGIN = 0.75, 0.25
+"""Speed at which a joint has run away while it catches up, by its velocity limit, and by how much
+it is at least faster than its reference then."""
 SLOW = 0.05
 """[rad/s] or [m/s]: a joint that catches up with its reference at this velocity does not lag."""
 
@@ -49,45 +46,29 @@ class FrictionShare:
 
     def __init__(self, velocity_limit: FloatArray) -> None:
         self.share: FloatArray = np.ones_like(velocity_limit)
-        """Shares (n,) in (0, 1] that run-aways have left."""
-        self.fading: FloatArray | None = None
-        """Factors (n,) in [LEAST, 1] of the compensation at the last state, None for 1."""
+        """Shares (n,) in (0, 1]."""
         self._limit = np.minimum(velocity_limit, LARGEST_SPEED)
         self._speed = SPEED_FRACTION * self._limit
-        self._direction = np.zeros_like(velocity_limit)
         self._earliest = np.full_like(velocity_limit, -np.inf)
         self.least = float(self._speed.min(initial=np.inf))
         """[rad/s] or [m/s] below which no joint has run away."""
 
-    @property
-    def acting(self) -> FloatArray:
-        """The shares (n,) of the compensation that act, in (0, 1]."""
-        return self.share if self.fading is None else self.share * self.fading
-
-    def fade(self, v: FloatArray, v_ref: FloatArray, friction: FloatArray) -> None:
-        """Fade at joints whose compensation `friction` (n,) acts along a large velocity v (n,)."""
-        self._direction = np.where(friction == 0.0, self._direction, np.sign(friction))
-        pace = np.maximum(np.abs(v_ref) + MARGIN * self._limit, PACE * self._limit)
-        excess = (v * self._direction - pace) / (FADING * self._limit)
-        self.fading = 1.0 - (1.0 - LEAST) * np.clip(excess, 0.0, 1.0) if (
-            excess > 0.0).any() else None
-
     def take(
         self, now: float, dt: float, dynamics: UncheckedArmDynamics, q: FloatArray,
-        e: FloatArray, ahead: FloatArray, expected: FloatArray, friction: FloatArray,
+        e: FloatArray, v: FloatArray, v_ref: FloatArray, expected: FloatArray,
+        friction: FloatArray,
     ) -> bool:
         """
         Return whether a joint has run away at a time [s], dt [s] after the last state.
 
-        `e` (n,) is the position error, `ahead` (n,) the velocity minus that of the reference,
-        `expected` (n,) what the position error explains of it, and `friction` (n,) the
-        compensation that acts.
+        `e` (n,) is the position error, `v` and `v_ref` (n,) are the velocities of joint and
+        reference, `expected` (n,) what the position error explains of their difference, and
+        `friction` (n,) is the compensation that acts.
         """
-        most = CATCH_UP * self._speed
+        most, ahead, direction = CATCH_UP * self._speed, v - v_ref, np.sign(friction)
         excess = ahead - np.minimum(np.maximum(expected, -most), most)
-        runs = excess * np.sign(friction) * self.share**2 > self._speed
-        if self.fading is not None:
-            runs |= self.fading == LEAST
+        pace = np.maximum(np.abs(v_ref) + MARGIN * self._limit, PACE * self._limit)
+        runs = (excess * direction * self.share**2 > self._speed) | (v * direction > pace)
         runs &= now >= self._earliest
         lags = (np.abs(e) > dynamics.friction.tracking_width) & (ahead * np.sign(e) < SLOW)
         if not (runs | lags & (self.share < 1.0)).any():

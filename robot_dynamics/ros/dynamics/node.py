@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.loop_warnings import loop_warnings
 from robot_dynamics.control.loop import ControlLoop
@@ -59,7 +59,6 @@ from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LOOP_PARAMETERS = (*GAINS, 'scale_gains', 'condition_references', 'effort_rate_limit')
 """Parameters on which the stability of the loop depends."""
 STATES = QoSProfile(depth=MOST_WAITING, reliability=ReliabilityPolicy.BEST_EFFORT)
