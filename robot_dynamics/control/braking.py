@@ -18,13 +18,21 @@ HELD_ERROR = 0.03
 def braked(
     controller: Controller, q: FloatArray, v: FloatArray | None, holding: FloatArray,
 ) -> FloatArray:
-    """Return `holding` (n,) with a damping torque −M(q) D v, within the effort limits."""
+    """
+    Return `holding` (n,) with a damping torque −M D v, within the effort limits.
+
+    With slow states M and g are those of the position when the effort acts: the gravity of moving
+    joints changes by more than light joints can bear.
+    """
     if v is None:
         return holding
     drive = controller.arm.drive
     torque = holding if drive is None else drive.torque(holding)
     with controller.lock, np.errstate(all='ignore'):
-        M, limit = controller.dynamics.rigid_body.mass_matrix(q), controller.arm.limits.effort
+        body, limit = controller.dynamics.rigid_body, controller.arm.limits.effort
+        ahead = q + controller.gains.lag * v
+        torque = torque + (body.gravity(ahead) - body.gravity(q))
+        M = body.mass_matrix(ahead)
         damping = M @ (FAULT_DAMPING * controller.feedback_gains[1] * v)
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)

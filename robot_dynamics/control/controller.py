@@ -296,9 +296,8 @@ class Controller:
                         last is None or stamp_ns != last[0])):
                 trajectory = reference.stop_from(last, stamp_ns, q)
         if trajectory is not None:
-            law = laws.with_reference
-            if gains.least < 1.0 and v is not None:  # the arm moves before the effort acts
-                lag = gains.lag
+            law, lag = laws.with_reference, gains.lag
+            if lag > 0.0 and v is not None:  # the arm moves before the effort acts
                 q_ahead = q + lag * v
         state = LawInput(
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)

@@ -294,9 +294,11 @@ def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
 
 # --- the hold in a fault -------------------------------------------------------------------------
 
-def damping(v: np.ndarray, loads: tuple[object, ...] = ()) -> np.ndarray:
+def damping(
+    v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q,
+) -> np.ndarray:
     body = ArmDynamics(ARM.with_payloads(list(loads))).rigid_body  # type: ignore[arg-type]
-    return np.asarray(FAULT_DAMPING * body.mass_matrix(Q) @ (GAINS.kd * v))
+    return np.asarray(FAULT_DAMPING * body.mass_matrix(q) @ (GAINS.kd * v))
 
 
 @pytest.mark.parametrize('loads', [(), (LOAD,)])
@@ -317,8 +319,9 @@ def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow() -> None:
     for k in range(20):
         one.update(NOW + 50 * k * MS, Q, ZERO)
     assert one.gains.least < 0.5
-    hold = -np.ones(2)
-    assert braked(one, Q, V, hold) == pytest.approx(hold - one.gains.least * damping(V))
+    hold, ahead, body = -np.ones(2), Q + one.gains.lag * V, ArmDynamics(ARM).rigid_body
+    assert braked(one, Q, V, hold) == pytest.approx(
+        hold + body.gravity(ahead) - body.gravity(Q) - one.gains.least * damping(V, q=ahead))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -114,6 +114,17 @@ def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
     assert 'differences of the positions in use' in str(gains)
 
 
+def test_harmless_noise_does_not_change_the_velocity() -> None:
+    """At 30 Hz the delay lowers the gains more, and the difference of positions is later still."""
+    rng, one = np.random.default_rng(1), observing(DEFAULT, RATE)
+    for k in range(400):
+        noise = rng.normal(0.0, 0.03, 2) if k > 100 else 0.0
+        take(one, 1.0 / 30.0 if k else 0.0, Q, noise + np.zeros(2))
+        assert not one.differs
+    assert one._is_noisy
+    assert one.least == pytest.approx(observe(30.0)[0].least)
+
+
 def test_if_both_are_noisy_the_gains_are_lowered() -> None:
     gains, _ = observe(500.0, noise=0.2, resolution=2e-3)
     assert not gains.differs
@@ -150,7 +161,8 @@ def test_a_longer_period_counts_at_once_and_a_shorter_one_later() -> None:
     assert gains.mean_period == pytest.approx(0.5 * (0.002 + 0.05))
     take(gains, 0.002, Q, np.zeros(2))
     assert 0.04 < gains.period < 0.05
-    assert gains.lag == 0.5 * (gains.period + LOOP_DELAY)
+    assert gains.mean_period < gains.period
+    assert gains.lag == 0.5 * (gains.mean_period + LOOP_DELAY)
 
 
 def test_a_single_pause_is_no_period_and_two_in_a_row_are() -> None:

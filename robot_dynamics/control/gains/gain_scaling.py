@@ -275,8 +275,14 @@ class StableGains:
 
     @property
     def lag(self) -> float:
-        """The mean time [s] from a state to the middle of the period in which its effort acts."""
-        return 0.5 * (self.period + LOOP_DELAY)
+        """
+        The mean time [s] from a state to the middle of the period in which its effort acts.
+
+        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time. A
+        single gap is no period of the states.
+        """
+        period = min(self.period, self.mean_period)
+        return 0.5 * (period + LOOP_DELAY) if self.least < 1.0 else 0.0
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
@@ -325,7 +331,8 @@ class StableGains:
             return 1.0
         if self._is_noisy and was_noisy:
             of_difference = self._largest_scale(gains, self._difference.deviation)
-            self.differs = self.differs or LESS * of_difference**2 > scale**2
+            lowers = scale < float(self._scaled(gains, self.period, 1.0).min(initial=1.0))
+            self.differs = self.differs or lowers and LESS * of_difference**2 > scale**2
             scale = of_difference if self.differs else scale
         else:
             self.differs = False

@@ -145,9 +145,8 @@ class CartesianImpedance(ModalImpedance):
         Return the effort (n,) that brakes joints before their limits of position and velocity.
 
         With D it is critically damped at Ω_c. It acts on these joints only, as a stop does: an
-        effort at other joints would keep their springs from returning them. Joints that are braked
-        together move each other: their damping B is lowered until M⁻¹ B <= 2 Ω_c. A reference
-        beyond the margin, or faster, is no limit of its joint: the arm follows it undisturbed.
+        effort at other joints would keep their springs from returning them. A reference beyond the
+        margin, or faster, is no limit of its joint: the arm follows it undisturbed.
         """
         assert state.v is not None
         rate, v, fastest = 0.5 * self.largest_frequency, state.v, self._fastest
@@ -155,10 +154,7 @@ class CartesianImpedance(ModalImpedance):
             -e_dot - rate * np.maximum(self._upper - state.q, e), np.minimum(v - fastest, -e_dot))
         below = np.maximum(
             e_dot - rate * np.maximum(state.q - self._lower, -e), np.minimum(-fastest - v, e_dot))
-        excess = np.maximum(below, 0.0) - np.maximum(above, 0.0)
-        B = np.where(excess, self._brake, 0.0)
-        most = float(np.linalg.norm(self._inverse * np.sqrt(B), 2))**2 if excess.any() else 0.0
-        return np.asarray(B * excess * min(1.0, 4.0 * rate / most if most > 0.0 else 1.0))
+        return np.asarray(self._brake * (np.maximum(below, 0.0) - np.maximum(above, 0.0)))
 
 
 def _at_most(length: float, vector: FloatArray) -> FloatArray:

@@ -18,12 +18,14 @@ from typing import ClassVar
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.friction_compensation import FrictionCompensation
 from robot_dynamics.control.laws.rate_limited_feedback import CHANGE_FRACTION, feedback_shares
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm_dynamics import EffortTerms, UncheckedArmDynamics
+from robot_dynamics.references.follower import ActiveTrajectory
 
 LARGEST_FREQUENCY = 30.0
 """[rad/s] of the fastest mode, which a loop controls whose effort acts 8 ms late."""
@@ -37,7 +39,7 @@ class ModalImpedance(ControlLaw):
     """A spring and a damper; a subclass defines `gains`, and `spring` if it is not K e."""
 
     is_soft: ClassVar[bool] = False
-    """Whether q̈_ref is that of the time at which the effort acts: no stiff spring corrects it."""
+    """Whether q̈_ref is the mean while the effort acts: no stiff spring corrects its errors."""
 
     def __init__(
         self, feedback: ErrorFeedback, options: ControllerOptions, damping_ratio: FloatArray,
@@ -51,6 +53,8 @@ class ModalImpedance(ControlLaw):
         self._effort_rate = np.full(n, np.inf)
         self._gains_at: tuple[UncheckedArmDynamics, FloatArray] | None = None
         """The dynamics and the position (n,) of the gains in use."""
+        self._last: tuple[ActiveTrajectory, int] | None = None
+        """The reference at the last state, and its stamp."""
         self._K = self._D = np.zeros((n, n))
 
     def gains(
@@ -112,8 +116,10 @@ class ModalImpedance(ControlLaw):
             share, s = feedback_shares(spring, damper, change, self._effort_rate, e * e_dot)
             spring, damper = share * spring, s * damper
         feedback = spring + damper
-        if self.is_soft and state.lag > 0.0:
-            a_ref = trajectory.sample(state.stamp_ns + round(1e9 * state.lag)).acceleration
+        if self.is_soft:
+            last, self._last = self._last, (trajectory, state.stamp_ns)
+            if 2.0 * state.lag > LOOP_DELAY:
+                a_ref = _mean_acceleration(trajectory, state, last)
         effort = dynamics.rigid_body.inverse_dynamics(q, v, a_ref) + feedback
         friction = self._friction.none
         if not dynamics.is_frictionless:
@@ -133,6 +139,23 @@ class ModalImpedance(ControlLaw):
         assert v is not None
         a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
         return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
+
+
+def _mean_acceleration(
+    trajectory: ActiveTrajectory, state: LawInput, last: tuple[ActiveTrajectory, int] | None,
+) -> FloatArray:
+    """
+    Return the mean acceleration (n,) of a reference while the effort of a state acts.
+
+    A set-point since the last state may have changed the reference. The effort before has then
+    accelerated the arm to the velocity of the `last` reference; this one makes up for the rest.
+    """
+    begin, T = state.stamp_ns + round(0.5e9 * LOOP_DELAY), 2.0 * state.lag - LOOP_DELAY
+    before = trajectory
+    if last is not None and trajectory.continues(last[0]):
+        before, T = last[0], max(T, 1e-9 * (state.stamp_ns - last[1]))
+    v = trajectory.sample(begin + round(1e9 * T)).velocity
+    return np.asarray((v - before.sample(begin).velocity) / T)
 
 
 def root_of(M: FloatArray) -> FloatArray:
