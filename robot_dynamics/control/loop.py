@@ -61,6 +61,9 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 CHECK_PERIOD = 0.005
 """[s] between two states whose velocity is checked and to which the loop adapts, or longer."""
 CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
+_ENDS = {
+    Mode.BRAKING: 'the arm is being stopped, because the command ends',
+    Mode.STOPPING: 'the command is being ramped to zero'}
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
 
@@ -206,17 +209,11 @@ class ControlLoop:
     def obstacle(self) -> str:
         """The reason why no reference can be followed now, empty if one can."""
         with self.lock:
-            supervisor = self.supervisor
-            mode, fault = supervisor.mode, supervisor.fault
+            supervisor, mode = self.supervisor, self.supervisor.mode
+            fault = supervisor.fault if mode is Mode.FAULT else supervisor.recurring
             if not self.is_active:
                 return 'the node is not active'
-            if mode is Mode.FAULT and fault is not None:
-                return str(fault)
-            if mode is Mode.BRAKING:
-                return 'the arm is being stopped, because the command ends'
-            if mode is Mode.STOPPING:
-                return 'the command is being ramped to zero'
-            return '' if supervisor.recurring is None else str(supervisor.recurring)
+            return _ENDS.get(mode, '' if fault is None else str(fault))
 
     def stop(self) -> str:
         """Stop the arm and hold its position; return a report."""
