@@ -9,7 +9,8 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.laws.error_feedback import Gains, make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, Fault, SafetyOptions
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, SafetyOptions
 
 __all__ = [
     'CommandSupervisor',

@@ -8,7 +8,7 @@ import math
 
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.followed_reference import Prepared
-from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
@@ -26,13 +26,22 @@ class GoalExecution:
     """
     Set-points, trajectories and goals of one arm; safe to call from several threads.
 
-    Times `now` [s] are those of a steady clock. `ControlLoop` calls `judge`, `fail`, `interrupt`
-    and `pause` with its lock held.
+    `ControlLoop` calls `judge`, `revoke`, `fail`, `interrupt` and `pause` with its lock held.
     """
 
-    def __init__(self, controller: Controller, obstacle: Callable[[], str]) -> None:
-        """`obstacle` returns why no reference can be followed now, empty if one can."""
+    def __init__(
+        self, controller: Controller, obstacle: Callable[[], str], now: Callable[[], float],
+    ) -> None:
+        """
+        Accept references for a controller.
+
+        `obstacle` returns why no reference can be followed now, empty if one can. `now` returns
+        the time of a steady clock [s].
+        """
         self._controller, self._obstacle, self._lock = controller, obstacle, controller.lock
+        self._now = now
+        self.epoch, self._revoked = object(), 'another model is used'
+        """Another object after each stop and fault, and the reason of the last one."""
         self.stream = SetPointStream(controller.options.stream_timeout)
         self.goal: TrajectoryGoal | None = None
         """The goal that is executed, or None."""
@@ -42,16 +51,22 @@ class GoalExecution:
         """Message for the operator; the caller that logs it sets it to an empty string."""
         self.paused_streams = 0
 
-    def follow(self, trajectory: JointTrajectory, stamp_ns: int, now: float) -> None:
+    def follow(self, trajectory: JointTrajectory, stamp_ns: int) -> None:
         """Follow a trajectory as `ControlLoop.follow` does."""
+        epoch = self.epoch
         self._check_obstacle()
-        self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, now)
+        self._start(trajectory, self._controller.prepare(trajectory), stamp_ns, epoch)
 
     def execute(
         self, trajectory: JointTrajectory, stamp_ns: int, tolerances: Tolerances | None,
-        when_done: Callable[[], object], now: float,
+        when_done: Callable[[], object], epoch: object = None,
     ) -> TrajectoryGoal:
-        """Follow a trajectory and judge it as `ControlLoop.execute` does."""
+        """
+        Follow a trajectory and judge it as `ControlLoop.execute` does.
+
+        `epoch` is that in which the goal was sent, by default the current one.
+        """
+        epoch = epoch or self.epoch
         self._check_obstacle()
         prepared = self._controller.prepare(trajectory)
         if prepared[1] > NO_SLOWER:
@@ -60,7 +75,7 @@ class GoalExecution:
                 'duration itself: send a slower trajectory, such as that of ~/retime_trajectory')
         with self._lock:
             self._start(
-                trajectory, prepared, stamp_ns, now,
+                trajectory, prepared, stamp_ns, epoch,
                 math.inf if trajectory.is_set_point else LATEST_START)
             self.goal = TrajectoryGoal(
                 self._controller, tolerances or default_tolerances(trajectory.joint_names),
@@ -73,17 +88,23 @@ class GoalExecution:
             raise TrajectoryError(f'no reference can be followed now: {obstacle}')
 
     def _start(
-        self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, now: float,
+        self, trajectory: JointTrajectory, prepared: Prepared, stamp_ns: int, epoch: object,
         latest: float = math.inf,
     ) -> None:
         with self._lock:
             self._check_obstacle()
+            if epoch is not self.epoch:
+                raise TrajectoryError(self._revoked)
             self._controller.start(prepared, stamp_ns, latest)
             if self.goal is not None:
                 q = trajectory.points[-1].position.round(4).tolist()
                 self.end(f'another goal has replaced this one: {q}')
-            self.stream.arrived(trajectory.is_set_point, now)
+            self.stream.arrived(trajectory.is_set_point, self._now())
             self.interruption = ''
+
+    def revoke(self, reason: str) -> None:
+        """Refuse the references that were sent before and have not begun, because of `reason`."""
+        self.epoch, self._revoked = object(), reason
 
     def end(self, reason: str) -> None:
         """End the goal that is executed, if there is one."""
@@ -113,7 +134,8 @@ class GoalExecution:
                     self.interruption = goal.result.message
 
     def fail(self, fault: Fault, is_predicted: bool) -> None:
-        """End goal and reference by a fault; a stop with predicted joints continues."""
+        """End goals and reference by a fault; a stop with predicted joints continues."""
+        self.revoke(str(fault))
         if self.goal is not None:
             goal, self.goal = self.goal, None
             goal.fail(fault)
@@ -129,6 +151,7 @@ class GoalExecution:
 
         With `holds` an arm that has stopped is held at the end of its reference.
         """
+        self.revoke(reason)
         self.stream.end()
         if self._controller.trajectory is not None:
             self.interruption = reason

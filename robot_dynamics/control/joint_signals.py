@@ -9,8 +9,8 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import is_held
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.goal_execution import GoalExecution
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.frozen_joints import FrozenJoints
-from robot_dynamics.control.safety.supervisor import Fault
 from robot_dynamics.monitoring.motion_consistency import MotionConsistency
 
 FROZEN_RECOVERY = 25

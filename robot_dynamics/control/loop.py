@@ -37,11 +37,10 @@ from robot_dynamics.control.options import (
     DEFAULT_STATE_MAX_AGE,
 )
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.control.safety.supervisor import (
     Brake,
     CommandSupervisor,
-    Fault,
-    FOLLOWING_ERROR,
     Mode,
     SafetyOptions,
     slower,
@@ -64,6 +63,7 @@ CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
 _ENDS = {
     Mode.BRAKING: 'the arm is being stopped, because the command ends',
     Mode.STOPPING: 'the command is being ramped to zero'}
+STOPPED = '~/stop was called'
 JUMP = 1.0
 """[rad/s] between the velocities of two states above which they are checked before the answer."""
 
@@ -104,7 +104,7 @@ class ControlLoop:
         self.monitor = StatePlausibility(
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
-        self.goals = GoalExecution(controller, lambda: self.obstacle)
+        self.goals = GoalExecution(controller, lambda: self.obstacle, lambda: self._steady)
         self.signals = JointSignals(controller, self.goals)
         self._end = CommandEnd(controller, self.goals)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
@@ -186,7 +186,7 @@ class ControlLoop:
 
         Raises TrajectoryError if it cannot be followed.
         """
-        self.goals.follow(trajectory, stamp_ns, self._steady)
+        self.goals.follow(trajectory, stamp_ns)
 
     def execute(
         self, trajectory: JointTrajectory, stamp_ns: int = 0, tolerances: Tolerances | None = None,
@@ -198,7 +198,7 @@ class ControlLoop:
         `when_done` is called when the goal has a result, and must return soon. Raises
         TrajectoryError if the trajectory cannot be followed, or not within its own time.
         """
-        return self.goals.execute(trajectory, stamp_ns, tolerances, when_done, self._steady)
+        return self.goals.execute(trajectory, stamp_ns, tolerances, when_done)
 
     def set_force_feedback(self, external: FloatArray) -> None:
         """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
@@ -209,23 +209,23 @@ class ControlLoop:
     def obstacle(self) -> str:
         """The reason why no reference can be followed now, empty if one can."""
         with self.lock:
-            supervisor, mode = self.supervisor, self.supervisor.mode
-            fault = supervisor.fault if mode is Mode.FAULT else supervisor.recurring
+            mode, fault = self.supervisor.mode, self.supervisor.standing_fault
             if not self.is_active:
                 return 'the node is not active'
             return _ENDS.get(mode, '' if fault is None else str(fault))
 
     def stop(self) -> str:
-        """Stop the arm and hold its position; return a report."""
+        """Stop the arm and hold its position, whatever was sent before; return a report."""
         with self.lock:
             obstacle = self.obstacle
+            self.goals.revoke(STOPPED)
             if self.supervisor.mode is Mode.FAULT:
                 self.controller.stop_from_state()
                 return f'the arm will stop and hold its position after the {obstacle}'
             if obstacle:
                 return f'nothing to stop: {obstacle}'
             self.goals.stream.end()
-            self.goals.interruption = '~/stop was called'
+            self.goals.interruption = STOPPED
             return self.controller.stop()
 
     def fail(self, now: float, fault: Fault) -> None:
@@ -386,12 +386,12 @@ class ControlLoop:
 
     def _follow_faults(self) -> None:
         """End the reference when a fault begins; apply the options that await the end."""
-        supervisor, controller = self.supervisor, self.controller
-        if supervisor.fault_count != self._fault_count and supervisor.fault is not None:
+        supervisor, controller, fault = self.supervisor, self.controller, self.supervisor.fault
+        if supervisor.fault_count != self._fault_count and fault is not None:
             self._fault_count = supervisor.fault_count
             if controller.trajectory is not None:
-                supervisor.end_reference(self._steady)
-            self.goals.fail(supervisor.fault, self.signals.frozen is not None)
+                fault = supervisor.recurring.count(fault, self._steady)
+            self.goals.fail(fault, self.signals.frozen is not None)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
             controller.followed.end()  # the arm may move until the next command

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.safety.supervisor import Fault, FOLLOWING_ERROR
+from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference

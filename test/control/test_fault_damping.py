@@ -6,7 +6,7 @@
 from lock_step_loop import LockStep, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.safety.faults import Fault
 
 Q = [-1.308, 4.685, 2.899, 1.793, 3.163, -0.263]
 V = [-0.09, 0.16, 0.164, 0.164, 0.218, -0.218]

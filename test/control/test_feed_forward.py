@@ -11,7 +11,7 @@ import pinocchio
 import pytest
 from robot_dynamics.control.feed_forward import DriveCommand, FeedForward
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel

@@ -18,7 +18,8 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.supervisor import Fault, Mode, OVERSPEED, SafetyOptions
+from robot_dynamics.control.safety.faults import Fault, OVERSPEED
+from robot_dynamics.control.safety.supervisor import Mode, SafetyOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError

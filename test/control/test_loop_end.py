@@ -10,7 +10,8 @@ from loop_motions import arm_named, in_motion, Q, rests, with_command
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.safety.supervisor import BRAKING_TIME, Fault, Mode
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import BRAKING_TIME, Mode
 from robot_dynamics.exceptions import TrajectoryError
 
 ENDS: dict[str, Callable[[LockStep], None]] = {

@@ -6,15 +6,12 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR, OVERSPEED, RECURRENCE_TIME
 from robot_dynamics.control.safety.supervisor import (
     BRAKING_TIME,
     CommandSupervisor,
-    Fault,
     FAULT_ACTIONS,
-    FOLLOWING_ERROR,
     Mode,
-    OVERSPEED,
-    RECURRENCE_TIME,
     SafetyOptions,
 )
 from supervised import (
@@ -356,40 +353,41 @@ def test_three_faults_of_the_motion_within_their_time_wait_for_a_reset(
 ) -> None:
     one, now = running(), START
     for name in names:
-        now += gap
-        one.last_state = now
-        one.fail(now, Fault(name, 'words'))
-        one.end_reference(now)
-        answer(one, now + PERIOD)
-        assert one.mode is Mode.RUNNING  # the arm is held
-    assert (one.recurring is not None) == recurs
-    assert one.fault is not None
-    assert one.fault.recurs == recurs
+        now = fails(one, now + gap, name)
     if not recurs:
+        assert one.standing_fault is None
         assert one.reset()[0] is False
         return
-    assert str(one.recurring) == (
+    assert str(one.standing_fault) == (
         f'fault {names[-1]}: words; 3 faults of the motion within 10 s; waits for ~/reset_fault')
     if is_followed:
         one.fail(now + 0.1, TROUBLE)
+        assert one.standing_fault is TROUBLE
         answer(one, now + 0.2)
-        assert one.recurring is not None
+        assert one.standing_fault is not None
     assert one.reset() == (
         True, f'reset {names[-1]}: words; 3 faults of the motion within 10 s')
-    assert one.recurring is None
-    assert not one.fault.recurs
-    one.fail(now + 0.3, Fault(OVERSPEED, 'words'))
-    one.end_reference(now + 0.3)
-    assert one.recurring is None
+    assert one.standing_fault is None
+    fails(one, now + 0.3, OVERSPEED)
+    assert one.standing_fault is None
+
+
+def fails(one: CommandSupervisor, now: float, name: str) -> float:
+    """End a reference by a fault; return the time when it has ended and the arm is held."""
+    fault = Fault(name, 'words')
+    one.last_state = now
+    one.fail(now, fault)
+    one.recurring.count(fault, now)
+    answer(one, now + PERIOD)
+    assert one.mode is Mode.RUNNING
+    return now
 
 
 def test_a_latched_fault_is_reset_before_one_that_recurs() -> None:
     one = running()
     for k in range(3):
-        one.fail(START + k * PERIOD, Fault(OVERSPEED, 'words'))
-        one.end_reference(START + k * PERIOD)
-        answer(one, START + (k + 0.5) * PERIOD)
-    one.fail(START + 3 * PERIOD, LATCHED)
-    answer(one, START + 4 * PERIOD)
+        fails(one, START + 2 * k * PERIOD, OVERSPEED)
+    one.fail(START + 6 * PERIOD, LATCHED)
+    answer(one, START + 7 * PERIOD)
     assert one.reset()[1].startswith('reset broken')
     assert one.reset()[1].startswith('reset overspeed')

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
 from robot_dynamics.control.safety.effort_limiter import EffortLimits, LONGEST_STEP
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import (
     BRAKING_TIME,
     CommandSupervisor,
-    Fault,
     FAULT_ACTIONS,
     Mode,
     SafetyOptions,

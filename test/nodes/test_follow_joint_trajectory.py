@@ -164,6 +164,15 @@ def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client
     assert arm.send(goal_of((2.0, START))).result()[1] == Result.SUCCESSFUL
 
 
+def test_a_stop_ends_every_goal_that_was_accepted_before(client: RosClient, arm: Client) -> None:
+    """The node executes a goal later than it accepts it, and answers ~/stop at once."""
+    for _ in range(50):
+        sent = arm.send(goal_of((3600.0, GOAL)))
+        assert client.call(Trigger, '/goals/dynamics/stop').success
+        assert sent.result() == (
+            GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, '~/stop was called')
+
+
 def test_the_result_arrives_when_the_node_ends(client: RosClient) -> None:
     with served(client, '/ending', lock_step=False) as (server, node):
         sent = server.send(goal_of((3600.0, GOAL)))

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 
 import pytest
-from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from ros_harness import RosClient, wait_until
 from std_msgs.msg import Float64MultiArray

@@ -4,7 +4,8 @@
 """Limits of efforts, faults, stops and ramps."""
 
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, Fault, SafetyOptions
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, SafetyOptions
 
 __all__ = [
     'CommandSupervisor',

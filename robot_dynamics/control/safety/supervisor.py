@@ -16,7 +16,6 @@ a large effort may take longer than the ramp time. No two consecutive efforts di
 Times are those of a steady clock: a system clock that stops or jumps has no effect.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -29,11 +28,8 @@ from robot_dynamics.control.safety.effort_limiter import (
     EffortLimits,
     MotionEquation,
 )
+from robot_dynamics.control.safety.faults import Fault, OVERSPEED, RecurringFaults
 
-FOLLOWING_ERROR, OVERSPEED = 'following_error', 'overspeed'
-"""Names of the faults that the arm is too far from its reference, and that a joint is too fast."""
-RECURRENCES, RECURRENCE_TIME = 3, 10.0
-"""Number of these faults, within this time [s], after which references wait for a reset."""
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 
@@ -76,26 +72,6 @@ class SafetyOptions:
     overspeed: float = 1.2
 
 
-@dataclass(frozen=True)
-class Fault:
-    """
-    A fault: its name for programs, a message for the operator, and whether it needs a reset.
-
-    If it needs no reset, it ends after `recovery` consecutive good states.
-    """
-
-    name: str
-    message: str
-    latched: bool = False
-    recovery: int = 1
-    recurs: bool = False
-    """Whether references wait for a reset, while the arm is held as usual."""
-
-    def __str__(self) -> str:
-        waits = '; waits for ~/reset_fault' if self.latched or self.recurs else ''
-        return f'fault {self.name}: {self.message}{waits}'
-
-
 def slower(v: FloatArray | None, mean: FloatArray | None) -> FloatArray | None:
     """Return of each joint the smaller of two velocities (n,); None is unknown."""
     return v if v is None or mean is None else np.where(np.abs(mean) < np.abs(v), mean, v)
@@ -128,10 +104,7 @@ class CommandSupervisor:
         self._since = self._brake_until = 0.0
         self._is_damped = self._acts = False
         self._good = 0
-        self.recurring: Fault | None = None
-        """The fault of the motion that has recurred, until `reset`."""
-        self._recent = deque[float](maxlen=RECURRENCES)
-        """Times [s] of the last faults of the motion that have ended a reference."""
+        self.recurring = RecurringFaults()
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
@@ -185,12 +158,9 @@ class CommandSupervisor:
         A fault that is not latched ends automatically. If faults of the motion have recurred,
         references can be followed again.
         """
-        fault, recurring = self.fault, self.recurring
+        fault, recurring = self.fault, self.recurring.fault
         if recurring is not None and not self.is_latched:
-            if fault is recurring:
-                self.fault = replace(recurring, recurs=False)
-            self.recurring = None
-            self._recent.clear()
+            self.recurring.reset()
             return True, f'reset {recurring.name}: {recurring.message}'
         if fault is None or not (self.is_latched or self.mode is Mode.FAULT):
             return False, 'there is no fault'
@@ -219,18 +189,6 @@ class CommandSupervisor:
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
-
-    def end_reference(self, now: float) -> None:
-        """Let references wait for `reset` if this fault of the motion was the last of many."""
-        fault = self.fault
-        if fault is None or self.recurring is not None or (
-                fault.name not in (FOLLOWING_ERROR, OVERSPEED)):
-            return
-        self._recent.append(now)
-        if len(self._recent) == RECURRENCES and now - self._recent[0] <= RECURRENCE_TIME:
-            self.fault = self.recurring = replace(fault, recurs=True, message=(
-                f'{fault.message}; {RECURRENCES} faults of the motion within '
-                f'{RECURRENCE_TIME:g} s'))
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
@@ -316,6 +274,12 @@ class CommandSupervisor:
     def is_latched(self) -> bool:
         """Return whether a fault requires `reset`."""
         return self.fault is not None and self.fault.latched
+
+    @property
+    def standing_fault(self) -> Fault | None:
+        """Return the fault because of which no reference can be followed, None if one can."""
+        is_active = self.mode is Mode.FAULT or self.is_latched
+        return self.fault if is_active else self.recurring.fault
 
     @property
     def is_commanding(self) -> bool:

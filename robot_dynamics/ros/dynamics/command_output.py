@@ -20,7 +20,8 @@ from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.control.safety.supervisor import Fault, Mode
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.ros.dynamics.command_status import command_status, CommandCounters
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
@@ -268,7 +269,7 @@ class CommandOutput:
         if self.mode_seen is Mode.FAULT and supervisor.mode is Mode.RUNNING:
             logger.info(
                 'The fault has ended: commanding again, from the measured state.' if (
-                    supervisor.recurring is None) else
+                    supervisor.recurring.fault is None) else
                 'The fault has ended: the arm is held. References wait for ~/reset_fault.',
                 throttle_duration_sec=LOG_PERIOD)
         if supervisor.mode is Mode.RUNNING and self.mode_seen in (Mode.INACTIVE, Mode.WAITING):
@@ -286,9 +287,7 @@ class CommandOutput:
             loop = self.loop
             mode, fault = None, self._latched
             if loop is not None:
-                mode, fault = loop.supervisor.mode, loop.supervisor.fault
-                if mode is not Mode.FAULT:
-                    fault = loop.supervisor.recurring or fault
+                mode, fault = loop.supervisor.mode, loop.supervisor.standing_fault
             return command_status(
                 self.counters, mode, fault,
                 is_off=self.is_active and loop is not None and (

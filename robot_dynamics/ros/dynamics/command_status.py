@@ -11,7 +11,8 @@ import time
 from robot_dynamics.arrays import any_of
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits
-from robot_dynamics.control.safety.supervisor import Fault, Mode
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 
 TELL_FOR = 1.0
@@ -70,8 +71,9 @@ def command_status(
     """
     Return the state of the command for the diagnostics.
 
-    `mode` and `fault` are those of the supervisor; without a model, `mode` is None and `fault`
-    the latched one. `is_off` is whether the node is active and its parameter command is 'none'.
+    `mode` and `fault` are the mode and the standing fault of the supervisor; without a model,
+    `mode` is None and `fault` the latched one. `is_off` is whether the node is active and its
+    parameter command is 'none'.
     """
     return Status('command', *_verdict(counters, mode, fault, is_off), counters.figures)
 
@@ -79,7 +81,7 @@ def command_status(
 def _verdict(
     counters: CommandCounters, mode: Mode | None, fault: Fault | None, is_off: bool,
 ) -> tuple[bytes, str]:
-    if fault is not None and (mode is Mode.FAULT or fault.latched or fault.recurs):
+    if fault is not None:
         return ERROR, str(fault)
     if mode is None:
         return WARN, 'no model yet'

@@ -16,7 +16,8 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
-from robot_dynamics.control.safety.supervisor import Fault, Mode
+from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.monitoring.contact_levels import OTHER_CAUSES
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError

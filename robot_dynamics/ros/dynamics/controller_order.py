@@ -22,7 +22,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 from rclpy.topic_endpoint_info import TopicEndpointInfo
-from robot_dynamics.control.safety.supervisor import Fault
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.ros.middleware.rclpy_internals import RclError, subscription_count
 
 LOOK_PERIOD = 0.1

@@ -76,7 +76,8 @@ class FollowJointTrajectoryServer:
         """Count goals in `accepted`; `values` returns the parameters of the node."""
         self._node, self._path, self._input, self._values = node, path, accepted, values
         self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
-        self._open, self._ended_at = 0, -math.inf
+        self._open, self._ended_at = dict[int, object](), -math.inf
+        """Of each open request its epoch (`GoalExecution`), by its identity."""
         self._lock = threading.Lock()
         """Protects the three above: an executor may have several threads."""
         self._type = action_type()
@@ -101,7 +102,7 @@ class FollowJointTrajectoryServer:
     @property
     def is_busy(self) -> bool:
         """Whether a goal awaits its result, or its client may still ask for it."""
-        return self._open > 0 or time.monotonic() < self._ended_at + LAST_REQUEST
+        return bool(self._open) or time.monotonic() < self._ended_at + LAST_REQUEST
 
     def close(self) -> None:
         """End the action, before the node is destroyed."""
@@ -114,8 +115,9 @@ class FollowJointTrajectoryServer:
 
     async def _take(self, request: Any) -> GoalResponse:
         """Accept a goal, as soon as its client can receive all answers (`answer_delivery`)."""
+        loop = self._path.loop
         with self._lock:
-            self._open += 1
+            self._open[id(request)] = None if loop is None else loop.goals.epoch
         self._feedback.reset()  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
@@ -134,7 +136,7 @@ class FollowJointTrajectoryServer:
             return await self._executed(handle)
         finally:
             with self._lock:
-                self._open -= 1
+                del self._open[id(handle.request)]
                 self._ended_at = time.monotonic()
 
     async def _executed(self, handle: ServerGoalHandle) -> Any:
@@ -182,9 +184,9 @@ class FollowJointTrajectoryServer:
                     'one degree of freedom')
         trajectory = trajectory_from_ros(request.trajectory, names)
         tolerances = _tolerances(request, loop, self._values())
-        goal = loop.execute(
+        goal = loop.goals.execute(
             trajectory, stamp_from_ros(request.trajectory.header.stamp), tolerances,
-            self._ended.trigger)
+            self._ended.trigger, self._open[id(request)])
         self._input.accept(loop, trajectory)
         return goal
 

@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A fault of the command, and faults of the motion that recur."""
+
+from collections import deque
+from dataclasses import dataclass, replace
+
+FOLLOWING_ERROR, OVERSPEED = 'following_error', 'overspeed'
+"""Names of the faults that the arm is too far from its reference, and that a joint is too fast."""
+RECURRENCES, RECURRENCE_TIME = 3, 10.0
+"""Number of these faults, within this time [s], after which references wait for a reset."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """
+    A fault: its name for programs, a message for the operator, and whether it needs a reset.
+
+    If it needs no reset, it ends after `recovery` consecutive good states.
+    """
+
+    name: str
+    message: str
+    latched: bool = False
+    recovery: int = 1
+
+    def __str__(self) -> str:
+        waits = '; waits for ~/reset_fault' if self.latched else ''
+        return f'fault {self.name}: {self.message}{waits}'
+
+
+class RecurringFaults:
+    """Lets references wait for a reset after many faults of the motion; the arm is held."""
+
+    def __init__(self) -> None:
+        self.fault: Fault | None = None
+        """The fault that has recurred, until `reset`."""
+        self._times = deque[float](maxlen=RECURRENCES)
+
+    def count(self, fault: Fault, now: float) -> Fault:
+        """Return a fault that has ended a reference, or the one that has recurred with it."""
+        if self.fault is None and fault.name in (FOLLOWING_ERROR, OVERSPEED):
+            self._times.append(now)
+            if len(self._times) == RECURRENCES and now - self._times[0] <= RECURRENCE_TIME:
+                self.fault = replace(fault, latched=True, message=(
+                    f'{fault.message}; {RECURRENCES} faults of the motion within '
+                    f'{RECURRENCE_TIME:g} s'))
+        return self.fault or fault
+
+    def reset(self) -> None:
+        """Let references be followed again."""
+        self.fault = None
+        self._times.clear()
