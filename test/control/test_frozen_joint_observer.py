@@ -140,3 +140,19 @@ def test_without_another_joint_or_without_inertia_there_is_no_estimate() -> None
     observer = FrozenJointObserver(np.arange(6) == 1, dynamics, q, zero)
     observer.update(dynamics, np.full(6, np.nan), DT, q, zero)
     assert not observer.is_valid
+
+
+@pytest.mark.parametrize('j', [2, 3])
+def test_a_person_who_guides_an_arm_with_a_frozen_joint_is_not_taken_for_friction(j: int) -> None:
+    """Nothing holds the joint: the arm is released to its brakes as without the person."""
+    arm = smooth_arm('ur10')
+    one = LockStep(arm, q=middle(arm, 0.4), rate=500.0, command='hand_guiding')
+    one.push = lambda t: 0.1 * arm.limits.effort * (np.arange(6) == (j + 1) % 3)
+    one.run(0.5)
+    one.sensor = frozen(j)
+    one.run(1.0)
+    one.push = lambda t: 0.0
+    one.run(4.0)
+    assert one.loop.supervisor.mode is Mode.FAULT
+    assert one.loop.signals.frozen._observer.is_held  # the push has disturbed the other joints
+    assert one.loop.supervisor.limiter.last is None

@@ -147,18 +147,21 @@ class FrozenJoints:
 
         The observer, and friction, hold the arm for any time, a prediction for `hold_time` [s].
         Other joints that move after the stop show that a joint has left its predicted position.
+        Only with a law that follows references friction is found by its effort: a person who
+        guides the arm pushes as well.
         """
         if not self._controller.has_stopped:
             self._moved_until_ns = stamp_ns
             return 1e-9 * (stamp_ns - self._since_ns) > STOP_TIME
         observer, arm = self._observer, self._controller.arm
         static, most = arm.friction.at_rest.static[self.marks], arm.limits.effort[self.marks]
-        has_friction = static.any() or (observer is not None and observer.is_held)
+        is_rubbing = observer is not None and observer.is_held and self._controller.laws.follows
+        has_friction = static.any() or is_rubbing
         limit = (HELD_CALM if has_friction else CALM) * arm.limits.velocity
         if v is not None and bool((np.abs(v) > limit)[~self.marks].any()):
             return True
-        is_held = (static >= LEAST_FRICTION * most).all() or (
-            observer is not None and (observer.is_used or observer.is_held))
+        is_held = is_rubbing or (static >= LEAST_FRICTION * most).all() or (
+            observer is not None and observer.is_used)
         return not is_held and 1e-9 * (stamp_ns - self._moved_until_ns) > hold_time
 
     def _observe(self, e: FloatArray, e_dot: FloatArray, dt: float) -> None:
