@@ -176,11 +176,8 @@ class FollowedReference:
         fastest = np.minimum(FASTEST_STOP * self._arm.limits.velocity, LARGEST_VALUE)
         q, v = np.clip(q, -LARGEST_VALUE, LARGEST_VALUE), np.clip(v, -fastest, fastest)
         self._limit_braking(q, v, True)
-        before = self.active
         self._follower.stop(stamp_ns, q, v)
         self.active = self._follower.active
-        assert self.active is not None
-        self.active.is_from_measurement = before is None or before.is_from_measurement
 
     def shift_time(self, shift_ns: int) -> None:
         """Continue as before if the stamps of states continue lower by `shift_ns`."""

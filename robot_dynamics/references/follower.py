@@ -56,11 +56,13 @@ class ActiveTrajectory:
         arrival_ns: int,
         state_before: Reference,
         plan: Plan | None = None,
+        is_from_measurement: bool = False,
     ) -> None:
         """
         Take all times as nanoseconds of the same clock as the argument of `sample`.
 
         A `plan`, which begins at the arrival, replaces the points of the trajectory until its end.
+        `is_from_measurement`: this is a stop of an arm that moves without a reference.
         """
         self.trajectory = trajectory
         self.start_ns = start_ns
@@ -80,16 +82,13 @@ class ActiveTrajectory:
         self.end_ns = self._times[-1]
         self._final = _held(self._points[-1], trajectory.is_set_point and plan is None)
         self._segment: Segment | None = None
-        self.is_from_measurement = False
-        """Whether this is a stop of an arm that moves without a reference."""
+        self.is_from_measurement = is_from_measurement
 
     def earlier(self, shift_ns: int) -> 'ActiveTrajectory':
         """Return the same trajectory with all times lower by `shift_ns`."""
-        shifted = ActiveTrajectory(
+        return ActiveTrajectory(
             self.trajectory, self.start_ns - shift_ns, self._arrival_ns - shift_ns,
-            self._state_before, self._plan)
-        shifted.is_from_measurement = self.is_from_measurement
-        return shifted
+            self._state_before, self._plan, self.is_from_measurement)
 
     def sample(self, now_ns: int) -> Reference:
         """

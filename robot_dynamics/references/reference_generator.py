@@ -110,9 +110,10 @@ class ReferenceGenerator(TrajectoryFollower):
             plan = plan_stop(state, self.limits)
             end = plan.end.position
         self._set_point = None
-        point = TrajectoryPoint(0.0, end, np.zeros_like(end), np.zeros_like(end))
+        point, before = TrajectoryPoint(0.0, end, *np.zeros((2, len(end)))), self.active
         self.active = ActiveTrajectory(
-            JointTrajectory(self.joint_names, (point,)), now_ns, now_ns, state, plan)
+            JointTrajectory(self.joint_names, (point,)), now_ns, now_ns, state, plan,
+            before is None or before.is_from_measurement)
 
     def _entered(
         self, trajectory: JointTrajectory, start_ns: int, now_ns: int, state: Reference,
