@@ -39,6 +39,8 @@ REGULARIZATIONS = tuple(10.0**exponent for exponent in range(-3, 7))
 SWEEPS = 2
 LARGEST_LOSS = 0.05
 """Relative increase of the residual that is accepted for a simpler structure."""
+EXACT = 1e-24
+"""Sum of squares, by the largest of all candidates, that counts as no residual."""
 _FIRST_REGULARIZATION = 1.0
 _FIRST_SIGMA = 0.1
 
@@ -163,7 +165,8 @@ def fit_models(
 def _best_regularization(every_joint: Sequence[FloatArray], is_measured: BoolArray) -> int:
     """Return the number of the strongest regularization that predicts as well as the best."""
     by_regularization = [squares[:, is_measured] for squares in every_joint]
-    totals = [np.maximum(squares.sum(axis=0), 1e-300) for squares in by_regularization]
+    sums = np.array([squares.sum(axis=0) for squares in by_regularization])
+    totals = np.maximum(sums, np.maximum(EXACT * sums.max(axis=0), 1e-300))
     # the sum of logarithms over joints, in which relative changes of all joints count equally
     best = int(np.argmin([np.log(total).sum() for total in totals]))
     ratios = [(squares / totals[best]).sum(axis=1) for squares in by_regularization]

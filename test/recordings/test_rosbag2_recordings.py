@@ -90,6 +90,7 @@ def test_analyze_bag(name, urdf, capsys, directory):
     assert max(relative) < 0.5  # the arm was simulated with this model
 
 
+@pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('name', recordings_of(['sqlite3_lock_step']))
 def test_identify(name, urdf, tmp_path, directory):
     assert identify.main([
