@@ -79,10 +79,8 @@ class Hand:
         M, grip, lead = self._body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS
         ahead = self._target - q - lead * v
         push = M @ np.clip(STIFFNESS * ahead, -STRENGTH, STRENGTH)
-        implicit = np.eye(len(q)) + STEP * (STEP + lead) * grip[:, None] * np.linalg.inv(
-            M + self.rotors)
-        hold = np.linalg.solve(implicit, grip * ahead)
-        hold = np.where(hold * ahead > 0.0, hold, 0.0)  # the coupling may reverse it
+        coupling = np.abs(np.linalg.inv(M + self.rotors)) @ grip
+        hold = grip * ahead / (1.0 + STEP * (STEP + lead) * coupling)
         push = push + np.clip(hold, -self.dry, self.dry)
         gravity = self._body.gravity(q)
         spare = HELD * self._effort - np.where(push > 0.0, -gravity, gravity)
