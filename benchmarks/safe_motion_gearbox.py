@@ -52,8 +52,8 @@ class GearedPlant(Plant):
 
     def step(self, tau: FloatArray, h: float) -> None:
         """Continue by h [s] under the effort tau (n,); implicit in the velocity."""
-        M = self._body.mass_matrix(self.q) + self._rotors
-        nonlinear, dt = self._body.nonlinear(self.q, self.v), h / SUBSTEPS
+        M = self.body.mass_matrix(self.q) + self._rotors
+        nonlinear, dt = self.body.nonlinear(self.q, self.v), h / SUBSTEPS
         K, q, v = self.coulomb / self._d, self.q, self.v
         D = 2.0 * MICRO_DAMPING * np.sqrt(K * np.diag(M))
         for _ in range(SUBSTEPS):
@@ -71,7 +71,7 @@ class GearedPlant(Plant):
 
         A bristle releases F_c d / 2, and friction given (n,) too large accelerates until then.
         """
-        M = self._body.mass_matrix(q) + self._rotors
+        M = self.body.mass_matrix(q) + self._rotors
         m = 1.0 / np.diagonal(np.linalg.inv(M))
         surplus = np.maximum(given - self.coulomb, 0.0)
         return np.asarray(np.sqrt(self.coulomb * self._d / m) + surplus * reaction / m)

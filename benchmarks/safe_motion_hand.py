@@ -3,10 +3,10 @@
 
 """The person who guides an arm by hand in `safe_motion`, along the trajectories of other modes."""
 
+from benchmarks.safe_motion_plant import Plant
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 HAND_GUIDING = 'hand_guiding'
@@ -41,7 +41,7 @@ class Hand:
 
     def __init__(self, arm: ArmModel) -> None:
         limits, n = arm.limits, arm.joint_count
-        self._body, self.dry = ArmDynamics(arm).rigid_body, arm.friction.at_rest.static
+        self.dry = arm.friction.at_rest.static
         self.rotors = np.zeros((n, n))
         self._effort, self._speed = limits.effort, HASTE * np.minimum(0.5 * limits.velocity, 1.0)
         self._target: FloatArray | None = None
@@ -64,8 +64,9 @@ class Hand:
         return time > self._release + COASTING or (
             self._target is None and bool(np.abs(v).max() < AT_REST))
 
-    def effort(self, time: float, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the push (n,) at a state of the arm."""
+    def effort(self, time: float, plant: Plant) -> FloatArray:
+        """Return the push (n,) at an arm, whose load the person feels."""
+        q, v = plant.q, plant.v
         if self._target is None:
             return np.zeros_like(q)
         h, self._last = time - self._last, time
@@ -76,13 +77,13 @@ class Hand:
             self._target = None
         if self._target is None:
             return np.zeros_like(q)
-        M, grip, lead = self._body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS
+        M, grip, lead = plant.body.mass_matrix(q), self.dry / YIELD, DAMPING / STIFFNESS
         ahead = self._target - q - lead * v
         push = M @ np.clip(STIFFNESS * ahead, -STRENGTH, STRENGTH)
         coupling = np.abs(np.linalg.inv(M + self.rotors)) @ grip
         hold = grip * ahead / (1.0 + STEP * (STEP + lead) * coupling)
         push = push + np.clip(hold, -self.dry, self.dry)
-        gravity = self._body.gravity(q)
+        gravity = plant.body.gravity(q)
         spare = HELD * self._effort - np.where(push > 0.0, -gravity, gravity)
         return np.asarray(push * min(1.0, max(0.0, np.min(
             spare / np.maximum(np.abs(push), 1e-9)))))

@@ -31,7 +31,7 @@ class Plant:
     def load(self, arm: ArmModel) -> None:
         """Continue with the bodies of this arm."""
         self.arm = arm
-        self._body = UncheckedRigidBody(arm)
+        self.body = UncheckedRigidBody(arm)
 
     def step(self, tau: FloatArray, h: float) -> None:
         """Continue by h [s] under the effort tau (n,)."""
@@ -39,13 +39,13 @@ class Plant:
         if self._is_rough:
             v = self._velocity_after(q, tau, h)
         else:
-            v = self.v + h * self._body.acceleration(q, self.v, tau)
+            v = self.v + h * self.body.acceleration(q, self.v, tau)
         self.q, self.v = self.q + 0.5 * h * (self.v + v), v
 
     def _velocity_after(self, q: FloatArray, tau: FloatArray, h: float) -> FloatArray:
         """Return v with M (v - v_0) = h (tau - C v_0 - g - F_v v) - F, |F| <= h F_c."""
-        M = self._body.mass_matrix(q)
-        momentum = M @ self.v + h * (tau - self._body.nonlinear(q, self.v))
+        M = self.body.mass_matrix(q)
+        momentum = M @ self.v + h * (tau - self.body.nonlinear(q, self.v))
         A, largest = M + h * np.diag(self._viscous), h * self._coulomb
         holding = HOLDING * A.diagonal().max()
         direction = np.sign(self.v)

@@ -242,7 +242,7 @@ class Scene:
                     self.drives.effort(self.effort, plant.q, plant.v))
                 others = np.zeros_like(effort) if push is None else push.effort
                 if self.hand is not None:
-                    others = others + self.hand.effort(self.time, plant.q, plant.v)
+                    others = others + self.hand.effort(self.time, plant)
                 plant.step(effort + others, STEP)
             states.append((plant.q, plant.v))
             self._is_pushed = push is not None
