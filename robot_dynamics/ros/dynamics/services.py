@@ -10,7 +10,7 @@ import numpy as np
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
@@ -29,7 +29,7 @@ from robot_dynamics.ros.middleware.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.task_space.task_space import TaskSpace as TaskSpaceOfPoint
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
@@ -79,7 +79,7 @@ class DynamicsServices:
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
-                service_type, f'~/{name}', _refusing(handler), qos_profile=SERVICE_QOS)
+                service_type, f'~/{name}', _answering(handler), qos_profile=SERVICE_QOS)
 
         offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
         offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
@@ -298,13 +298,9 @@ def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory
         for point in trajectory.points))
 
 
-def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
+def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
     def answer(request: Any, response: Any) -> Any:
-        try:
-            handler(request, response)
-        except RobotDynamicsError as error:
-            # A new response, because the other may be partly filled in.
-            return type(response)(success=False, message=describe_error(error))
+        handler(request, response)
         response.success = True
         return response
 

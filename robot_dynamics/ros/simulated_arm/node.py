@@ -13,7 +13,6 @@ from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
@@ -156,19 +155,14 @@ class SimulatedArmNode(PlantNode):
     def _set_payload(
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
-        try:
-            before = self._simulation.arm.payloads
-            payloads = changed_payloads(
-                self._arm, before, request.payload, self._settings.values)
-            if request.transition_time != 0.0:
-                raise InvalidInputError(
-                    f'transition_time is {request.transition_time:g}, expected 0: the simulated '
-                    'arm changes its load at once')
-            with self._lock:
-                self._simulation.set_payloads(payloads)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            response.success, response.message = False, describe_error(error)
-            return response
+        before = self._simulation.arm.payloads
+        payloads = changed_payloads(self._arm, before, request.payload, self._settings.values)
+        if request.transition_time != 0.0:
+            raise InvalidInputError(
+                f'transition_time is {request.transition_time:g}, expected 0: the simulated arm '
+                'changes its load at once')
+        with self._lock:
+            self._simulation.set_payloads(payloads)
         response.success = True
         response.message = describe_change(before, payloads)
         response.warnings = payload_warnings(self._arm, payloads, self._settings.values)

@@ -19,7 +19,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
 from robot_dynamics.ros.middleware.guarded_callbacks import (
-    describe_error,
     destroyed_unless_made,
     GuardedCallbacks,
 )
@@ -143,11 +142,7 @@ class PlantNode(GuardedCallbacks):
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         """Apply the wrench to its link from now on; zeros remove it."""
-        try:
-            wrench = self._wrench(message)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self.get_logger().error(f'Rejected an external wrench: {describe_error(error)}')
-            return
+        wrench = self._wrench(message)
         with self._lock:
             self._plant.wrenches[wrench.link] = wrench
 
