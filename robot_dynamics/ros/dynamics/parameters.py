@@ -46,7 +46,7 @@ from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
     Tolerances,
 )
-from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.model_check.finding import CHECKS
@@ -69,6 +69,7 @@ from robot_dynamics.ros.parameters.robot_description import (
     DRIVE_SPECS,
     DRIVE_STIFFNESS_SPEC,
     FRICTION_SPECS,
+    MEASURED_EFFORT_SPEC,
     ROBOT_GRAVITY_SPEC,
     UNCERTAINTY_SPECS,
 )
@@ -213,10 +214,7 @@ SPECS = (
         'compensation.'), choices=FRICTION_MODES),
     number('effort_limit_fraction', 1.0, 0.0, 1.0, (
         'Fraction of the URDF effort limits to which effort_command is clamped.')),
-    text('measured_effort', 'joint_torque', (
-        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
-        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    MEASURED_EFFORT_SPEC,
     texts('robot_compensates', (
         'Terms that the robot adds automatically to the commanded effort, and that effort_command '
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
@@ -73,10 +73,7 @@ SPECS = (
         'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.'),
         read_only=True),
     *BRAKE_SPECS,
-    text('measured_effort', 'joint_torque', (
-        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
-        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    robot_description.MEASURED_EFFORT_SPEC,
     texts('robot_compensates', (
         'Terms that the simulated arm adds automatically to the commanded effort, computed with '
         'its own model without payloads: gravity, friction.'),
