@@ -32,13 +32,7 @@ from robot_dynamics.ros.parameters.payloads import (
     payloads_at_start,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.simulated_arm.plant_node import (
-    BRAKE_SPECS,
-    check_pause,
-    LOOP_SPECS,
-    NOISE_SPECS,
-    PlantNode,
-)
+from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
@@ -65,14 +59,14 @@ SPECS = (
     *robot_description.DRIVE_SPECS,
     *PAYLOAD_SPECS,
     robot_description.ROBOT_GRAVITY_SPEC,
-    *LOOP_SPECS,
+    *plant_node.LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position limit '
         'nearest to it.'), read_only=True),
     numbers('initial_velocity', -1e6, 1e6, (
         'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.'),
         read_only=True),
-    *BRAKE_SPECS,
+    *plant_node.BRAKE_SPECS,
     robot_description.MEASURED_EFFORT_SPEC,
     texts('robot_compensates', (
         'Terms that the simulated arm adds automatically to the commanded effort, computed with '
@@ -82,7 +76,7 @@ SPECS = (
         'Side of the gear on which joint_states measures position and velocity if there is '
         'backlash: joint or motor.'), choices=('joint', 'motor'), read_only=True),
     *DRIVE_LOOP_SPECS,
-    *NOISE_SPECS,
+    *plant_node.NOISE_SPECS,
     number('max_step', DEFAULT_MAX_STEP, 1e-6, 0.1, (
         'Longest integration step [s].'), read_only=True),
 )
@@ -113,7 +107,7 @@ USAGE = NodeUsage(
       'link.')))
 
 
-class SimulatedArmNode(PlantNode):
+class SimulatedArmNode(plant_node.PlantNode):
     """
     Connects parameters, topics and services to the simulation; computes nothing itself.
 
@@ -171,7 +165,7 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
     convention_from_parameters(values)
-    check_pause(values)
+    plant_node.check_pause(values)
 
 
 def main(args: Sequence[str] | None = None) -> int:
