@@ -191,11 +191,6 @@ class Controller:
     # ------------------------------------------------------------------ the arm
 
     @property
-    def loaded_arm(self) -> ArmModel:
-        """The arm with its active loads."""
-        return self.load.dynamics.arm
-
-    @property
     def dynamics(self) -> UncheckedArmDynamics:
         """The dynamics of the control path, with the active loads."""
         return self.load.dynamics
@@ -242,7 +237,7 @@ class Controller:
 
     def __repr__(self) -> str:
         following = 'no reference' if self.trajectory is None else 'following a reference'
-        return f'<Controller of {self.loaded_arm!r}, {self.options.command}, {following}>'
+        return f'<Controller of {self.dynamics.arm!r}, {self.options.command}, {following}>'
 
     # ------------------------------------------------------------------ the control path
 

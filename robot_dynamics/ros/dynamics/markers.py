@@ -109,7 +109,7 @@ class LiveMarkers:
         if controller is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        arm = controller.loaded_arm
+        arm = controller.dynamics.arm
         if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
             return
         if self._marks is None or self._marks[0] is not arm:
