@@ -16,9 +16,9 @@ from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.recordings.reader import JointSeries, Recording
 from robot_dynamics.recordings.sample_faults import counted
+from robot_dynamics.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics.reporting.text_table import percent
 
-ROBOT_DESCRIPTION = '/robot_description'
 IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
 """Multiple of a limit beyond which a sample is noise."""
 MOST_IMPLAUSIBLE = 0.1
@@ -79,7 +79,11 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     with Recording(path) as recording:
         topic = recording.joint_state_topic(settings.topic)
         states = recording.joint_states(topic)
-        urdf = settings.urdf or _recorded_urdf(recording)
+        urdf = settings.urdf or recording.description()
+        if urdf is None:
+            raise InvalidInputError(
+                f'recording {str(path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF with '
+                '--urdf')
         whole = arm_from_urdf(urdf, settings.parameters.get('joints') or ())
         states = states.renamed(_renamed(settings.joint_map, states.joint_names, whole))
         joints = states.together(whole.joint_names)
@@ -113,15 +117,6 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
         remarks.append(f'left out: {counted(wild, "sample")} beyond the limits of the arm (' + (
             ', '.join(f'{name} {factor:g} times' for name, factor in IMPLAUSIBLE.items())) + ')')
     return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
-
-
-def _recorded_urdf(recording: Recording) -> str:
-    if not any(topic.name == ROBOT_DESCRIPTION and topic.message_count
-               for topic in recording.topics):
-        raise InvalidInputError(
-            f'recording {str(recording.path)!r} has no {ROBOT_DESCRIPTION}, expected the URDF '
-            'with --urdf')
-    return str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
 
 
 def _renamed(

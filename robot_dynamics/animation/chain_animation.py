@@ -13,14 +13,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from robot_dynamics.animation import chain_stage
 from robot_dynamics.animation.arm_motion import ArmMotion
-from robot_dynamics.animation.chain_stage import (
-    ChainStage,
-    NEXT_ACCELERATION,
-    scales_for,
-    StageScales,
-    WEIGHT,
-)
 from robot_dynamics.animation.panels import EffortPanel, EnergyPanel
 from robot_dynamics.animation.video import Frame, Pixels
 from robot_dynamics.arrays import FloatArray
@@ -63,7 +57,7 @@ class _Animation:
         self._passes = [
             view.passes(*state)
             for state in zip(motion.position, motion.velocity, motion.acceleration)]
-        self._scales = scales_for(self._passes, view.reach())
+        self._scales = chain_stage.scales_for(self._passes, view.reach())
         self._trail_times, self._trail = _trail(motion, view)
         self._joints = [motion.arm.joint_names.index(name) for name in view.chain_names]
 
@@ -89,7 +83,7 @@ class _Animation:
         bottom = 1.2 / height
         stage = figure.add_axes((0.09, bottom, side - 0.1, 1.0 - bottom - 0.85 / height))
         stage.set_anchor('N')
-        self._stage = ChainStage(stage, self._view.reach(), self._view.upright_at_zero)
+        self._stage = chain_stage.ChainStage(stage, self._view.reach(), self._view.upright_at_zero)
         self._headline = figure.text(
             0.012, 1.0 - 0.09 / height, '', ha='left', va='top', fontsize=13, fontweight='bold')
         self._clock = figure.text(
@@ -109,7 +103,7 @@ class _Animation:
               for axes, joint in zip(panels[1:], self._joints))]
 
     def _begin(
-        self, k: int, headline: str, caption: str, scales: StageScales,
+        self, k: int, headline: str, caption: str, scales: chain_stage.StageScales,
     ) -> NewtonEulerPass:
         """Clear the stage for the instant k, and return what is to be drawn."""
         self._stage.clear(scales)
@@ -141,7 +135,7 @@ class _Animation:
     def _show_passes(self, k: int) -> Iterator[None]:
         n = len(self._joints)
         heaviest = max(float(np.linalg.norm(self._view.weight(i))) for i in range(n))
-        scales = scales_for([self._passes[k]], 0.7 * self._view.reach(), heaviest)
+        scales = chain_stage.scales_for([self._passes[k]], 0.7 * self._view.reach(), heaviest)
         for i in range(n):
             self._show_outward(k, i, scales)
             yield
@@ -149,7 +143,7 @@ class _Animation:
             self._show_inward(k, i, scales)
             yield
 
-    def _show_outward(self, k: int, i: int, scales: StageScales) -> None:
+    def _show_outward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
         """Show how links 0 to i move, with link i as the current one."""
         last, now = i + 1 == len(self._joints), self._passes[k]
         rate, rates = _rate_formulas(i)
@@ -171,10 +165,10 @@ class _Animation:
         if not last:
             stage.draw_acceleration(
                 now.joint_position[i + 1], now.joint_acceleration[i + 1],
-                f'$\\dot v_{{{i + 2}}}$', NEXT_ACCELERATION)
+                f'$\\dot v_{{{i + 2}}}$', chain_stage.NEXT_ACCELERATION)
         stage.draw_keys(accelerations=True)
 
-    def _show_inward(self, k: int, i: int, scales: StageScales) -> None:
+    def _show_inward(self, k: int, i: int, scales: chain_stage.StageScales) -> None:
         """Show link i as a free body, and what the joints from the tip to it bear."""
         n, now = len(self._joints), self._passes[k]
         force, moment = _force_formulas(i, i + 1 == n)
@@ -185,7 +179,7 @@ class _Animation:
         stage = self._stage
         stage.draw_links(now, i)
         stage.draw_force(
-            now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$', WEIGHT)
+            now.com_position[i], self._view.weight(i), f'$m_{i + 1}\\,g$', chain_stage.WEIGHT)
         for joint in range(i, n):
             at, pale = now.joint_position[joint], joint > i
             stage.draw_force(

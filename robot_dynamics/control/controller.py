@@ -17,7 +17,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import ControlOutput, non_finite_effort
 from robot_dynamics.control.followed_reference import FollowedReference, LastState, Prepared
-from robot_dynamics.control.gains.gain_scaling import LoopGains, StableGains
+from robot_dynamics.control.gains.gain_scaling import StableGains
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
@@ -191,19 +191,9 @@ class Controller:
     # ------------------------------------------------------------------ the arm
 
     @property
-    def loaded_arm(self) -> ArmModel:
-        """The arm with its active loads."""
-        return self.load.dynamics.arm
-
-    @property
     def dynamics(self) -> UncheckedArmDynamics:
         """The dynamics of the control path, with the active loads."""
         return self.load.dynamics
-
-    @property
-    def compensates_friction_at_rest(self) -> bool:
-        """Whether dry friction is compensated at joints that rest away from their goal."""
-        return self.laws.compensates_at_rest
 
     def set_payloads(
         self, payloads: Sequence[Payload], transition_time: float,
@@ -247,7 +237,7 @@ class Controller:
 
     def __repr__(self) -> str:
         following = 'no reference' if self.trajectory is None else 'following a reference'
-        return f'<Controller of {self.loaded_arm!r}, {self.options.command}, {following}>'
+        return f'<Controller of {self.dynamics.arm!r}, {self.options.command}, {following}>'
 
     # ------------------------------------------------------------------ the control path
 
@@ -370,7 +360,3 @@ class Controller:
         """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
         return self.laws.feedback_gains
 
-    @property
-    def loop_gains(self) -> LoopGains:
-        """The gains of the law in use."""
-        return self.laws.loop_gains

@@ -33,7 +33,7 @@ def shortfall(controller: Controller) -> str:
         j = int(np.argmax(np.abs(e)))
         if not abs(e[j]) > TOLERANCE:
             return ''
-        arm, body = controller.loaded_arm, controller.dynamics.rigid_body
+        arm, body = controller.dynamics.arm, controller.dynamics.rigid_body
         K = body.mass_matrix(q) * controller.feedback_gains[0]
         feedback: FloatArray = K @ e
         needed = feedback[j] + body.gravity(q)[j]

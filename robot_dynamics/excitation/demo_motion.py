@@ -90,16 +90,10 @@ def make_reference_motion(
     pattern = _pattern(arm.joint_count, T)
     swing, scale = _swing_within_limits(arm, q0, pattern, T), 1.0
     while True:
-        trajectory = _trajectory(arm, q0, pattern, scale * swing, T)
-        q, v, a = _sample(trajectory)
-        efforts = dynamics.inverse_dynamics_batch(q, v, a)
-        ratio = _effort_ratio(arm, efforts)
-        if ratio <= allowed or scale < _SMALLEST_SCALE:
-            break
+        motion = motion_along(arm, _trajectory(arm, q0, pattern, scale * swing, T))
+        if motion.effort_ratio <= allowed or scale < _SMALLEST_SCALE:
+            return motion
         scale *= 0.85
-    peaks = np.abs(efforts).max(axis=0)
-    worst = int(np.argmax(peaks / arm.limits.effort)) if ratio > 0.0 else 0
-    return ReferenceMotion(q0, trajectory, ratio, arm.joint_names[worst])
 
 
 def rest_to_rest_seconds(distance: FloatArray, velocity: FloatArray) -> float:

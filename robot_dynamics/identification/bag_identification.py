@@ -22,19 +22,11 @@ from robot_dynamics.analysis.bag_analysis import with_joint_effort
 from robot_dynamics.analysis.batch import Outcome, Task, TaskOutcome
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.identification import steps
 from robot_dynamics.identification.friction_regressor import scales_of
 from robot_dynamics.identification.joint_excitation import LEAST_TRAVEL
 from robot_dynamics.identification.pipeline import Identification, identify_recordings, Recordings
 from robot_dynamics.identification.qr_information import QrInformation
-from robot_dynamics.identification.steps import (
-    evaluate_recording,
-    EvaluatedRecording,
-    Evaluation,
-    FilteredArmMotion,
-    prepared_motion,
-    reduce_recording,
-    Reduction,
-)
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model.payload import Payload
@@ -67,7 +59,7 @@ class IdentificationSettings:
         return arm.with_payloads(payloads)
 
 
-def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotion:
+def read_motion(bag: Path, settings: IdentificationSettings) -> steps.FilteredArmMotion:
     """
     Return the filtered motion of a recording, with the effort at the joints.
 
@@ -84,21 +76,21 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> FilteredArmMotio
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks
-    return prepared_motion(arm, motion, settings.train_fraction, read.losses, remarks)
+    return steps.prepared_motion(arm, motion, settings.train_fraction, read.losses, remarks)
 
 
-def reduce_task(bag: Path, task: tuple[IdentificationSettings, Reduction]) -> QrInformation:
+def reduce_task(bag: Path, task: tuple[IdentificationSettings, steps.Reduction]) -> QrInformation:
     """Return the information in a recording; raise like `read_motion` and `reduce_recording`."""
     settings, step = task
-    return reduce_recording(read_motion(bag, settings), step)
+    return steps.reduce_recording(read_motion(bag, settings), step)
 
 
 def evaluate_task(
-    bag: Path, task: tuple[IdentificationSettings, Evaluation],
-) -> EvaluatedRecording:
+    bag: Path, task: tuple[IdentificationSettings, steps.Evaluation],
+) -> steps.EvaluatedRecording:
     """Return the tests of models on a recording; raise the errors of `read_motion`."""
     settings, step = task
-    return evaluate_recording(read_motion(bag, settings), step)
+    return steps.evaluate_recording(read_motion(bag, settings), step)
 
 
 TaskRunner = Callable[[Task[Any, Any], Sequence[Path], Any], list[TaskOutcome[Any]]]
@@ -132,7 +124,9 @@ def identify_bags(
     """
     left, failed = list(bags), dict[Path, str]()
 
-    def results(task: Task[Any, Outcome], step: Reduction | Evaluation) -> list[Outcome]:
+    def results(
+        task: Task[Any, Outcome], step: steps.Reduction | steps.Evaluation,
+    ) -> list[Outcome]:
         nonlocal left
         outcomes: list[TaskOutcome[Outcome]] = run(task, left, (settings, step))
         done = [(each.bag, each.result) for each in outcomes if each.result is not None]

@@ -17,6 +17,7 @@ import numpy as np
 from robot_dynamics.analysis.motion_filter import FilteredMotion
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.identification import steps
 from robot_dynamics.identification.drive_gains import drive_gains, GainEstimate
 from robot_dynamics.identification.friction_regressor import FrictionStructure
 from robot_dynamics.identification.model_selection import choose_model, fit_models, FittedModels
@@ -30,17 +31,6 @@ from robot_dynamics.identification.recording_agreement import (
 )
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.identification.regularized_fit import grams_of, make_prior, Prior, solve
-from robot_dynamics.identification.steps import (
-    cross_validated_tests,
-    evaluate_recording,
-    EvaluatedRecording,
-    Evaluation,
-    merge_tests,
-    ModelTest,
-    prepared_motion,
-    reduce_recording,
-    Reduction,
-)
 from robot_dynamics.identification.uncertainty import estimate_parameters, ParameterEstimate
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
@@ -76,10 +66,10 @@ class Identification:
     base: BaseParameters
     estimate: ParameterEstimate
     information: QrInformation
-    tests: dict[str, ModelTest]
+    tests: dict[str, steps.ModelTest]
     gains: GainEstimate | None
     seeming_gains: GainEstimate
-    recordings: tuple[EvaluatedRecording, ...]
+    recordings: tuple[steps.EvaluatedRecording, ...]
     difference: FloatArray
     contradictions: tuple[str, ...] = ()
     is_cross_validated: bool = False
@@ -94,8 +84,8 @@ class Recordings(NamedTuple):
     """
 
     arm: Callable[[Sequence[str]], ArmModel]
-    reduce: Callable[[Reduction], list[QrInformation]]
-    evaluate: Callable[[Evaluation], list[EvaluatedRecording]]
+    reduce: Callable[[steps.Reduction], list[QrInformation]]
+    evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
 
 
 def prior_of(arm: ArmModel) -> Prior:
@@ -148,11 +138,12 @@ def identify(
     and the errors of `identify_recordings`. Needs scipy.
     """
     arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
-    recorded = [prepared_motion(loaded, motion, train_fraction)
+    recorded = [steps.prepared_motion(loaded, motion, train_fraction)
                 for loaded, motion in zip(arms, motions)]
     return identify_recordings(Recordings(
-        lambda _: arm, lambda step: [reduce_recording(each, step) for each in recorded],
-        lambda step: [evaluate_recording(each, step) for each in recorded]), effort_is_current)
+        lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
+        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
+        effort_is_current)
 
 
 def identify_recordings(
@@ -176,7 +167,7 @@ def identify_recordings(
     seeming = drive_gains(first, prior_of(arm))
     begun = fit_model(arm, first)
     on_stage(STAGES[2])
-    parts = recordings.reduce(Reduction(begun.base, scale))
+    parts = recordings.reduce(steps.Reduction(begun.base, scale))
     information, prior = merge(parts), prior_of(arm)
     on_stage(STAGES[3])
     models = fit_model(arm, information, begun.choice.structures)
@@ -186,17 +177,17 @@ def identify_recordings(
     odd = contradicting_recordings(
         parts, models.choice.structures, models.choice.weights, prior)
     on_stage(STAGES[4])
-    evaluated = recordings.evaluate(Evaluation(
+    evaluated = recordings.evaluate(steps.Evaluation(
         models.by_name, 'consistent', scale, keeps_samples))
     for i, text in odd.items():
         facts = evaluated[i].facts
         evaluated[i] = replace(evaluated[i], facts=replace(
             facts, contradictions=(*facts.contradictions, text)))
-    tests = {name: merge_tests([recording.tests[name] for recording in evaluated])
+    tests = {name: steps.merge_tests([recording.tests[name] for recording in evaluated])
              for name in models.by_name}
     is_cross_validated = tests['base'].samples[1] == 0
     if is_cross_validated:
-        tests = cross_validated_tests(information, prior, models, tests)
+        tests = steps.cross_validated_tests(information, prior, models, tests)
     usual = solve(grams_of(information.together()), models.choice.structures,
                   models.choice.weights, prior, USUAL_REGULARIZATION)
     ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
@@ -212,15 +203,15 @@ def _first_pass(
 ) -> tuple[QrInformation, GainEstimate | None]:
     """Return the information with the load of the URDF, and gains if the effort is a current."""
     if not effort_is_current:
-        first = merge(recordings.reduce(Reduction()))
+        first = merge(recordings.reduce(steps.Reduction()))
         arm = recordings.arm(first.joint_names)
         if effort_is_current is False or not drive_gains(first, prior_of(arm)).differ:
             return first, None
-    raw = merge(recordings.reduce(Reduction(keeps_payload=True)))
+    raw = merge(recordings.reduce(steps.Reduction(keeps_payload=True)))
     arm = recordings.arm(raw.joint_names)
     gains = drive_gains(raw, prior_of(arm))
     if not gains.is_known.any():
         raise InvalidInputError(
             f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '
             'expected a motion in which the joints bear loads well above friction')
-    return merge(recordings.reduce(Reduction(drive_gain=gains.scale))), gains
+    return merge(recordings.reduce(steps.Reduction(drive_gain=gains.scale))), gains

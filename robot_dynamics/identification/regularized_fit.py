@@ -41,15 +41,7 @@ from robot_dynamics.identification.friction_regressor import (
 )
 from robot_dynamics.identification.qr_information import QrInformation
 from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
-from robot_dynamics.model.pseudo_inertia import (
-    COUNT,
-    divergence_residuals,
-    from_coordinates,
-    jacobian,
-    parameters_of,
-    regularizing_roots,
-    relative_rows,
-)
+from robot_dynamics.model import pseudo_inertia
 
 URDF_REGULARIZATION = 1e12
 """κ that leaves the bodies of the URDF unchanged."""
@@ -111,14 +103,14 @@ def make_prior(
     parameters: FloatArray, joint_inertia: FloatArray, velocity_limit: FloatArray,
 ) -> Prior:
     """Return the prior of a URDF's φ⁰ (p,), inertia s and velocity limit (n,) of each joint."""
-    roots = regularizing_roots(parameters)
+    roots = pseudo_inertia.regularizing_roots(parameters)
     rows = np.zeros((len(parameters), len(parameters)))
     for i, root in enumerate(roots):
-        part = slice(COUNT * i, COUNT * (i + 1))
-        rows[part, part] = relative_rows(root)
+        part = slice(pseudo_inertia.COUNT * i, pseudo_inertia.COUNT * (i + 1))
+        rows[part, part] = pseudo_inertia.relative_rows(root)
     return Prior(
-        np.concatenate([parameters_of(root @ root.T) for root in roots]), roots, rows,
-        np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
+        np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
+        rows, np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
         velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
         np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
 
@@ -279,7 +271,7 @@ def consistent_fit(
     """
     least_squares = optional('scipy.optimize', 'identification').least_squares
     p = prior.count
-    parts = [slice(i, i + COUNT) for i in range(0, p, COUNT)]
+    parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
     regularization = max(regularization, LEAST_REGULARIZATION)
     A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
     n, k, _ = factors.shape
@@ -292,19 +284,19 @@ def consistent_fit(
 
     def bodies_of(x: FloatArray) -> FloatArray:
         return np.concatenate([
-            from_coordinates(L0, x[part]) for L0, part in zip(prior.roots, parts)])
+            pseudo_inertia.from_coordinates(L0, x[part]) for L0, part in zip(prior.roots, parts)])
 
     def residuals(x: FloatArray) -> FloatArray:
         r = A @ np.concatenate([bodies_of(x), x[p:]]) - b
         for part in parts:
-            r[data:][part] = root * divergence_residuals(x[part])[0]
+            r[data:][part] = root * pseudo_inertia.divergence_residuals(x[part])[0]
         return np.asarray(r)
 
     def derivative(x: FloatArray) -> FloatArray:
         J = A.copy()
         for L0, part in zip(prior.roots, parts):
-            J[:, part] = A[:, part] @ jacobian(L0, x[part])
-            J[data:][part, part] = root * np.diag(divergence_residuals(x[part])[1])
+            J[:, part] = A[:, part] @ pseudo_inertia.jacobian(L0, x[part])
+            J[data:][part, part] = root * np.diag(pseudo_inertia.divergence_residuals(x[part])[1])
         return J
 
     x0 = np.concatenate([np.zeros(p), *(

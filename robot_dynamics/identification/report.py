@@ -9,19 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.identification import identified_arm
+from robot_dynamics.identification import identified_arm, summary
 from robot_dynamics.identification.bag_identification import BagIdentification
 from robot_dynamics.identification.friction_regressor import INERTIA
 from robot_dynamics.identification.page import identification_page
 from robot_dynamics.identification.pipeline import Identification
 from robot_dynamics.identification.steps import write_samples
-from robot_dynamics.identification.summary import (
-    bounds_by_joint,
-    contradiction_lines,
-    not_separable,
-    residual_title,
-    warnings,
-)
 from robot_dynamics.identification.written_uncertainty import uncertainty_values
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.reporting.html_page import Origin
@@ -87,7 +80,7 @@ def _head(found: BagIdentification) -> list[str]:
     ratios = ', '.join(f'{100.0 * ratio:.1f}' for ratio in tests.relative())
     return [
         f'Identified by `identify` from {", ".join(bag.name for bag in found.bags)}.',
-        f'{residual_title(found.identification)}, % of the effort, RMS: {ratios}.',
+        f'{summary.residual_title(found.identification)}, % of the effort, RMS: {ratios}.',
         '',
         '  ros2 run robot_dynamics dynamics_node --ros-args --params-file identified.yaml',
         '  ros2 run robot_dynamics simulated_arm --ros-args --params-file identified.yaml',
@@ -129,9 +122,9 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
         'is_cross_validated': identification.is_cross_validated,
         'active_bounds': [
             {'joint': arm.joint_names[j], **bound._asdict()}
-            for j, bounds in bounds_by_joint(identification).items() for bound in bounds],
+            for j, bounds in summary.bounds_by_joint(identification).items() for bound in bounds],
         'not_separable': {
-            joint: list(names) for joint, names in not_separable(identification).items()},
+            joint: list(names) for joint, names in summary.not_separable(identification).items()},
         'joint_parameters': [
             {'name': estimate.names[i], 'value': float(estimate.values[i]),
              'standard_deviation': _number(estimate.deviations[i]),
@@ -150,8 +143,8 @@ def as_data(found: BagIdentification) -> dict[str, Any]:
             'is_known': gains.is_known.tolist(),
             'is_confounded_with_masses': gains.is_confounded.tolist()},
         'factor_to_urdf': np.exp(identification.difference).tolist(),
-        'contradictions': contradiction_lines(found),
-        'warnings': warnings(identification),
+        'contradictions': summary.contradiction_lines(found),
+        'warnings': summary.warnings(identification),
     }
 
 

@@ -23,7 +23,9 @@ def nearest_turn(
 
     The positions are then within half a turn of `near` (..., n); `is_continuous` is (n,).
     """
-    return np.asarray(position - _whole_turns(position - near, is_continuous))
+    turn = 2.0 * np.pi
+    turns = turn * np.rint((position - near) / turn)
+    return np.where(is_continuous, position - turns, position)
 
 
 def unwrapped(position: FloatArray, is_continuous: BoolArray) -> FloatArray:
@@ -33,11 +35,4 @@ def unwrapped(position: FloatArray, is_continuous: BoolArray) -> FloatArray:
     The first sample, and every joint that is not continuous (`is_continuous` is (n,)), is
     unchanged.
     """
-    turns = np.cumsum(_whole_turns(np.diff(position, axis=0), is_continuous), axis=0)
-    return np.concatenate((position[:1], position[1:] - turns))
-
-
-def _whole_turns(displacement: FloatArray, is_continuous: BoolArray) -> FloatArray:
-    """Return the whole turns nearest to displacements [rad], 0 at other joints."""
-    turn = 2.0 * np.pi
-    return np.where(is_continuous, turn * np.rint(displacement / turn), 0.0)
+    return np.where(is_continuous, np.unwrap(position, axis=0), position)

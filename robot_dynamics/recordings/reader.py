@@ -25,7 +25,13 @@ from robot_dynamics.recordings.joint_series import JointSeries, RecordedJointSta
 from robot_dynamics.recordings.joint_state_decoding import decode_joint_states
 from robot_dynamics.recordings.loss import Loss
 from robot_dynamics.recordings.storage import StoredFile
-from robot_dynamics.recordings.topics import common_types, JOINT_STATE, RecordedTopic, TopicQos
+from robot_dynamics.recordings.topics import (
+    common_types,
+    JOINT_STATE,
+    RecordedTopic,
+    ROBOT_DESCRIPTION,
+    TopicQos,
+)
 from robot_dynamics.recordings.writer import RecordingWriter
 
 __all__ = [
@@ -153,6 +159,13 @@ class Recording(AbstractContextManager['Recording']):
             except (serde_error, OverflowError) as error:  # OverflowError: an impossible length
                 raise self._unreadable(f'a message of {topic}: {error}') from error
             yield time_ns, message
+
+    def description(self) -> str | None:
+        """Return the first URDF on ROBOT_DESCRIPTION, None without one."""
+        if not any(topic.name == ROBOT_DESCRIPTION and topic.message_count
+                   for topic in self.topics):
+            return None
+        return str(next(self.messages(ROBOT_DESCRIPTION))[1].data)
 
     def joint_state_topic(self, wanted: str | None = None) -> str:
         """

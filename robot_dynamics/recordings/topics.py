@@ -11,6 +11,7 @@ from robot_dynamics.dependencies import optional
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
+ROBOT_DESCRIPTION = '/robot_description'
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 DYNAMICS_TERMS = 'robot_dynamics_interfaces/msg/DynamicsTerms'
 DYNAMICS_TERMS_TEXT = """std_msgs/Header header

@@ -17,20 +17,8 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
-from robot_dynamics.references.jerk_profile import (
-    Bounds,
-    duration,
-    end,
-    Phases,
-    State,
-    to_rest,
-)
-from robot_dynamics.references.joint_planner import (
-    AT_REST,
-    JointLimits,
-    JointPlanner,
-    Target,
-)
+from robot_dynamics.references.jerk_profile import Bounds, duration, end, Phases, State, to_rest
+from robot_dynamics.references.joint_planner import AT_REST, JointLimits, JointPlanner, Target
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.trajectories.interpolation import Reference, Segment
 

@@ -27,17 +27,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.references import planner
 from robot_dynamics.references.follower import ActiveTrajectory, TrajectoryFollower
 from robot_dynamics.references.joint_planner import Target
 from robot_dynamics.references.motion_limits import MotionLimits
-from robot_dynamics.references.planner import (
-    Plan,
-    plan_stop,
-    plan_to_goal,
-    plan_to_path,
-    plan_with_target,
-    without_creep,
-)
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
@@ -104,10 +97,10 @@ class ReferenceGenerator(TrajectoryFollower):
 
         The stop begins at the reference, or without one at the measured state, (n,) each.
         """
-        state, plan = without_creep(self._state_at(now_ns, position, velocity)), None
+        state, plan = planner.without_creep(self._state_at(now_ns, position, velocity)), None
         end = state.position
         if self.limits is not None:
-            plan = plan_stop(state, self.limits)
+            plan = planner.plan_stop(state, self.limits)
             end = plan.end.position
         self._set_point = None
         point, before = TrajectoryPoint(0.0, end, *np.zeros((2, len(end)))), self.active
@@ -122,7 +115,7 @@ class ReferenceGenerator(TrajectoryFollower):
         if limits is None:
             self._set_point = None
             return super()._entered(trajectory, start_ns, now_ns, state)
-        state = without_creep(state)
+        state = planner.without_creep(state)
         first = trajectory.points[0]
         wait = (start_ns - now_ns) / NANOSECONDS_PER_SECOND + first.time_from_start
         if trajectory.is_set_point:
@@ -140,7 +133,7 @@ class ReferenceGenerator(TrajectoryFollower):
         if wait <= 0.0 and _is_near(path.sample(now_ns), state):
             return path
         if wait >= 0.0 and (first.velocity is None or not first.velocity.any()):
-            plan = plan_to_goal(state, first.position, limits, max(wait - _APART, 0.0))
+            plan = planner.plan_to_goal(state, first.position, limits, max(wait - _APART, 0.0))
             start_ns += max(nanoseconds(plan.duration - wait), 0)
         else:
             plan = _to_path(path, wait, now_ns, state, limits)
@@ -149,7 +142,7 @@ class ReferenceGenerator(TrajectoryFollower):
     def _to_set_point(
         self, point: TrajectoryPoint, wait: float, now_ns: int, state: Reference,
         before: tuple[int, TrajectoryPoint] | None, limits: MotionLimits,
-    ) -> Plan:
+    ) -> planner.Plan:
         interval = 0.0 if before is None else (now_ns - before[0]) / NANOSECONDS_PER_SECOND
         if before is None or not 0.0 <= interval <= LONGEST_PERIOD or (
                 (before[1].velocity is None) != (point.velocity is None)):
@@ -160,11 +153,11 @@ class ReferenceGenerator(TrajectoryFollower):
             self._period += _NEW * (min(interval, 2.0 * self._period) - self._period)
         if point.velocity is None:
             horizon = 0.0 if before is None else max(HORIZON, PERIODS * self._period)
-            return plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
+            return planner.plan_to_goal(state, point.position, limits, max(wait, horizon), horizon)
         time = max(wait, self._period or FIRST_PERIOD)
         last = None if before is None else before[1]
         target = _target(point, last, max(interval, self._period), time)
-        return plan_with_target(
+        return planner.plan_with_target(
             state, self._within_limits(target, limits), limits, self.stream_timeout)
 
     def _within_limits(self, target: Target, limits: MotionLimits) -> Target:
@@ -197,12 +190,12 @@ def _target(
 
 def _to_path(
     path: ActiveTrajectory, wait: float, now_ns: int, state: Reference, limits: MotionLimits,
-) -> Plan:
+) -> planner.Plan:
     """Return the plan that meets a path at its own times, after `wait` [s] or later."""
     times = _MEETINGS if wait <= 0.0 else wait * np.geomspace(1.0, 100.0, 48)
     left = (path.end_ns - now_ns) / NANOSECONDS_PER_SECOND
     states = ((t, path.sample(now_ns + nanoseconds(t))) for t in times[times <= left].tolist())
-    return plan_to_path(state, states, limits) or plan_to_goal(
+    return planner.plan_to_path(state, states, limits) or planner.plan_to_goal(
         state, path.sample(path.end_ns).position, limits, max(left, 0.0))
 
 

@@ -134,11 +134,8 @@ def joint_figure(
     A dashed line marks the boundary in each field. Raises MissingDependencyError without
     matplotlib.
     """
-    matplotlib, figure_type = _matplotlib()
     n = len(joint_names)
-    with matplotlib.rc_context(STYLE):
-        figure = figure_type(
-            figsize=(COLUMN_WIDTH * len(panels), ROW_HEIGHT * n + 1.0), layout='constrained')
+    with styled_figure(COLUMN_WIDTH * len(panels), ROW_HEIGHT * n + 1.0) as figure:
         figure.suptitle(title)
         axes = figure.subplots(n, len(panels), sharex='col', squeeze=False)
         for row, name in enumerate(joint_names):
@@ -167,14 +164,11 @@ def scatter_figure(
 
     Raises MissingDependencyError without matplotlib.
     """
-    matplotlib, figure_type = _matplotlib()
     n = len(joint_names)
     columns = min(n, SCATTER_COLUMNS)
     rows = -(-n // columns)
     step = max(1, len(velocity) // MAX_DOTS)
-    with matplotlib.rc_context(STYLE):
-        figure = figure_type(
-            figsize=(2.0 * COLUMN_WIDTH, 2.6 * rows + 0.6), layout='constrained')
+    with styled_figure(2.0 * COLUMN_WIDTH, 2.6 * rows + 0.6) as figure:
         figure.suptitle(title)
         axes = figure.subplots(rows, columns, squeeze=False).ravel()
         for field in axes[n:]:
@@ -207,9 +201,12 @@ def styled_figure(
 
     `style` are additional settings. Raises MissingDependencyError without matplotlib.
     """
-    matplotlib, figure_type = _matplotlib()
+    matplotlib = optional('matplotlib', 'a figure')
+    figure_type = optional('matplotlib.figure', 'a figure').Figure
     with matplotlib.rc_context({**STYLE, **(style or {})}):
-        yield figure_type(figsize=(width, height), layout=layout)
+        figure = figure_type(figsize=(width, height), layout=layout)
+        optional('matplotlib.backends.backend_agg', 'a figure').FigureCanvasAgg(figure)
+        yield figure
 
 
 def title_axes(axes: 'Axes', title: str, note: str = '') -> None:
@@ -258,16 +255,3 @@ def _mark(axes: 'Axes', boundary: TimeBoundary) -> None:
         axes.text(
             boundary.time, 0.98, text, horizontalalignment=align, verticalalignment='top',
             transform=axes.get_xaxis_transform(), fontsize=8, color=GREY)
-
-
-def _matplotlib() -> tuple[Any, Any]:
-    matplotlib = optional('matplotlib', 'a figure')
-    canvas_type = optional('matplotlib.backends.backend_agg', 'a figure').FigureCanvasAgg
-    figure_type = optional('matplotlib.figure', 'a figure').Figure
-
-    def make_figure(**options: Any) -> Any:
-        figure = figure_type(**options)
-        canvas_type(figure)
-        return figure
-
-    return matplotlib, make_figure

@@ -16,14 +16,7 @@ import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting import html_page
-from robot_dynamics.reporting.figures import (
-    GREY,
-    LABELS,
-    LINES,
-    LineStyle,
-    Panel,
-    TimeBoundary,
-)
+from robot_dynamics.reporting.figures import GREY, LABELS, LINES, LineStyle, Panel, TimeBoundary
 
 MAX_POINTS = 6000
 """Largest number of points per line; more points make the page slow."""

@@ -24,7 +24,7 @@ from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.bristles import Bristles
 from robot_dynamics.simulation.current_loop import CurrentLoop
 from robot_dynamics.simulation.integrator import MotionIntegrator
-from robot_dynamics.simulation.joint_forces import MotionState
+from robot_dynamics.simulation.joint_forces import JointForces, MotionState
 from robot_dynamics.validation import check_scalar, check_vector, LARGEST_VALUE
 
 DEFAULT_MAX_STEP = 2e-3
@@ -134,7 +134,7 @@ class ArmSimulation:
         """Engage the brakes: joints and motors stop at once; their kinetic energy becomes heat."""
         if self.braked:
             return
-        self.heat += self._integrator.kinetic_energy(self._now)
+        self.heat += self._forces.kinetic_energy(self._now)
         self._now = self._now._replace(
             v=np.zeros_like(self._now.v), omega=np.zeros_like(self._now.omega))
         self._hold()
@@ -160,7 +160,8 @@ class ArmSimulation:
 
     def _use(self, arm: ArmModel) -> None:
         self._dynamics = UncheckedArmDynamics(arm)
-        self._integrator = MotionIntegrator(self._dynamics)
+        self._forces = JointForces(self._dynamics)
+        self._integrator = MotionIntegrator(self._dynamics, self._forces)
 
     @property
     def q(self) -> FloatArray:
@@ -191,7 +192,7 @@ class ArmSimulation:
         """The energy of links and rotors, and of the springs of presliding."""
         now = self._now
         return Energy(
-            self._integrator.kinetic_energy(now), self._integrator.potential_energy(now))
+            self._forces.kinetic_energy(now), self._forces.potential_energy(now))
 
     def step(
         self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
@@ -225,7 +226,7 @@ class ArmSimulation:
             before = now
             if self._drive is not None:
                 effort = self._driven(tau, effort, before, acceleration, h)
-            self._integrator.drive(effort, wrenches)
+            self._forces.drive(effort, wrenches)
             result = self._integrator.step(before, h)
             now, heat = result.state, heat + result.heat
             work += float(effort @ (now.theta - before.theta))
@@ -252,7 +253,7 @@ class ArmSimulation:
         if not (step.damping * moves).any():
             return step.effort
         step = step._replace(damping=step.damping * moves)
-        return step.implicit(effort, self._integrator.motor_inertia(now), h)
+        return step.implicit(effort, self._forces.motor_inertia(now), h)
 
     def _not_finite(self, reason: str) -> InvalidInputError:
         return InvalidInputError(

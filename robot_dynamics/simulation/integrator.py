@@ -19,14 +19,12 @@ small. While a spring oscillates so far that its joint may slip, steps are divid
 event is found.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.simulation.contact_modes import ContactModeSolver
 from robot_dynamics.simulation.events import EventFinder, StepEnd
 from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
@@ -68,28 +66,12 @@ class StepResult(NamedTuple):
 
 
 class MotionIntegrator:
-    """The motion of one arm under the efforts and wrenches of the last call of `drive`."""
+    """The motion of one arm under the efforts and wrenches of the last `JointForces.drive`."""
 
-    def __init__(self, dynamics: UncheckedArmDynamics) -> None:
-        self._forces = forces = JointForces(dynamics)
+    def __init__(self, dynamics: UncheckedArmDynamics, forces: JointForces) -> None:
+        self._forces = forces
         self._modes, self._events = ContactModeSolver(forces), EventFinder(forces)
         self._damping_bound = _bound_of_damping_rate(dynamics)
-
-    def drive(self, tau: FloatArray, wrenches: Sequence[ExternalWrench] = ()) -> None:
-        """Set the efforts of the motors (n,) and the wrenches that act from now on."""
-        self._forces.drive(tau, wrenches)
-
-    def kinetic_energy(self, state: MotionState) -> float:
-        """Return the kinetic energy of links and rotors [J]."""
-        return self._forces.kinetic_energy(state)
-
-    def potential_energy(self, state: MotionState) -> float:
-        """Return the potential energy of the bodies and of the bristles [J]."""
-        return self._forces.potential_energy(state)
-
-    def motor_inertia(self, state: MotionState) -> FloatArray:
-        """Return the mass matrix (n, n) on the motor side; that of the rotors for open gears."""
-        return self._forces.motor_inertia(state)
 
     def step(self, state: MotionState, h: float) -> StepResult:
         """Return the state after h [s]; the same object if all joints stick rigidly."""

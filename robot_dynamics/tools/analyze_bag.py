@@ -17,7 +17,6 @@ import sys
 
 import numpy as np
 from robot_dynamics.analysis import tasks
-from robot_dynamics.analysis.arm_recording import ROBOT_DESCRIPTION
 from robot_dynamics.analysis.bag_analysis import STEPS
 from robot_dynamics.analysis.batch import require_dask, run_tasks, TaskOutcome
 from robot_dynamics.analysis.report import limit_use_rows, residual_rows
@@ -26,6 +25,7 @@ from robot_dynamics.analysis.sample_files import require_parquet
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.recordings.bag_files import find_recordings, relative_names
+from robot_dynamics.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics.reporting.html_page import Origin
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.reporting.text_table import percent, quantity_table, text_table

@@ -41,7 +41,6 @@ CUTOFF = 5.0
 """Cut-off frequency [Hz] of the filter of recorded motions."""
 STILL = 0.1
 """Largest motion [rad] or [m] of a joint in a recording that is drawn as locked."""
-ROBOT_DESCRIPTION = '/robot_description'
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -146,12 +145,8 @@ def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSerie
     with Recording(arguments.bag) as recording:
         topic = arguments.topic or recording.joint_state_topic()
         series = recording.joint_series(topic)
-        described = any(
-            one.name == ROBOT_DESCRIPTION and one.message_count for one in recording.topics)
-        if arguments.urdf is None and described:
-            urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
-        else:
-            urdf = command_line.read_robot(arguments.urdf)
+        recorded = recording.description() if arguments.urdf is None else None
+    urdf = recorded or command_line.read_robot(arguments.urdf)
     return arm_from_urdf(urdf, arguments.joints), series
 
 

@@ -14,14 +14,8 @@ from functools import partial
 import json
 import sys
 
+from robot_dynamics.payload_estimation import summary
 from robot_dynamics.payload_estimation.recordings import estimate_from_bags, RecordedPayload
-from robot_dynamics.payload_estimation.summary import (
-    as_dictionary,
-    data_text,
-    fit_text,
-    headline,
-    parameter_rows,
-)
 from robot_dynamics.recordings.bag_files import find_recordings
 from robot_dynamics.recordings.sample_faults import counted
 from robot_dynamics.reporting.progress import Progress
@@ -65,7 +59,8 @@ def _run(arguments: argparse.Namespace) -> int:
         found = estimate_from_bags(bags, arguments.link, settings, progress.advance)
     if arguments.json:
         print(json.dumps({
-            **as_dictionary(found.estimate), 'recordings': [str(bag) for bag in found.bags],
+            **summary.as_dictionary(found.estimate),
+            'recordings': [str(bag) for bag in found.bags],
             'failed': {str(bag): error for bag, error in found.failed}}, indent=2))
     else:
         print_payload(found)
@@ -78,11 +73,11 @@ def _run(arguments: argparse.Namespace) -> int:
 def print_payload(found: RecordedPayload) -> None:
     """Print the estimate, its verdicts, and the advice."""
     estimate = found.estimate
-    rows = parameter_rows(
+    rows = summary.parameter_rows(
         estimate.values, estimate.deviations, estimate.per_percent, estimate.verdicts)
-    print(headline(estimate))
-    print(f'{counted(len(found.bags), "recording")}, {data_text(estimate)}')
-    print(f'{fit_text(estimate)}\n')
+    print(summary.headline(estimate))
+    print(f'{counted(len(found.bags), "recording")}, {summary.data_text(estimate)}')
+    print(f'{summary.fit_text(estimate)}\n')
     print(text_table(rows[0], rows[1:], left_columns=1))
     for title, lines in (
             ('Implausible:', estimate.implausible),

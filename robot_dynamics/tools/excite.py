@@ -16,10 +16,7 @@ import sys
 import numpy as np
 from robot_dynamics.excitation.excitation import Excitation, find_excitation, GENERATIONS
 from robot_dynamics.excitation.excitation_limits import LimitFractions, motion_limits
-from robot_dynamics.excitation.excitation_trajectory import (
-    exciting_trajectory,
-    ExcitingTrajectory,
-)
+from robot_dynamics.excitation.excitation_trajectory import exciting_trajectory, ExcitingTrajectory
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics

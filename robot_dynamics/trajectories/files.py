@@ -15,10 +15,7 @@ from typing import Any
 
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
-from robot_dynamics.exceptions import (
-    InvalidInputError,
-    TrajectoryError,
-)
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.reporting.yaml_text import load_yaml
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,

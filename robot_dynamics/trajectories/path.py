@@ -17,7 +17,7 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.trajectories.extrema import derivative
 from robot_dynamics.trajectories.interpolation import position_coefficients
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
-from robot_dynamics.trajectories.segments import TrajectorySegments
+from robot_dynamics.trajectories.segments import sample_pieces, TrajectorySegments
 
 CORNER_ANGLE = 0.35
 """Change of direction [rad] in joint space above which a point is a corner of its path."""
@@ -49,12 +49,7 @@ class Path(NamedTuple):
         self, piece: IntArray, phase: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return position and its first two derivatives by the phase, (m, n) each."""
-        powers = np.vander(phase, 6, increasing=True)
-        first, second = np.zeros_like(powers), np.zeros_like(powers)
-        first[:, 1:] = _ORDERS[1:] * powers[:, :-1]
-        second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2]
-        values = np.stack((powers, first, second), axis=1) @ self.coefficients[piece]
-        return values[:, 0], values[:, 1], values[:, 2]
+        return sample_pieces(self.coefficients[piece], phase)
 
 
 def path_of(trajectory: JointTrajectory, corner_tolerance: float = 0.0) -> Path:

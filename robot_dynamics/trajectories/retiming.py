@@ -20,10 +20,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.interpolation import position_coefficients
-from robot_dynamics.trajectories.joint_trajectory import (
-    JointTrajectory,
-    TrajectoryPoint,
-)
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robot_dynamics.trajectories.path import path_of
 from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED

@@ -70,15 +70,22 @@ class TrajectorySegments:
         Each sample is on a `segment` (m,), at the `phase` (m,) in [0, 1].
         """
         T = self._duration[segment]
-        powers = np.vander(phase, 6, increasing=True)
-        first, second = np.zeros_like(powers), np.zeros_like(powers)
-        first[:, 1:] = _ORDERS[1:] * powers[:, :-1] / T
-        second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2] / T**2
-        values = np.stack((powers, first, second), axis=1) @ self.coefficients[segment]
+        position, first, second = sample_pieces(self.coefficients[segment], phase)
         # Exact at the end: the velocity at rest must be exactly 0, because of dry friction.
-        velocity = np.where(
-            phase[:, np.newaxis] == 1.0, self._end_velocity[segment], values[:, 1])
-        return Reference(values[:, 0], velocity, values[:, 2])
+        velocity = np.where(phase[:, np.newaxis] == 1.0, self._end_velocity[segment], first / T)
+        return Reference(position, velocity, second / T**2)
+
+
+def sample_pieces(
+    c: FloatArray, phase: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return polynomials c (m, 6, n) and their first two derivatives by the phase (m,)."""
+    powers = np.vander(phase, 6, increasing=True)
+    first, second = np.zeros_like(powers), np.zeros_like(powers)
+    first[:, 1:] = _ORDERS[1:] * powers[:, :-1]
+    second[:, 2:] = _ORDERS[2:] * _ORDERS[1:-1] * powers[:, :-2]
+    values = np.stack((powers, first, second), axis=1) @ c
+    return values[:, 0], values[:, 1], values[:, 2]
 
 
 def _field(

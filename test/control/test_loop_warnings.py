@@ -35,7 +35,7 @@ def test_settings_that_can_oscillate_are_named_with_numbers() -> None:
     assert unconditioned.startswith('condition_references is false')
     slow, = warnings_of(gains=GAINS, **{**safe, 'scales_gains': False})
     one = Controller(ARM, ControllerOptions(GAINS))
-    assert f'below {slowest_rate(one.loop_gains):.0f} Hz' in slow
+    assert f'below {slowest_rate(one.laws.loop_gains):.0f} Hz' in slow
 
 
 def test_without_feedback_there_is_no_rate_to_warn_about() -> None:

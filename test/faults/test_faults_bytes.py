@@ -207,8 +207,7 @@ def test_topics_of_the_simulated_arm(
 ) -> None:
     for message, topic, refusal in (
             (EFFORT, 'effort_command', 'Rejected an effort'),
-            (WRENCH, 'simulated_arm/external_wrench',
-             '(Rejected an external wrench|Rejected a message of ~/external_wrench)')):
+            (WRENCH, 'simulated_arm/external_wrench', 'Rejected a message of ~/external_wrench')):
         def is_refused(message: Any = message, topic: str = topic, words: str = refusal) -> bool:
             for data in damage(bytes_of(message), type(message)):
                 raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)

@@ -28,6 +28,7 @@ from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
 from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation, PayloadSamples
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -78,7 +79,7 @@ class RunningNodes:
 
     def _services_of(self, name: str) -> DynamicsServices:
         if name not in self._servers:
-            node = Node(f'services_of_{name}')
+            node = GuardedCallbacks(f'services_of_{name}')
             keeper = PayloadKeeper(node, lambda: DEFAULTS)
             self._servers[name] = node, DynamicsServices(
                 node, keeper, PayloadEstimation(node, PayloadSamples(), keeper))

@@ -67,10 +67,11 @@ def test_invalid_messages_are_named_and_nothing_ends(
     push = client.publisher(WrenchStamped, '/mujoco/mujoco_arm/external_wrench', 1)
     loop.provoke(
         lambda: push.publish(wrench('elbow', 1.0)),
-        r"Rejected an external wrench: header.frame_id is 'elbow', expected a body of the MJCF")
+        "Rejected a message of ~/external_wrench: header.frame_id is 'elbow', expected a body of "
+        'the MJCF')
     loop.provoke(
         lambda: push.publish(wrench('link1', float('nan'))),
-        r'Rejected an external wrench: wrench.force\[2\] \(z\) is nan')
+        r'Rejected a message of ~/external_wrench: wrench.force\[2\] \(z\) is nan')
     effort = client.publisher(JointState, '/mujoco/effort_command', 1)
     loop.provoke(
         lambda: effort.publish(JointState(name=NAMES, effort=[float('inf'), 0.0])),

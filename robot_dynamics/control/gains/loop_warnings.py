@@ -26,7 +26,7 @@ def loop_warnings(controller: Controller) -> Iterator[str]:
     if not options.conditions_references:
         yield ('condition_references is false: a step of a reference causes a step of the effort, '
                'and references may exceed the limits of the arm.')
-    rate = slowest_rate(controller.loop_gains)
+    rate = slowest_rate(controller.laws.loop_gains)
     if not options.scales_gains and rate > 0.0:
         yield (f'scale_gains is false: the loop can oscillate at joint state rates below '
                f'{rate:.0f} Hz.')

@@ -33,8 +33,8 @@ def rest_stiffness(controller: Controller) -> RestStiffness | None:
         K = None if state is None else controller.stiffness(state[1])
     if K is None:
         return None
-    friction = controller.loaded_arm.friction
+    friction = controller.dynamics.arm.friction
     F_s = friction.at_rest.static
-    spring = F_s / friction.tracking_width if controller.compensates_friction_at_rest else 0.0
+    spring = F_s / friction.tracking_width if controller.laws.compensates_at_rest else 0.0
     with np.errstate(divide='ignore', invalid='ignore'):
         return RestStiffness(K, np.where(F_s > 0.0, F_s / (K + spring), np.nan))

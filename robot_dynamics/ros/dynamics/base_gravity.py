@@ -8,6 +8,7 @@ import math
 import time
 
 import numpy as np
+import pinocchio as pin
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
@@ -130,13 +131,11 @@ def gravity_from_imu(message: Imu, magnitude: float) -> FloatArray:
     """
     if has_orientation(message):
         q = message.orientation
-        w, x, y, z = q.w, q.x, q.y, q.z
-        norm = math.sqrt(w * w + x * x + y * y + z * z)
+        turn = pin.Quaternion(q.w, q.x, q.y, q.z)
+        norm = turn.norm()
         if not 0.99 < norm < 1.01:
             raise InvalidInputError(f'orientation has the norm {norm:g}, expected 1')
-        up = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x),
-                       w * w - x * x - y * y + z * z]) / norm**2
-        return -magnitude * up
+        return np.asarray(-magnitude * turn.normalized().toRotationMatrix()[2])
     f = message.linear_acceleration
     acceleration = np.array([f.x, f.y, f.z])
     norm = float(np.linalg.norm(acceleration))

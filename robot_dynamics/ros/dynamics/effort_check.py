@@ -8,13 +8,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.monitoring.gravity_check import (
-    GravityCheck,
-    GravityVerdict,
-    NO_EFFORT,
-    STILL,
-    verdict_in_words,
-)
+from robot_dynamics.monitoring import gravity_check
 from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
@@ -34,17 +28,17 @@ class EffortCheck:
     ) -> None:
         """Finish at once if the check is disabled or there is no measured effort."""
         self._node, self._names, self._convention = node, arm.joint_names, convention
-        self._check = GravityCheck(
+        self._check = gravity_check.GravityCheck(
             convention, arm.friction, arm.actuators, arm.is_continuous, arm.drive)
         self._command: FloatArray | None = None
-        self._said: set[str] = {STILL}
-        self._verdict: GravityVerdict | None = None
-        self._words = STILL
+        self._said: set[str] = {gravity_check.STILL}
+        self._verdict: gravity_check.GravityVerdict | None = None
+        self._words = gravity_check.STILL
         self.done = False
         if not wanted:
             self._finish('off')
         elif convention.measured_effort == 'none':
-            self._finish(f"{NO_EFFORT} (measured_effort is 'none')")
+            self._finish(f"{gravity_check.NO_EFFORT} (measured_effort is 'none')")
 
     def look(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,
@@ -60,10 +54,10 @@ class EffortCheck:
         try:
             effort = reader.effort(message)
         except RobotDynamicsError as error:
-            self._wait(f'{NO_EFFORT}: {error}')
+            self._wait(f'{gravity_check.NO_EFFORT}: {error}')
             return
         if effort is None:
-            self._wait(f'{NO_EFFORT} in the joint states')
+            self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
             return
         try:
             verdict = self._check.add(
@@ -93,8 +87,8 @@ class EffortCheck:
             self._said.add(reason)
             self._node.get_logger().info(f'Effort check: {reason}')
 
-    def _conclude(self, verdict: GravityVerdict) -> None:
-        words = verdict_in_words(verdict, self._names, self._convention)
+    def _conclude(self, verdict: gravity_check.GravityVerdict) -> None:
+        words = gravity_check.verdict_in_words(verdict, self._names, self._convention)
         self._verdict = verdict
         self._finish(words)
         logger = self._node.get_logger()

@@ -67,7 +67,7 @@ class Estimates:
         """Estimate with the active load, at the bandwidths of the parameters."""
         self.convention, self._controller = convention, controller
         self.template = effort_template(controller.arm.joint_names)
-        self._arm = controller.loaded_arm
+        self._arm = controller.dynamics.arm
         self._deviation: EffortDeviation | None = None
         dynamics = ArmDynamics(self._arm)
         self._external = ExternalEffort(dynamics, values['external_effort_bandwidth'])
@@ -133,7 +133,7 @@ class Estimates:
             self._deviation(*estimator.state, smooth=True))
 
     def _take_load(self) -> None:
-        arm = self._controller.loaded_arm
+        arm = self._controller.dynamics.arm
         if arm is not self._arm:
             self._arm, self._deviation, dynamics = arm, None, ArmDynamics(arm)
             for estimator in self._all:

@@ -24,15 +24,7 @@ from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
-from robot_dynamics.reporting.figures import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-)
+from robot_dynamics.reporting import figures
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
@@ -117,7 +109,7 @@ class LiveMarkers:
         if controller is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        arm = controller.loaded_arm
+        arm = controller.dynamics.arm
         if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
             return
         if self._marks is None or self._marks[0] is not arm:
@@ -157,9 +149,9 @@ def drawn(
     if external is not None:
         for i, (place, fraction) in enumerate(zip(places, (external / full).tolist())):
             line = effort_line(place, fraction, 1.3 * marks.size)
-            markers.append(_line('external effort', i, line, marks, PURPLE))
+            markers.append(_line('external effort', i, line, marks, figures.PURPLE))
     for i, ball in enumerate(marks.payloads()):
-        marker = _marker('payload', i, Marker.SPHERE, GREY, 2.0 * ball.radius)
+        marker = _marker('payload', i, Marker.SPHERE, figures.GREY, 2.0 * ball.radius)
         marker.scale.y = marker.scale.z = 2.0 * ball.radius
         marker.pose.position = _point(ball.centre)
         marker.color.a = 0.6
@@ -174,7 +166,7 @@ def _at_link(marks: ArmMarks, wrench: FloatArray | None) -> list[Marker]:
         _arrow('frame axes', i, colour, origin, origin + 1.5 * marks.size * R[:, i], 0.1, marks)
         for i, colour in enumerate(AXES)]
     half_axes, U = marks.manipulability()
-    ellipsoid = _marker('manipulability', 0, Marker.SPHERE, GREEN, 0.0)
+    ellipsoid = _marker('manipulability', 0, Marker.SPHERE, figures.GREEN, 0.0)
     ellipsoid.pose.position, ellipsoid.color.a = _point(origin), 0.25
     turn, size = ellipsoid.pose.orientation, ellipsoid.scale
     turn.x, turn.y, turn.z, turn.w = pin.Quaternion(U).coeffs().tolist()
@@ -184,8 +176,8 @@ def _at_link(marks: ArmMarks, wrench: FloatArray | None) -> list[Marker]:
     if wrench is None:
         return markers
     for kind, vector, colour, full in (
-            ('force', R @ wrench[:3], PURPLE, FORCE_SCALE * marks.weight),
-            ('torque', R @ wrench[3:], SKY, TORQUE_SCALE * marks.weight * marks.reach)):
+            ('force', R @ wrench[:3], figures.PURPLE, FORCE_SCALE * marks.weight),
+            ('torque', R @ wrench[3:], figures.SKY, TORQUE_SCALE * marks.weight * marks.reach)):
         ratio = float(np.linalg.norm(vector)) / full
         if ratio > SMALL:
             along = marks.reach / max(ratio, 1.0) / full * vector
@@ -196,8 +188,10 @@ def _at_link(marks: ArmMarks, wrench: FloatArray | None) -> list[Marker]:
 
 def _colour_of(fraction: float, has_limit: bool) -> str:
     if not has_limit:
-        return GREY
-    return BLUE if fraction < WARM else ORANGE if fraction < HOT else VERMILION
+        return figures.GREY
+    if fraction >= HOT:
+        return figures.VERMILION
+    return figures.BLUE if fraction < WARM else figures.ORANGE
 
 
 def _line(namespace: str, i: int, line: FloatArray, marks: ArmMarks, colour: str) -> Marker:
@@ -207,7 +201,7 @@ def _line(namespace: str, i: int, line: FloatArray, marks: ArmMarks, colour: str
 
 
 def _text(i: int, place: FloatArray, text: str, marks: ArmMarks) -> Marker:
-    marker = _marker('effort in numbers', i, Marker.TEXT_VIEW_FACING, GREY, 0.0)
+    marker = _marker('effort in numbers', i, Marker.TEXT_VIEW_FACING, figures.GREY, 0.0)
     marker.text, marker.scale.z = text, 0.5 * marks.size
     marker.pose.position = _point(place)
     return marker

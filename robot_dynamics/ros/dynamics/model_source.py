@@ -143,20 +143,17 @@ class ModelSource:
         is_embedded = current is not None and current.is_embedded
         if current is not None and message.data == current.xml and not is_embedded:
             return
-        try:
-            model = _Model(message.data, self._checked_arm(message.data))
-            if not self._payloads.suit(model.arm):
-                self._waiting = model
-                self._payloads.check(model.arm)
-            elif self._is_commanding() and not is_embedded:
-                self._waiting = model
-                self._node.get_logger().error(
-                    'Kept the model in use while commanding: the new robot_description will be '
-                    'loaded after the command stops (no joint states, or ~/change_state).')
-            else:
-                self._take(model)
-        except Exception as error:
-            self._refuse(error)
+        model = _Model(message.data, self._checked_arm(message.data))
+        if not self._payloads.suit(model.arm):
+            self._waiting = model
+            self._payloads.check(model.arm)
+        elif self._is_commanding() and not is_embedded:
+            self._waiting = model
+            self._node.get_logger().error(
+                'Kept the model in use while commanding: the new robot_description will be '
+                'loaded after the command stops (no joint states, or ~/change_state).')
+        else:
+            self._take(model)
 
     def _refuse(self, error: Exception) -> None:
         self._node.get_logger().error(f'Kept the model in use: {describe_error(error)}')

@@ -18,9 +18,7 @@ from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
-from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import (
-    FollowJointTrajectoryServer,
-)
+from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import FollowJointTrajectoryServer
 from robot_dynamics.ros.dynamics.goals.teleoperation import Teleoperation
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
 from robot_dynamics.ros.dynamics.live_estimates import Estimates
@@ -48,10 +46,7 @@ from robot_dynamics.ros.middleware.guarded_callbacks import (
 from robot_dynamics.ros.middleware.message_loop import MessageLoop, MOST_WAITING
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.middleware.urgent_service import UrgentService
-from robot_dynamics.ros.parameters.declared_parameters import (
-    DeclaredParameters,
-    Values,
-)
+from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
 from robot_dynamics.urdf.parser import parse_urdf

@@ -7,16 +7,7 @@ import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.laws.cartesian import (
-    FORCE_LIMIT,
-    LARGEST_NULL_SPACE_FREQUENCY,
-    LARGEST_WRENCH,
-    make_cartesian,
-    NULL_SPACE_FREQUENCY,
-    ROTATION_STIFFNESS,
-    TORQUE_LIMIT,
-    TRANSLATION_STIFFNESS,
-)
+from robot_dynamics.control.laws import cartesian, guiding
 from robot_dynamics.control.laws.error_feedback import (
     DEFAULT_DAMPING_RATIO,
     DEFAULT_NATURAL_FREQUENCY,
@@ -24,13 +15,6 @@ from robot_dynamics.control.laws.error_feedback import (
     per_joint,
 )
 from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
-from robot_dynamics.control.laws.guiding import (
-    DEFAULT_FEEDBACK_GAIN,
-    DEFAULT_SHARE,
-    LARGEST_FEEDBACK_GAIN,
-    LARGEST_SHARE,
-    make_guiding,
-)
 from robot_dynamics.control.laws.impedance import LEAST_DAMPING_RATIO, make_impedance
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -46,13 +30,14 @@ from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
     Tolerances,
 )
-from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
 from robot_dynamics.ros.dynamics.external.live_contacts import contact_levels
 from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
+from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
     flag,
     number,
@@ -63,15 +48,6 @@ from robot_dynamics.ros.parameters.declared_parameters import (
     Values,
 )
 from robot_dynamics.ros.parameters.payloads import PAYLOAD_SPECS
-from robot_dynamics.ros.parameters.robot_description import (
-    ACTUATOR_SPECS,
-    DESCRIPTION_SPECS,
-    DRIVE_SPECS,
-    DRIVE_STIFFNESS_SPEC,
-    FRICTION_SPECS,
-    ROBOT_GRAVITY_SPEC,
-    UNCERTAINTY_SPECS,
-)
 from robot_dynamics.validation import LARGEST_VALUE
 
 GOAL_SPECS = (
@@ -138,12 +114,12 @@ SAFETY_SPECS = (
 )
 
 SPECS = (
-    *DESCRIPTION_SPECS,
-    *FRICTION_SPECS,
-    *ACTUATOR_SPECS,
-    *DRIVE_SPECS,
-    DRIVE_STIFFNESS_SPEC,
-    *UNCERTAINTY_SPECS,
+    *robot_description.DESCRIPTION_SPECS,
+    *robot_description.FRICTION_SPECS,
+    *robot_description.ACTUATOR_SPECS,
+    *robot_description.DRIVE_SPECS,
+    robot_description.DRIVE_STIFFNESS_SPEC,
+    *robot_description.UNCERTAINTY_SPECS,
     texts('ignore_checks', (
         'Names of model checks whose errors are logged as warnings instead of rejecting the '
         'model.'), choices=tuple(CHECKS), read_only=True),
@@ -176,32 +152,32 @@ SPECS = (
         'Damping [N·m·s/rad] or [N·s/m] of joint_impedance, which replaces '
         'impedance.damping_ratio'), (
         '. At least half of the critical damping acts.')),
-    numbers_per_joint('hand_guiding.friction_share', 0.0, LARGEST_SHARE, (
-        'Share of friction that hand_guiding compensates'), default=[DEFAULT_SHARE]),
+    numbers_per_joint('hand_guiding.friction_share', 0.0, guiding.LARGEST_SHARE, (
+        'Share of friction that hand_guiding compensates'), default=[guiding.DEFAULT_SHARE]),
     numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
         'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
         '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
-    numbers_per_joint('hand_guiding.feedback_gain', 0.0, LARGEST_FEEDBACK_GAIN, (
+    numbers_per_joint('hand_guiding.feedback_gain', 0.0, guiding.LARGEST_FEEDBACK_GAIN, (
         'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
-        default=[DEFAULT_FEEDBACK_GAIN]),
+        default=[guiding.DEFAULT_FEEDBACK_GAIN]),
     text('cartesian.frame', '', (
         'Link whose origin cartesian_impedance and ~/pose_reference control. If empty, the last '
         'link that most joints move.')),
     numbers('cartesian.translation_stiffness', 0.0, LARGEST_VALUE, (
         'Stiffness [N/m] of cartesian_impedance; one value for all axes or one per axis of the '
-        'base frame.'), default=[TRANSLATION_STIFFNESS]),
-    number('cartesian.rotation_stiffness', ROTATION_STIFFNESS, 0.0, LARGEST_VALUE, (
+        'base frame.'), default=[cartesian.TRANSLATION_STIFFNESS]),
+    number('cartesian.rotation_stiffness', cartesian.ROTATION_STIFFNESS, 0.0, LARGEST_VALUE, (
         'Stiffness [N·m/rad] of cartesian_impedance.')),
     number('cartesian.damping_ratio', DEFAULT_DAMPING_RATIO, LEAST_DAMPING_RATIO, 1e4, (
         'Damping ratio of cartesian_impedance in each direction, with the inertia in the present '
         'configuration.')),
-    number('cartesian.null_space_frequency', NULL_SPACE_FREQUENCY, 0.0,
-           LARGEST_NULL_SPACE_FREQUENCY, (
+    number('cartesian.null_space_frequency', cartesian.NULL_SPACE_FREQUENCY, 0.0,
+           cartesian.LARGEST_NULL_SPACE_FREQUENCY, (
                'Natural frequency [rad/s] of the posture of cartesian_impedance, which does not '
                'move the frame.')),
-    number('cartesian.force_limit', FORCE_LIMIT, 0.0, LARGEST_WRENCH, (
+    number('cartesian.force_limit', cartesian.FORCE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
         'Largest force [N] of the spring of cartesian_impedance.')),
-    number('cartesian.torque_limit', TORQUE_LIMIT, 0.0, LARGEST_WRENCH, (
+    number('cartesian.torque_limit', cartesian.TORQUE_LIMIT, 0.0, cartesian.LARGEST_WRENCH, (
         'Largest torque [N·m] of the spring of cartesian_impedance.')),
     flag('scale_gains', True, (
         'Scale the gains down to the values that rate and noise of the joint states allow. If '
@@ -213,14 +189,11 @@ SPECS = (
         'compensation.'), choices=FRICTION_MODES),
     number('effort_limit_fraction', 1.0, 0.0, 1.0, (
         'Fraction of the URDF effort limits to which effort_command is clamped.')),
-    text('measured_effort', 'joint_torque', (
-        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
-        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    robot_description.MEASURED_EFFORT_SPEC,
     texts('robot_compensates', (
         'Terms that the robot adds automatically to the commanded effort, and that effort_command '
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
-    ROBOT_GRAVITY_SPEC,
+    robot_description.ROBOT_GRAVITY_SPEC,
     *GRAVITY_SPECS,
     flag('require_measured_velocities', False, (
         'Follow references only if the joint states contain velocities. By default, velocities '
@@ -270,8 +243,9 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         clips_positions=values['infeasible_trajectory'] == 'clip',
         impedance=make_impedance(
             arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),
-        guiding=make_guiding(arm, *(values[name] for name in GUIDING)),
-        cartesian=make_cartesian(arm, *(values[f'cartesian.{name}'] for name in CARTESIAN)),
+        guiding=guiding.make_guiding(arm, *(values[name] for name in GUIDING)),
+        cartesian=cartesian.make_cartesian(
+            arm, *(values[f'cartesian.{name}'] for name in CARTESIAN)),
         drive_stiffness=optional_values('drive.stiffness', values, arm))
 
 

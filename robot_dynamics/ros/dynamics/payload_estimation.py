@@ -156,7 +156,7 @@ class _Run:
 
     def add(self, samples: list[Sample]) -> None:
         """Filter states, and add some of them to the estimator."""
-        if samples and self._controller.compensates_friction_at_rest:
+        if samples and self._controller.laws.compensates_at_rest:
             self._friction_cancels = False
         kept: list[tuple[float, list[FloatArray]]] = []
         for sample in samples:

@@ -10,7 +10,7 @@ import numpy as np
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, ModelError, RobotDynamicsError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
@@ -29,7 +29,7 @@ from robot_dynamics.ros.middleware.conversions import (
     with_efforts,
     wrenches_from_ros,
 )
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
+from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from robot_dynamics.task_space.task_space import TaskSpace as TaskSpaceOfPoint
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
@@ -41,17 +41,7 @@ from robot_dynamics.trajectories.limit_warnings import (
 )
 from robot_dynamics.trajectories.retiming import retime
 from robot_dynamics.validation import check_scalar
-from robot_dynamics_interfaces.srv import (
-    EstimatePayload,
-    ForwardDynamics,
-    InverseDynamics,
-    InverseDynamicsBatch,
-    InverseDynamicsTrajectory,
-    ManipulatorEquation,
-    RetimeTrajectory,
-    SetPayload,
-    TaskSpace,
-)
+from robot_dynamics_interfaces import srv
 
 Handler = Callable[[Any, Any], None]
 PLANNED_RATE = 0.75
@@ -79,17 +69,17 @@ class DynamicsServices:
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
-                service_type, f'~/{name}', _refusing(handler), qos_profile=SERVICE_QOS)
+                service_type, f'~/{name}', _answering(handler), qos_profile=SERVICE_QOS)
 
-        offer(InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
-        offer(InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
-        offer(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory', self._trajectory)
-        offer(RetimeTrajectory, 'retime_trajectory', self._retime)
-        offer(ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
-        offer(ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
-        offer(TaskSpace, 'task_space', self._task_space)
-        offer(SetPayload, 'set_payload', self._set_payload)
-        offer(EstimatePayload, 'estimate_payload', self._estimate_payload)
+        offer(srv.InverseDynamics, 'inverse_dynamics', self._inverse_dynamics)
+        offer(srv.InverseDynamicsBatch, 'inverse_dynamics_batch', self._batch)
+        offer(srv.InverseDynamicsTrajectory, 'inverse_dynamics_trajectory', self._trajectory)
+        offer(srv.RetimeTrajectory, 'retime_trajectory', self._retime)
+        offer(srv.ForwardDynamics, 'forward_dynamics', self._forward_dynamics)
+        offer(srv.ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
+        offer(srv.TaskSpace, 'task_space', self._task_space)
+        offer(srv.SetPayload, 'set_payload', self._set_payload)
+        offer(srv.EstimatePayload, 'estimate_payload', self._estimate_payload)
 
     def set_controller(self, controller: Controller) -> None:
         """Use this arm from the next request on."""
@@ -111,7 +101,7 @@ class DynamicsServices:
         return self._used().load.planning
 
     def _inverse_dynamics(
-        self, request: InverseDynamics.Request, response: InverseDynamics.Response,
+        self, request: srv.InverseDynamics.Request, response: srv.InverseDynamics.Response,
     ) -> None:
         checked = self._dynamics()
         dynamics = checked.unchecked
@@ -140,7 +130,8 @@ class DynamicsServices:
                     order.answer_form(getattr(by, name))))
 
     def _batch(
-        self, request: InverseDynamicsBatch.Request, response: InverseDynamicsBatch.Response,
+        self, request: srv.InverseDynamicsBatch.Request,
+        response: srv.InverseDynamicsBatch.Response,
     ) -> None:
         dynamics = self._dynamics().unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
@@ -157,8 +148,8 @@ class DynamicsServices:
 
     def _trajectory(
         self,
-        request: InverseDynamicsTrajectory.Request,
-        response: InverseDynamicsTrajectory.Response,
+        request: srv.InverseDynamicsTrajectory.Request,
+        response: srv.InverseDynamicsTrajectory.Response,
     ) -> None:
         dynamics = self._dynamics()
         if not request.trajectory.joint_names:
@@ -177,7 +168,7 @@ class DynamicsServices:
         response.worst_time = result.worst_time
 
     def _retime(
-        self, request: RetimeTrajectory.Request, response: RetimeTrajectory.Response,
+        self, request: srv.RetimeTrajectory.Request, response: srv.RetimeTrajectory.Response,
     ) -> None:
         dynamics = self._dynamics()
         names = request.trajectory.joint_names = (
@@ -201,7 +192,7 @@ class DynamicsServices:
         response.warnings = list(result.warnings)
 
     def _forward_dynamics(
-        self, request: ForwardDynamics.Request, response: ForwardDynamics.Response,
+        self, request: srv.ForwardDynamics.Request, response: srv.ForwardDynamics.Response,
     ) -> None:
         dynamics = self._dynamics().unchecked
         order = JointOrder(dynamics.arm, request.joint_names)
@@ -217,7 +208,7 @@ class DynamicsServices:
             *_fill_motors(response, order, dynamics.arm, tau, v, a)]
 
     def _manipulator_equation(
-        self, request: ManipulatorEquation.Request, response: ManipulatorEquation.Response,
+        self, request: srv.ManipulatorEquation.Request, response: srv.ManipulatorEquation.Response,
     ) -> None:
         dynamics = self._dynamics().unchecked
         body = dynamics.rigid_body
@@ -238,7 +229,9 @@ class DynamicsServices:
         response.potential_energy = body.potential_energy(q)
         response.warnings = limit_warnings(dynamics.arm, q, v)
 
-    def _task_space(self, request: TaskSpace.Request, response: TaskSpace.Response) -> None:
+    def _task_space(
+        self, request: srv.TaskSpace.Request, response: srv.TaskSpace.Response,
+    ) -> None:
         arm, point = self._dynamics().arm, request.point
         task = TaskSpaceOfPoint(
             arm, request.frame, (point.x, point.y, point.z), request.reference or 'base_aligned')
@@ -255,7 +248,9 @@ class DynamicsServices:
             add_task_space(response, states, order)
         response.warnings = limit_warnings(arm, q, v)
 
-    def _set_payload(self, request: SetPayload.Request, response: SetPayload.Response) -> None:
+    def _set_payload(
+        self, request: srv.SetPayload.Request, response: srv.SetPayload.Response,
+    ) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
         if self._controller is None and self._payloads and request.payload.inertia.m == 0.0:
             response.message = self._payloads.remove(request.payload.header.frame_id)
@@ -265,7 +260,7 @@ class DynamicsServices:
         response.warnings = self._payloads.warnings(controller.arm)
 
     def _estimate_payload(
-        self, request: EstimatePayload.Request, response: EstimatePayload.Response,
+        self, request: srv.EstimatePayload.Request, response: srv.EstimatePayload.Response,
     ) -> None:
         seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
         controller = self._used()
@@ -298,13 +293,9 @@ def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory
         for point in trajectory.points))
 
 
-def _refusing(handler: Handler) -> Callable[[Any, Any], Any]:
+def _answering(handler: Handler) -> Callable[[Any, Any], Any]:
     def answer(request: Any, response: Any) -> Any:
-        try:
-            handler(request, response)
-        except RobotDynamicsError as error:
-            # A new response, because the other may be partly filled in.
-            return type(response)(success=False, message=describe_error(error))
+        handler(request, response)
         response.success = True
         return response
 

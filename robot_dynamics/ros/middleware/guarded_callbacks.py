@@ -25,11 +25,7 @@ from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
 from robot_dynamics.model.arm_parameters import FORMER_NAMES
 from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
-from robot_dynamics.ros.middleware.message_bytes import (
-    LARGEST_MESSAGE,
-    read_message,
-    UnreadableMessageError,
-)
+from robot_dynamics.ros.middleware.message_bytes import LARGEST_MESSAGE, read_message
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import (
     RclError,
@@ -93,29 +89,27 @@ class GuardedCallbacks(Node):
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable[..., None], *args: object,
-        refuse: Callable[[UnreadableMessageError], None] | None = None,
+        refuse: Callable[[Exception], None] | None = None,
         largest: int = LARGEST_MESSAGE, raw: bool = False, **more: object,
     ) -> Any:
         """
         Create a subscription whose callback cannot end the node.
 
-        `refuse` receives the errors of messages that cannot be read, or that are larger than
-        `largest` bytes. Without `refuse` the errors are logged.
+        `refuse` receives the errors of the callback, and of messages that cannot be read or are
+        larger than `largest` bytes. Without `refuse` the errors are logged.
         """
-        guarded = self._guarded(callback, topic)
-        report = refuse or functools.partial(self._unreadable, topic)
+        report = refuse or functools.partial(self._rejected, topic)
 
         @functools.wraps(callback)
         def read(data: bytes, *info: Any) -> None:
             try:
-                message = read_message(data, msg_type, largest)
-            except UnreadableMessageError as error:
+                callback(read_message(data, msg_type, largest), *info)
+            except Exception as error:
                 report(error)
-            else:
-                guarded(message, *info)
 
         return super().create_subscription(
-            msg_type, topic, guarded if raw else read, *args, raw=True, **more)
+            msg_type, topic, self._guarded(callback, topic) if raw else read, *args, raw=True,
+            **more)
 
     def destroy_node(self) -> None:
         """Destroy the node, at the latest at exit; end the process if this takes too long."""
@@ -178,14 +172,19 @@ class GuardedCallbacks(Node):
                     raise TypeError(f'the service {srv_name} answered {answered!r}')
                 return answered
             except Exception as error:
-                self._failed(srv_name, error)
+                if not isinstance(error, RobotDynamicsError):
+                    self._failed(srv_name, error)
                 return _refusal(request, srv_type.Response(), describe_error(error))
 
         return answer
 
-    def _unreadable(self, topic: str, error: UnreadableMessageError) -> None:
+    def _rejected(self, topic: str, error: Exception) -> None:
+        if not isinstance(error, RobotDynamicsError):
+            self._failed(topic, error)
+            return
         self.get_logger().error(
-            f'Rejected a message of {topic}: {error}', throttle_duration_sec=LOG_PERIOD)
+            f'Rejected a message of {topic}: {describe_error(error)}',
+            throttle_duration_sec=LOG_PERIOD)
 
     def _guarded(self, callback: Callable[..., None], what: str) -> Callable[..., None]:
         @functools.wraps(callback)

@@ -9,6 +9,7 @@ The URDF is in a parameter, in a file or in a package, or it is the URDF of the 
 
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.effort_calibration import LARGEST_SCALE, LEAST_SCALE
+from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -43,6 +44,10 @@ DESCRIPTION_SPECS = (
         'gradually in dynamics (gravity_rate_limit), at once in simulated_arm.'),
         default=[0.0, 0.0, -9.81]),
 )
+MEASURED_EFFORT_SPEC = text('measured_effort', 'joint_torque', (
+    'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
+    'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
+    'none.'), choices=MEASURED_EFFORTS, read_only=True)
 ROBOT_GRAVITY_SPEC = numbers('robot_gravity', -1000.0, 1000.0, (
     'Gravitational acceleration in the base frame [m/s²] that the robot itself assumes, if '
     'robot_compensates contains gravity. If empty, that of the parameter gravity.'),

@@ -23,13 +23,7 @@ from robot_dynamics.ros.parameters.declared_parameters import (
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.parameters.robot_description import embedded_description
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.simulated_arm.plant_node import (
-    BRAKE_SPECS,
-    check_pause,
-    LOOP_SPECS,
-    NOISE_SPECS,
-    PlantNode,
-)
+from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.mujoco_simulation import (
     DirectDrives,
     load_mjcf,
@@ -53,13 +47,13 @@ SPECS = (
         'dynamics. If empty, the names in the MJCF.'), read_only=True),
     numbers('gravity', -1000.0, 1000.0, (
         'Gravitational acceleration [m/s²]. If empty, that of the MJCF.')),
-    *LOOP_SPECS,
+    *plant_node.LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per driven joint. If empty, those of the '
         'first keyframe of the MJCF; without a keyframe, the reference pose or the position limit '
         'nearest to it.'), read_only=True),
-    *BRAKE_SPECS,
-    *NOISE_SPECS,
+    *plant_node.BRAKE_SPECS,
+    *plant_node.NOISE_SPECS,
 )
 
 USAGE = NodeUsage(
@@ -83,7 +77,7 @@ USAGE = NodeUsage(
      ('~/reset', 'Service, std_srvs/srv/Trigger: return the arm and all bodies to the start.')))
 
 
-class MujocoArmNode(PlantNode):
+class MujocoArmNode(plant_node.PlantNode):
     """
     Connects parameters, topics and services to MuJoCo; computes nothing itself.
 
@@ -116,7 +110,7 @@ def _check(values: Values) -> None:
     if len(values['gravity']) not in (0, 3):
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z; or none')
-    check_pause(values)
+    plant_node.check_pause(values)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -8,12 +8,11 @@ from collections.abc import Sequence
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.effort_convention import MEASURED_EFFORTS, ROBOT_COMPENSATIONS
+from robot_dynamics.joints.effort_convention import ROBOT_COMPENSATIONS
 from robot_dynamics.model.arm_parameters import arm_from_parameters, convention_from_parameters
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import describe_change
 from robot_dynamics.ros.middleware.conversions import wrenches_from_ros
-from robot_dynamics.ros.middleware.guarded_callbacks import describe_error
 from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
@@ -33,13 +32,7 @@ from robot_dynamics.ros.parameters.payloads import (
     payloads_at_start,
 )
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.ros.simulated_arm.plant_node import (
-    BRAKE_SPECS,
-    check_pause,
-    LOOP_SPECS,
-    NOISE_SPECS,
-    PlantNode,
-)
+from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
@@ -66,18 +59,15 @@ SPECS = (
     *robot_description.DRIVE_SPECS,
     *PAYLOAD_SPECS,
     robot_description.ROBOT_GRAVITY_SPEC,
-    *LOOP_SPECS,
+    *plant_node.LOOP_SPECS,
     numbers('initial_position', -1e6, 1e6, (
         'Joint positions [rad] or [m] at start, one per joint. If empty, 0 or the position limit '
         'nearest to it.'), read_only=True),
     numbers('initial_velocity', -1e6, 1e6, (
         'Joint velocities [rad/s] or [m/s] at start, one per joint. If empty, 0.'),
         read_only=True),
-    *BRAKE_SPECS,
-    text('measured_effort', 'joint_torque', (
-        'Meaning of the field effort in joint_states: joint_torque, joint_torque_without_gravity, '
-        'motor_torque [N·m] or motor_current [A] (the last two require actuator parameters), or '
-        'none.'), choices=MEASURED_EFFORTS, read_only=True),
+    *plant_node.BRAKE_SPECS,
+    robot_description.MEASURED_EFFORT_SPEC,
     texts('robot_compensates', (
         'Terms that the simulated arm adds automatically to the commanded effort, computed with '
         'its own model without payloads: gravity, friction.'),
@@ -86,7 +76,7 @@ SPECS = (
         'Side of the gear on which joint_states measures position and velocity if there is '
         'backlash: joint or motor.'), choices=('joint', 'motor'), read_only=True),
     *DRIVE_LOOP_SPECS,
-    *NOISE_SPECS,
+    *plant_node.NOISE_SPECS,
     number('max_step', DEFAULT_MAX_STEP, 1e-6, 0.1, (
         'Longest integration step [s].'), read_only=True),
 )
@@ -117,7 +107,7 @@ USAGE = NodeUsage(
       'link.')))
 
 
-class SimulatedArmNode(PlantNode):
+class SimulatedArmNode(plant_node.PlantNode):
     """
     Connects parameters, topics and services to the simulation; computes nothing itself.
 
@@ -156,19 +146,14 @@ class SimulatedArmNode(PlantNode):
     def _set_payload(
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
-        try:
-            before = self._simulation.arm.payloads
-            payloads = changed_payloads(
-                self._arm, before, request.payload, self._settings.values)
-            if request.transition_time != 0.0:
-                raise InvalidInputError(
-                    f'transition_time is {request.transition_time:g}, expected 0: the simulated '
-                    'arm changes its load at once')
-            with self._lock:
-                self._simulation.set_payloads(payloads)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            response.success, response.message = False, describe_error(error)
-            return response
+        before = self._simulation.arm.payloads
+        payloads = changed_payloads(self._arm, before, request.payload, self._settings.values)
+        if request.transition_time != 0.0:
+            raise InvalidInputError(
+                f'transition_time is {request.transition_time:g}, expected 0: the simulated arm '
+                'changes its load at once')
+        with self._lock:
+            self._simulation.set_payloads(payloads)
         response.success = True
         response.message = describe_change(before, payloads)
         response.warnings = payload_warnings(self._arm, payloads, self._settings.values)
@@ -180,7 +165,7 @@ def _check(values: Values) -> None:
         raise InvalidInputError(
             f'gravity has {len(values["gravity"])} values, expected 3: x, y, z')
     convention_from_parameters(values)
-    check_pause(values)
+    plant_node.check_pause(values)
 
 
 def main(args: Sequence[str] | None = None) -> int:

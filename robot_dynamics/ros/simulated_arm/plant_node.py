@@ -18,11 +18,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.ros.middleware.graph_watch import GraphWatch, LOOK_PERIOD
-from robot_dynamics.ros.middleware.guarded_callbacks import (
-    describe_error,
-    destroyed_unless_made,
-    GuardedCallbacks,
-)
+from robot_dynamics.ros.middleware.guarded_callbacks import destroyed_unless_made, GuardedCallbacks
 from robot_dynamics.ros.parameters.declared_parameters import flag, number, Values
 from robot_dynamics.ros.simulated_arm.loops import ArmTopics, LockStepLoop, WallTimeLoop
 from robot_dynamics.simulation.plant import SimulatedRobot
@@ -143,11 +139,7 @@ class PlantNode(GuardedCallbacks):
 
     def _on_wrench(self, message: WrenchStamped) -> None:
         """Apply the wrench to its link from now on; zeros remove it."""
-        try:
-            wrench = self._wrench(message)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self.get_logger().error(f'Rejected an external wrench: {describe_error(error)}')
-            return
+        wrench = self._wrench(message)
         with self._lock:
             self._plant.wrenches[wrench.link] = wrench
 

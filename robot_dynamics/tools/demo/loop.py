@@ -19,13 +19,7 @@ from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_to_ros
 from robot_dynamics.ros.middleware.recorder import TopicCount
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.tools.demo.processes import (
-    DemoError,
-    DYNAMICS,
-    NodeProcess,
-    SIMULATED_ARM,
-    VIEWER,
-)
+from robot_dynamics.tools.demo import processes
 from robot_dynamics.tools.demo.session import (
     CLOCK,
     COMPUTED_TORQUE,
@@ -102,11 +96,11 @@ def run_closed_loop(
     try:
         with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
             session.processes.start(
-                'dynamics', DYNAMICS,
+                'dynamics', processes.DYNAMICS,
                 {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT},
                 others=parameters)
             session.recorder.span_ns = (math.inf, math.inf)
-            session.processes.start('simulated_arm', SIMULATED_ARM, {
+            session.processes.start('simulated_arm', processes.SIMULATED_ARM, {
                 'robot_description_file': description, 'rate': rate,
                 'publish_clock': True, 'paused': page is None,
                 'initial_position': run.motion.start.tolist()}, others=parameters,
@@ -129,7 +123,7 @@ def run_closed_loop(
 
 def _open_page(session: Session, page: Page) -> None:
     """Start the viewer, print its address, and record until a browser opens the page."""
-    viewer = session.processes.start('viewer', VIEWER, {}, arguments=(
+    viewer = session.processes.start('viewer', processes.VIEWER, {}, arguments=(
         '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
     session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')
     print(f'\n  Open {_address(viewer)} in a browser: the motion begins when the page is open.\n',
@@ -138,7 +132,7 @@ def _open_page(session: Session, page: Page) -> None:
         session.record(DRAIN_PERIOD)
 
 
-def _address(viewer: NodeProcess) -> str | None:
+def _address(viewer: processes.NodeProcess) -> str | None:
     found = re.search(rf'^{AT} (\S+)', viewer.text(), re.MULTILINE)
     return None if found is None else found[1]
 
@@ -210,7 +204,7 @@ def _follow(session: Session, run: LoopRun) -> None:
             if counts[EFFORT_COMMAND].received > efforts:
                 efforts, newest = counts[EFFORT_COMMAND].received, time.monotonic()
             elif time.monotonic() - newest > START_TIMEOUT:
-                raise DemoError(
+                raise processes.DemoError(
                     f'{START_TIMEOUT:g} s passed without an effort on effort_command.\n'
                     f'{session.processes.logs()}')
     # On a busy machine the efforts for the last states arrive later than these states.

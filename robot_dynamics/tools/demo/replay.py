@@ -9,7 +9,7 @@ from pathlib import Path
 import time
 
 from rclpy.qos import QoSProfile
-from robot_dynamics.analysis.arm_recording import AnalysisSettings, ROBOT_DESCRIPTION
+from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.recordings.reader import JointSeries, Recording
@@ -45,9 +45,7 @@ def read_recording(path: Path, topic: str | None, seconds: float | None) -> Reco
     with Recording(path) as recording:
         name = topic or recording.joint_state_topic()
         series = recording.joint_series(name)
-        urdf = None
-        if any(t.name == ROBOT_DESCRIPTION and t.message_count for t in recording.topics):
-            urdf = str(next(recording.messages(ROBOT_DESCRIPTION))[1].data)
+        urdf = recording.description()
         for line in [*recording.notes, *(
                 loss.words(int(series.stamps_ns[0])) for loss in recording.losses)]:
             print(f'  {line}')

@@ -12,6 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from robot_dynamics.recordings.reader import RecordingWriter, TopicQos
+from robot_dynamics.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics.ros.middleware.recorder import (
     interface_definitions,
     Recorder,
@@ -37,7 +38,6 @@ GRAVITY = '/dynamics/gravity_compensation'
 COMPUTED_TORQUE = '/dynamics/computed_torque'
 TERMS = '/dynamics/terms'
 TRAJECTORY = '/dynamics/joint_trajectory'
-ROBOT_DESCRIPTION = '/robot_description'
 
 TOPICS = (
     TopicSpec(JOINT_STATES, JointState, stamped=True),

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 import numpy as np
+import pinocchio as pin
 from rclpy.qos import qos_profile_sensor_data, QoSProfile
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.progress import Progress
@@ -281,9 +282,7 @@ def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
 
 def _quaternion(rpy: Sequence[float]) -> list[float]:
     """Return x y z w of R = R_z(yaw) R_y(pitch) R_x(roll), with angles [rad] as in a URDF."""
-    (r, p, y), (c_r, c_p, c_y) = (f(0.5 * np.array(rpy)).tolist() for f in (np.sin, np.cos))
-    return [r * c_p * c_y - c_r * p * y, c_r * p * c_y + r * c_p * y,
-            c_r * c_p * y - r * p * c_y, c_r * c_p * c_y + r * p * y]
+    return list(pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs().tolist())
 
 
 def _reached(

@@ -18,15 +18,7 @@ import re
 import sys
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from robot_dynamics.tools.command_line import (
-    add_force,
-    add_parameters,
-    add_recordings,
-    DONE,
-    MISTAKE,
-    Parser,
-    run_tool,
-)
+from robot_dynamics.tools import command_line
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, TIMEOUT
 from robot_dynamics.tools.ros2_dynamics.completion import (
     complete_checks,
@@ -174,15 +166,15 @@ def _retime_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _contact_arguments(parser: argparse.ArgumentParser) -> None:
-    add_recordings(parser, None)
-    add_parameters(parser, (
+    command_line.add_recordings(parser, None)
+    command_line.add_parameters(parser, (
         'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
     _add(parser, complete_nothing, '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
          help='Most false alarms per hour of all joints together. The default is 1.')
     parser.add_argument(
         '-o', '--output', type=Path, metavar='FILE',
         help='Parameter file for dynamics_node. Without it, the levels are only printed.')
-    add_force(parser)
+    command_line.add_force(parser)
     parser.set_defaults(cutoff=None)
 
 
@@ -315,11 +307,11 @@ def run(
                 nullcontext()) as client:
             found: Answer | None = getattr(module, f'answer_{name}')(client, arguments)
         if found is None:  # the verb has printed its answers
-            return DONE
+            return command_line.DONE
         print(json.dumps(found.data, indent=2) if arguments.json else found.text)
         return found.status
 
-    return run_tool(f'{_PROG} {name}', answer)
+    return command_line.run_tool(f'{_PROG} {name}', answer)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -333,17 +325,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         argcomplete.autocomplete(parser)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
-        Parser(prog=f'{_PROG} {arguments.verb or ""}'.rstrip()).error(
+        command_line.Parser(prog=f'{_PROG} {arguments.verb or ""}'.rstrip()).error(
             f'unrecognized arguments: {" ".join(unknown)}')
     if arguments.verb is None:
         parser.print_help(sys.stderr)
-        return MISTAKE
+        return command_line.MISTAKE
     return run(arguments.verb, arguments)
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of all verbs."""
-    parser = Parser(
+    parser = command_line.Parser(
         prog='dynamics', description='Ask a running dynamics node, move the arm, and record.')
     verbs = parser.add_subparsers(dest='verb', metavar='VERB')
     for name, verb in VERBS.items():

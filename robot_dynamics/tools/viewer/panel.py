@@ -16,15 +16,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.reporting.figures import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-)
+from robot_dynamics.reporting import figures
 from robot_dynamics.ros.dynamics.markers import HOT, WARM
 from robot_dynamics.tools.viewer.plots import LivePlot, TERMS
 
@@ -217,10 +209,10 @@ def legend() -> str:
     """Return HTML that explains the colours of the marks at the arm."""
     warm, hot = (f'{100.0 * share:.0f} %' for share in (WARM, HOT))
     entries = (
-        (BLUE, f'effort below {warm} of its limit'), (ORANGE, f'{warm} to {hot}'),
-        (VERMILION, f'above {hot}'), (GREY, 'effort without limit; sphere: load'),
-        (PURPLE, 'external effort and force'), (SKY, 'external torque'),
-        (GREEN, 'manipulability'))
+        (figures.BLUE, f'effort below {warm} of its limit'), (figures.ORANGE, f'{warm} to {hot}'),
+        (figures.VERMILION, f'above {hot}'), (figures.GREY, 'effort without limit; sphere: load'),
+        (figures.PURPLE, 'external effort and force'), (figures.SKY, 'external torque'),
+        (figures.GREEN, 'manipulability'))
     return '<div style="font-size: 12px; line-height: 1.5; padding: 2px 10px">' + ' '.join(
         f'<span style="color: {colour}">&#9632;</span> {text}<br>'
         for colour, text in entries) + '</div>'

@@ -89,14 +89,11 @@ class LiveWrench:
                 self._covariance.publish(_covariance_to_ros(stamp_ns, estimator.frame, estimate))
 
     def _zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            if self.estimator is None:
-                raise InvalidInputError('no model yet: expected a URDF')
-            self.estimator.zero()
-            response.success, response.message = True, (
-                'the mean external effort of the last 0.2 s is subtracted from now on')
-        except InvalidInputError as error:
-            response.success, response.message = False, str(error)
+        if self.estimator is None:
+            raise InvalidInputError('no model yet: expected a URDF')
+        self.estimator.zero()
+        response.success, response.message = True, (
+            'the mean external effort of the last 0.2 s is subtracted from now on')
         self._node.get_logger().info(f'~/zero_external_wrench: {response.message}')
         return response
 

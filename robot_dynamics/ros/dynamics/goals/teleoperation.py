@@ -50,11 +50,7 @@ class Teleoperation:
         self._trajectories.follow('set-point', read)
 
     def _feel(self, message: JointState) -> None:
-        try:
-            effort = self._efforts(message)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self._refuse(error)
-            return
+        effort = self._efforts(message)
         deviation, loop = self._deviation, self._path.loop
         if deviation is not None and len(deviation) == len(effort):
             effort = np.sign(effort) * np.maximum(np.abs(effort) - DEVIATIONS * deviation, 0.0)
@@ -62,10 +58,7 @@ class Teleoperation:
             loop.set_force_feedback(effort)
 
     def _take_deviation(self, message: JointState) -> None:
-        try:
-            self._deviation = np.abs(self._efforts(message))
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self._refuse(error)
+        self._deviation = np.abs(self._efforts(message))
 
     def _efforts(self, message: JointState) -> FloatArray:
         loop = self._path.loop

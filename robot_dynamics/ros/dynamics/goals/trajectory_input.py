@@ -64,16 +64,12 @@ class TrajectoryInput:
     def follow(
         self, kind: str, read: Callable[[Controller], JointTrajectory], stamp_ns: int = 0,
     ) -> None:
-        """Follow what `read` returns from `stamp_ns` on, or count and log why it is rejected."""
-        try:
-            loop = self._path.loop
-            if loop is None:
-                raise InvalidInputError(f'no model yet: no {kind} can be followed')
-            trajectory = read(loop.controller)
-            loop.follow(trajectory, stamp_ns)
-        except Exception as error:  # an exception here would end the spin of rclpy
-            self.refuse(error)
-            return
+        """Follow what `read` returns from `stamp_ns` on; raise RobotDynamicsError."""
+        loop = self._path.loop
+        if loop is None:
+            raise InvalidInputError(f'no model yet: no {kind} can be followed')
+        trajectory = read(loop.controller)
+        loop.follow(trajectory, stamp_ns)
         self.accept(loop, trajectory)
 
     def accept(self, loop: ControlLoop, trajectory: JointTrajectory) -> None:
