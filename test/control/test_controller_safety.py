@@ -120,16 +120,6 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
     assert output.reference is not None
 
 
-def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
-    one = controller(effort_convention=COMPENSATES_GRAVITY)
-    assert one.update(NOW, Q, ZERO).holding_effort().tolist() == [0.0, 0.0]
-    one.set_payloads([LOAD], 0.0, lambda _: None)
-    weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (
-        ArmDynamics(ARM).rigid_body.gravity(Q))
-    assert np.abs(weight).max() > 10.0
-    assert one.update(NOW, Q, ZERO).holding_effort() == pytest.approx(weight)
-
-
 # --- a discarded reference -----------------------------------------------------------------------
 
 def test_a_discarded_reference_is_no_longer_followed() -> None:
