@@ -122,17 +122,6 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
 
 # --- a discarded reference -----------------------------------------------------------------------
 
-def test_a_discarded_reference_is_no_longer_followed() -> None:
-    one = controller()
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    assert one.update(NOW + SECOND, Q, ZERO).reference is not None
-    one.followed.end()
-    output = one.update(NOW + SECOND, Q, ZERO)
-    assert output.reference is None
-    assert output.computed_torque is None
-    assert output.command.tolist() == output.holding_effort().tolist()
-
 
 def test_the_next_one_begins_where_the_arm_is() -> None:
     one, away = controller(), Q + [0.5, -0.3]
