@@ -147,6 +147,3 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     one.followed.end()
     after = one.update(NOW, Q, ZERO)
     assert after.command.tolist() == before.holding_effort().tolist()
-
-
-# --- the following error -------------------------------------------------------------------------

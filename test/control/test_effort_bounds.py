@@ -124,8 +124,3 @@ def test_efforts_within_the_scaled_limits_are_clear(
 def test_without_limits_every_finite_effort_is_clear() -> None:
     assert EffortBounds(np.full(2, np.inf), 0.0).is_clear(np.array([1e300, -1e300]))
     assert EffortBounds(np.zeros(0)).is_clear(np.zeros(0))
-
-
-# --- compensation by the robot -------------------------------------------------------------------
-
-GRAVITY, FRICTION = np.array([5.0, -3.0]), np.array([0.5, 0.25])
