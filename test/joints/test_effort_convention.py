@@ -126,14 +126,6 @@ def update(controller: Controller, target: Any = None) -> ControlOutput:
     return controller.update(2, Q, V)
 
 
-def test_gravity_is_left_to_the_robot() -> None:
-    output = update(make_controller(('gravity',)))
-    assert output.command is not None
-    assert output.terms is not None
-    assert output.command.tolist() == output.terms.gravity.tolist() == [0.0, 0.0]
-    assert output.gravity_compensation == pytest.approx(G)  # the topic is not affected
-
-
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ALL])
 def test_the_command_and_what_the_robot_adds_are_computed_torque(
     compensates: tuple[str, ...],
@@ -239,9 +231,3 @@ def test_a_robot_does_not_know_its_load() -> None:
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert robot.with_own_compensation(ZERO, Q, ZERO) == pytest.approx(G)
     assert np.abs(loaded - G).min() > 5.0
-
-
-def test_on_its_brakes_a_robot_reports_nothing() -> None:
-    robot = InnerController(ARM, EffortConvention('joint_torque_without_gravity'))
-    assert robot.measured(ZERO, Q, ZERO, braked=True).tolist() == [0.0, 0.0]
-    assert robot.measured(G, Q, ZERO, braked=False).tolist() == [0.0, 0.0]
