@@ -4,7 +4,6 @@
 """The velocity at which computed torque compensates friction: of the reference, or measured."""
 
 import numpy as np
-import pytest
 from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
@@ -45,18 +44,6 @@ def friction_at(velocity: np.ndarray, load: np.ndarray) -> np.ndarray:
 
 
 Q, V = [0.5, -0.2], [-0.7, 1.1]  # the reference is ahead; the joints move away from it
-
-
-def test_friction_at_the_reference_velocity() -> None:
-    """At v_r = q̇_ref + K_p/K_d e."""
-    friction, load = compensated('reference', Q, V)
-    v_r = GAINS.kp / GAINS.kd * (np.array([1.0, -1.0]) - Q)
-    assert friction == pytest.approx(friction_at(v_r, load), rel=1e-3)
-
-
-def test_friction_at_the_measured_velocity() -> None:
-    friction, load = compensated('measured', Q, V)
-    assert friction == pytest.approx(friction_at(np.array(V), load), rel=1e-3)
 
 
 def test_no_friction_is_compensated() -> None:
