@@ -23,13 +23,6 @@ from robots import robot_urdf
 # --- gravity -------------------------------------------------------------------------------------
 
 
-def test_without_gravity_nothing_is_needed_to_hold_the_arm():
-    case = random_case(3)
-    arm = load_arm(case.urdf, case.arm.joint_names, gravity=(0, 0, 0))
-    npt.assert_array_equal(RigidBody(arm).gravity(case.q), np.zeros(arm.joint_count))
-    assert abs(case.body.gravity(case.q)).max() > 0.1
-
-
 # --- details -------------------------------------------------------------------------------------
 
 def test_continuous_joints_turn_round_and_round():
