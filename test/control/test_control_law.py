@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control law: gains, the feedback along a trajectory, and the resulting error dynamics."""
+"""The control law: gains, and the feedback along a trajectory."""
 
 import math
 
@@ -242,5 +242,3 @@ def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) ->
     found = feedback.track(active, SECOND, np.full(2, place), np.full(2, -place))
     assert not np.isfinite(found.acceleration[1])
 
-
-# --- the closed loop -----------------------------------------------------------------------------
