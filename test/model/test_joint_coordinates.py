@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The map from actuated joints to the joints of the tree, on random maps."""
+"""Which maps from actuated joints to those of the tree are the identity or a permutation."""
 
 import numpy as np
 import pytest
