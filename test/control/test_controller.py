@@ -29,36 +29,9 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 # --- the mode of the command ---------------------------------------------------------------------
-
-def test_with_a_reference_the_command_is_computed_torque() -> None:
-    controller = make_controller()
-    controller.update(NOW, Q, V)
-    controller.follow(set_point([1.0, 0.2], [0.1, -0.1], [0.3, 0.4]), 0)
-    output = controller.update(NOW, Q, V)
-    omega = 20.0
-    a = np.array([0.3, 0.4]) + 2 * omega * (np.array([0.1, -0.1]) - V) + (
-        omega**2 * (np.array([1.0, 0.2]) - Q))
-    expected = ArmDynamics(controller.arm).inverse_dynamics(Q, V, a)
-    assert output.computed_torque == pytest.approx(expected)
-    assert command(output) == pytest.approx(np.clip(expected, [-150, -60], [150, 60]))
-
-
-def test_the_reference_values_of_the_planar_arm() -> None:
-    """Without an error the computed torque is inverse dynamics of the reference."""
-    controller = make_controller()
-    q = np.array([np.pi / 4, np.pi / 6])
-    controller.update(NOW, q, V)
-    controller.follow(set_point(q.tolist(), V.tolist(), [0.1, 0.2]), 0)
-    output = controller.update(NOW, q, V)
-    assert output.computed_torque == pytest.approx([-48.74713301, -10.95795578], abs=5e-9)
-    assert output.gravity_compensation == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
-    assert output.terms.coriolis == pytest.approx([-0.234, 0.15], abs=5e-9)
-    assert output.terms.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
-    assert output.terms.potential_energy == pytest.approx(41.19876418, abs=5e-9)
 
 
 @pytest.mark.parametrize('mode', ['computed_torque', 'gravity_compensation', 'none'])
@@ -134,15 +107,6 @@ def test_a_joint_without_a_limit_is_never_clamped(scale: float) -> None:
 
 # --- the reference -------------------------------------------------------------------------------
 
-def test_a_trajectory_starts_at_its_stamp() -> None:
-    controller = make_controller()
-    controller.update(NOW, Q, ZERO)
-    controller.follow(
-        quintic_point_to_point(NAMES, [0.8, 0.5], [1.2, 0.1], 2.0), NOW + SECOND)
-    for seconds, expected in ((0, Q), (1, Q), (2, [1.0, 0.3]), (3, [1.2, 0.1]), (9, [1.2, 0.1])):
-        reference = controller.update(NOW + seconds * SECOND, Q, ZERO).reference
-        assert reference.position == pytest.approx(expected)
-
 
 def test_an_ended_trajectory_is_rejected_and_the_active_one_continues() -> None:
     controller = make_controller()
@@ -153,20 +117,6 @@ def test_an_ended_trajectory_is_rejected_and_the_active_one_continues() -> None:
             quintic_point_to_point(NAMES, Q, [1.2, 0.1], 1.0), NOW - 5 * SECOND)
     reference = controller.update(NOW, Q, ZERO).reference
     assert reference.position.tolist() == [1.0, 0.2]
-
-
-def test_a_replacement_continues_from_the_active_reference() -> None:
-    controller = make_controller()
-    controller.update(NOW, Q, ZERO)
-    controller.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    t = NOW + SECOND
-    before = controller.update(t, Q, ZERO).reference
-    controller.follow(make_trajectory(
-        NAMES, [1.0], [[0.0, 0.0]], [ZERO], [ZERO], NAMES), 0)
-    after = controller.update(t, Q, ZERO).reference
-    for old, new in zip(before, after):
-        assert new == pytest.approx(old, abs=1e-9)
-    assert np.abs(before.velocity).max() > 0.1
 
 
 # --- terms ---------------------------------------------------------------------------------------

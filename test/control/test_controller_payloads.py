@@ -21,21 +21,6 @@ def test_a_load_acts_at_once_without_a_transition() -> None:
     assert done == [(LOAD,), ()]
 
 
-def test_a_transition_is_linear_in_time_and_ends_exactly() -> None:
-    controller = make_controller()
-    done: list[tuple[Payload, ...]] = []
-    controller.set_payloads([LOAD], 2.0, done.append)
-    bare, loaded = gravity_with([]), gravity_with([LOAD])
-    for quarter in range(5):
-        assert not done
-        effort = command(controller.update(NOW + quarter * SECOND // 2, Q, ZERO))
-        assert effort == pytest.approx(bare + quarter / 4 * (loaded - bare), abs=1e-9)
-    assert done == [(LOAD,)]
-    later = command(controller.update(NOW + 9 * SECOND, Q, ZERO))
-    assert later.tolist() == loaded.tolist()
-    assert done == [(LOAD,)]
-
-
 def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     controller = make_controller()
     done: list[tuple[Payload, ...]] = []

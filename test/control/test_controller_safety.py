@@ -120,28 +120,7 @@ def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gai
     assert output.reference is not None
 
 
-def test_a_robot_that_compensates_gravity_is_held_by_the_weight_of_its_load_alone() -> None:
-    one = controller(effort_convention=COMPENSATES_GRAVITY)
-    assert one.update(NOW, Q, ZERO).holding_effort().tolist() == [0.0, 0.0]
-    one.set_payloads([LOAD], 0.0, lambda _: None)
-    weight = ArmDynamics(ARM.with_payloads([LOAD])).rigid_body.gravity(Q) - (
-        ArmDynamics(ARM).rigid_body.gravity(Q))
-    assert np.abs(weight).max() > 10.0
-    assert one.update(NOW, Q, ZERO).holding_effort() == pytest.approx(weight)
-
-
 # --- a discarded reference -----------------------------------------------------------------------
-
-def test_a_discarded_reference_is_no_longer_followed() -> None:
-    one = controller()
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    assert one.update(NOW + SECOND, Q, ZERO).reference is not None
-    one.followed.end()
-    output = one.update(NOW + SECOND, Q, ZERO)
-    assert output.reference is None
-    assert output.computed_torque is None
-    assert output.command.tolist() == output.holding_effort().tolist()
 
 
 def test_the_next_one_begins_where_the_arm_is() -> None:
@@ -168,6 +147,3 @@ def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> No
     one.followed.end()
     after = one.update(NOW, Q, ZERO)
     assert after.command.tolist() == before.holding_effort().tolist()
-
-
-# --- the following error -------------------------------------------------------------------------

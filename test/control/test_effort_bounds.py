@@ -12,11 +12,8 @@ import pytest
 from robot_dynamics.control.safety.effort_bounds import (
     EffortBounds,
     NOTHING,
-    robot_effort,
     RobotEffort,
 )
-from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model.arm_dynamics import EffortTerms
 
 LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
@@ -127,41 +124,3 @@ def test_efforts_within_the_scaled_limits_are_clear(
 def test_without_limits_every_finite_effort_is_clear() -> None:
     assert EffortBounds(np.full(2, np.inf), 0.0).is_clear(np.array([1e300, -1e300]))
     assert EffortBounds(np.zeros(0)).is_clear(np.zeros(0))
-
-
-# --- compensation by the robot -------------------------------------------------------------------
-
-GRAVITY, FRICTION = np.array([5.0, -3.0]), np.array([0.5, 0.25])
-
-
-@pytest.mark.parametrize('compensates', [
-    (), ('gravity',), ('friction',), ('gravity', 'friction')])
-def test_command_and_robot_together_are_the_effort(compensates: tuple[str, ...]) -> None:
-    effort = np.array([7.0, 11.0])
-    robot = robot_effort(
-        EffortConvention(robot_compensates=compensates), GRAVITY, FRICTION)
-    added = np.zeros(2)
-    if 'gravity' in compensates:
-        added += GRAVITY
-    assert (robot.without_gravity(effort) + added).tolist() == effort.tolist()
-    if 'friction' in compensates:
-        added += FRICTION
-    assert (robot.command(effort) + added).tolist() == effort.tolist()
-    assert (robot is NOTHING) == (not compensates)
-
-
-@pytest.mark.parametrize('compensates', [
-    (), ('gravity',), ('friction',), ('gravity', 'friction')])
-def test_the_terms_of_a_command_add_up_to_it(compensates: tuple[str, ...]) -> None:
-    inertial, coriolis = np.array([1.0, 2.0]), np.array([0.125, -0.5])
-    load = np.array([2.0, 1.0])  # gravity of a payload, which the robot does not know
-    effort = inertial + coriolis + GRAVITY + load + FRICTION
-    terms = EffortTerms(
-        inertial, coriolis, GRAVITY + load, FRICTION, np.zeros(2), effort, 0.0, 0.0)
-    robot = robot_effort(EffortConvention(robot_compensates=compensates), GRAVITY, FRICTION)
-    command = robot.command_terms(terms)
-    assert command.effort.tolist() == robot.command(effort).tolist()
-    assert (command.inertial + command.coriolis + command.gravity + command.friction).tolist() == (
-        command.effort.tolist())
-    assert (command.gravity == terms.gravity).all() == ('gravity' not in compensates)
-    assert (command.friction == 0.0).all() == ('friction' in compensates)

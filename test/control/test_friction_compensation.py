@@ -4,72 +4,42 @@
 """The velocity at which computed torque compensates friction: of the reference, or measured."""
 
 import numpy as np
-import pytest
-from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 GAINS = make_gains(NAMES)
-VISCOUS, COULOMB, LOAD = 2.0, 4.0, 0.1
+COULOMB = 4.0
+STILL = np.array([1.0, -1.0])
 SECOND = 1_000_000_000
 
 
-def answer(arm: ArmModel, mode: str, q: list[float], v: list[float]) -> ControlOutput:
-    """Return the answer to a state while a reference rests at (1, −1)."""
-    one = Controller(arm, ControllerOptions(GAINS, friction_compensation=mode))
+def compensated(mode: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the friction (2,) that is compensated while a reference rests at (1, −1)."""
+    friction = make_friction(NAMES, viscous=2.0, coulomb=COULOMB, load_coefficient=0.1)
+    one = Controller(
+        ARM.with_friction(friction), ControllerOptions(GAINS, friction_compensation=mode))
     one.update(SECOND, np.zeros(2), np.zeros(2))
-    one.follow(make_trajectory(
-        NAMES, (0.001,), [[1.0, -1.0]], [[0.0, 0.0]], [[0.0, 0.0]], NAMES), 0)
-    return one.update(2 * SECOND, np.array(q), np.array(v))
-
-
-def compensated(mode: str, q: list[float], v: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction that is compensated, and the effort of the rigid bodies, (2,) each."""
-    friction = make_friction(NAMES, viscous=[VISCOUS], coulomb=[COULOMB], load_coefficient=[LOAD])
-    effort = answer(ARM.with_friction(friction), mode, q, v).computed_torque
-    rigid = answer(ARM.with_friction(make_friction(NAMES)), mode, q, v).computed_torque
-    return effort - rigid, rigid
-
-
-def friction_at(velocity: np.ndarray, load: np.ndarray) -> np.ndarray:
-    """Return viscous, dry and load-dependent friction of joints that move."""
-    return np.asarray(
-        VISCOUS * velocity + np.sign(velocity) * (COULOMB + LOAD * np.abs(load)))
-
-
-Q, V = [0.5, -0.2], [-0.7, 1.1]  # the reference is ahead; the joints move away from it
-
-
-def test_friction_at_the_reference_velocity() -> None:
-    """At v_r = q̇_ref + K_p/K_d e."""
-    friction, load = compensated('reference', Q, V)
-    v_r = GAINS.kp / GAINS.kd * (np.array([1.0, -1.0]) - Q)
-    assert friction == pytest.approx(friction_at(v_r, load), rel=1e-3)
-
-
-def test_friction_at_the_measured_velocity() -> None:
-    friction, load = compensated('measured', Q, V)
-    assert friction == pytest.approx(friction_at(np.array(V), load), rel=1e-3)
+    one.follow(make_trajectory(NAMES, (0.001,), [STILL], [[0.0, 0.0]], [[0.0, 0.0]]), 0)
+    terms = one.update(2 * SECOND, q, v).terms
+    assert terms is not None
+    return terms.friction
 
 
 def test_no_friction_is_compensated() -> None:
-    friction, _ = compensated('none', Q, V)
+    friction = compensated('none', np.array([0.5, -0.2]), np.array([-0.7, 1.1]))
     assert friction.tolist() == [0.0, 0.0]
 
 
 def test_around_rest_friction_of_the_reference_has_no_step() -> None:
-    steps = []
-    for mode, still in (('reference', [1.0, -1.0]), ('measured', [1.0, -1.0])):
-        speed = 1e-5
-        q = np.array(still) - speed * GAINS.kd / GAINS.kp  # v_r = speed
-        friction, _ = compensated(mode, q.tolist(), [speed, speed])
-        steps.append(np.abs(friction))
+    speed = 1e-5
+    q = STILL - speed * GAINS.kd / GAINS.kp  # the velocity v_r at which it is compensated
+    steps = [np.abs(compensated(mode, q, np.full(2, speed))) for mode in ('reference', 'measured')]
     assert (steps[0] < 0.01 * COULOMB).all()
     assert (steps[1] >= COULOMB).all()

@@ -40,13 +40,6 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
     assert way.done
 
 
-def test_without_a_target_nothing_is_left() -> None:
-    way = transition([OLD], [])
-    way.payloads(0)
-    assert way.payloads(2 * SECOND) == []
-    assert way.done
-
-
 @given(st.floats(0.0, 1.0))
 def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
     way = transition([OLD], [NEW])
@@ -59,23 +52,6 @@ def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
         assert load.com.tolist() == whole.com.tolist()
         # the same shape with less density, which is physically possible
         assert load.inertia == pytest.approx(whole.inertia * (load.mass / whole.mass))
-
-
-@given(
-    st.floats(0.0, 1.0),
-    st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
-def test_efforts_go_in_a_straight_line(fraction: float, motion: list[float]) -> None:
-    arm = load_arm(default_arm_urdf())
-    q, v, a = np.array(motion).reshape(3, 2)
-
-    def effort(loads: list[Payload]) -> np.ndarray:
-        return RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a)
-
-    way = transition([OLD], [NEW])
-    way.payloads(0)
-    s = round(fraction * 2 * SECOND) / (2 * SECOND)
-    on_the_way = effort(way.payloads(round(fraction * 2 * SECOND)))
-    assert on_the_way == pytest.approx((1 - s) * effort([OLD]) + s * effort([NEW]), abs=1e-9)
 
 
 def test_a_load_that_stays_does_not_change_meanwhile() -> None:
@@ -102,12 +78,6 @@ def test_stamps_of_today_keep_their_nanoseconds() -> None:
     way = transition([], [NEW], 1e-6)
     way.payloads(now)
     assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
-
-
-def test_a_fraction_of_a_load_leaves_the_load() -> None:
-    half = scaled(OLD, 0.5)
-    assert (half.mass, OLD.mass) == (1.5, 3.0)
-    assert half.inertia == pytest.approx(0.5 * OLD.inertia)
 
 
 def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:

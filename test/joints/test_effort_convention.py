@@ -126,14 +126,6 @@ def update(controller: Controller, target: Any = None) -> ControlOutput:
     return controller.update(2, Q, V)
 
 
-def test_gravity_is_left_to_the_robot() -> None:
-    output = update(make_controller(('gravity',)))
-    assert output.command is not None
-    assert output.terms is not None
-    assert output.command.tolist() == output.terms.gravity.tolist() == [0.0, 0.0]
-    assert output.gravity_compensation == pytest.approx(G)  # the topic is not affected
-
-
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ALL])
 def test_the_command_and_what_the_robot_adds_are_computed_torque(
     compensates: tuple[str, ...],
@@ -202,25 +194,6 @@ def test_joint_and_command_keep_within_their_limits(
     assert clamped.tolist() == (~inside).tolist()
 
 
-def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
-    """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
-    urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
-    arm = load_arm(urdf)
-    assert arm.limits.effort[0] == 30.0 < abs(G[0])
-    controller = Controller(arm, ControllerOptions(
-        make_gains(NAMES), effort_convention=EffortConvention(robot_compensates=('gravity',))))
-    rest = controller.update(1, Q, ZERO)
-    assert rest.command is not None
-    assert rest.command.tolist() == [0.0, 0.0]
-    assert rest.clamped is None
-    for step, expected in ((-0.1, 0.0), (0.1, 30.0)):  # g(q) is negative
-        controller.follow(make_trajectory(
-            NAMES, [0.0], [Q + [step, 0.0]], [ZERO], [], NAMES), 0)
-        output = controller.update(2, Q, ZERO)
-        assert output.command is not None
-        assert output.command[0] == expected
-
-
 # --- the simulated robot -------------------------------------------------------------------------
 
 def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
@@ -258,9 +231,3 @@ def test_a_robot_does_not_know_its_load() -> None:
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert robot.with_own_compensation(ZERO, Q, ZERO) == pytest.approx(G)
     assert np.abs(loaded - G).min() > 5.0
-
-
-def test_on_its_brakes_a_robot_reports_nothing() -> None:
-    robot = InnerController(ARM, EffortConvention('joint_torque_without_gravity'))
-    assert robot.measured(ZERO, Q, ZERO, braked=True).tolist() == [0.0, 0.0]
-    assert robot.measured(G, Q, ZERO, braked=False).tolist() == [0.0, 0.0]

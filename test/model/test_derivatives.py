@@ -117,16 +117,6 @@ def test_derivatives_are_those_of_central_differences(robot):
                 wrenches)
 
 
-def test_without_friction_the_last_derivative_is_the_mass_matrix():
-    arm = load_arm(robot_urdf('panda'))
-    q, rest = np.full(8, 0.3), np.zeros(8)
-    by = ArmDerivatives(arm).inverse_dynamics(q, rest, rest)
-    M = ArmDynamics(arm).mass_matrix(q)
-    np.testing.assert_allclose(by.acceleration, M, rtol=1e-12, atol=1e-14)
-    inverse = ArmDerivatives(arm).forward_dynamics(q, rest, rest).effort
-    np.testing.assert_allclose(inverse @ M, np.eye(8), atol=1e-9)
-
-
 @pytest.mark.parametrize('robot', ['default', 'ur5', 'panda', 'xarm7'])
 def test_discrete_model_against_differences_of_the_simulation(robot):
     rng, T = np.random.default_rng(9), 0.004
@@ -161,22 +151,6 @@ def test_discrete_model_with_smooth_dry_friction():
     model = derivatives.discrete(x[:6], x[6:], tau, T)
     assert_near(model.A, differences(lambda at: moved(at, tau), x, 1e-5), 'A')
     assert_near(model.B, differences(lambda at: moved(x, at), tau, 1e-3), 'B')
-
-
-def test_at_an_equilibrium_the_discrete_model_is_that_of_zero_order_hold():
-    linalg = pytest.importorskip('scipy.linalg')
-    arm, T = load_arm(robot_urdf('default')), 0.01
-    derivatives = ArmDerivatives(arm)
-    rest = np.zeros(2)
-    by = derivatives.forward_dynamics(rest, rest, rest)
-    assert not by.acceleration.any()
-    continuous = np.zeros((6, 6))
-    continuous[:2, 2:4] = np.eye(2)
-    continuous[2:4] = np.hstack([by.position, by.velocity, by.effort])
-    expected = linalg.expm(continuous * T)
-    model = derivatives.discrete(rest, rest, rest, T)
-    np.testing.assert_allclose(model.A, expected[:4, :4], rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(model.B, expected[:4, 4:], rtol=1e-8, atol=1e-9)
 
 
 @pytest.mark.parametrize(('friction', 'push'), [(0.0, 4.0), (0.3, 4.0)])

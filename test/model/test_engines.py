@@ -126,14 +126,6 @@ def test_coriolis_matrix(case):
         assert_near(C, c @ v, 'C')
 
 
-def test_batch(case):
-    states = case.states(20)
-    q, v, a = (np.array([state[i] for state in states]) for i in range(3))
-    tau = case.body.inverse_dynamics_batch(q, v, a)
-    assert_near(
-        tau, np.array([case.reference.inverse_dynamics(*s[:3]) for s in states]), 'batch')
-
-
 @pytest.mark.parametrize('robot', by_kind(ARMS))
 def test_gravity_of_any_direction(engine, robot):
     """An arm mounted on a wall or a ceiling."""

@@ -1,36 +1,18 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Locked joints, the direction of gravity, wrenches and rejected input of the rigid bodies."""
+"""Whole turns, new results, wrenches and rejected input of the rigid bodies."""
 
 import numpy as np
 import numpy.testing as npt
 import pytest
-from random_trees import (
-    case_of,
-    random_case,
-    random_inertial,
-)
+from random_trees import case_of, random_case, random_inertial
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robots import robot_urdf
 
-# --- locked joints -------------------------------------------------------------------------------
-
-
-# --- gravity -------------------------------------------------------------------------------------
-
-
-def test_without_gravity_nothing_is_needed_to_hold_the_arm():
-    case = random_case(3)
-    arm = load_arm(case.urdf, case.arm.joint_names, gravity=(0, 0, 0))
-    npt.assert_array_equal(RigidBody(arm).gravity(case.q), np.zeros(arm.joint_count))
-    assert abs(case.body.gravity(case.q)).max() > 0.1
-
-
-# --- details -------------------------------------------------------------------------------------
 
 def test_continuous_joints_turn_round_and_round():
     case = case_of(robot_urdf('kinova'), np.random.default_rng(1), some_locked=False)

@@ -76,16 +76,6 @@ def test_one_joint_determines_one_component(kind: str, effect: int) -> None:
     assert len(found.unobservable) == 5
 
 
-def test_a_wrench_is_found_where_the_efforts_determine_it() -> None:
-    efforts = Efforts(certain('ur10', 0.01), 'tool0')
-    F = np.array([10.0, -20.0, 5.0, 1.0, -2.0, 0.5])
-    found = efforts(TILTED, efforts.estimator.jacobian(TILTED).T @ F)
-    assert found.wrench == pytest.approx(F, abs=0.01)
-    assert found.covariance is not None
-    assert np.sqrt(np.diag(found.covariance)).max() < 0.5
-    assert not len(found.unobservable)
-
-
 def test_the_estimate_is_the_damped_pseudo_inverse_of_the_scaled_jacobian() -> None:
     """λ = 1 N·m / 100 N for a force in efforts of deviation 1 N·m: without an uncertainty."""
     efforts = Efforts(load_arm(robot_urdf('ur10')), 'tool0', largest_force=100.0,

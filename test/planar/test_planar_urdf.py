@@ -49,7 +49,7 @@ def motions(draw):
 
 @settings(deadline=None, derandomize=True)
 @given(motion=motions())
-def test_recursion_is_that_of_pinocchio(motion):
+def test_recursion_and_positions_are_those_of_pinocchio(motion):
     chain, q, v, a = motion
     model = model_of(urdf_of(chain))
     data = model.createData()
@@ -67,13 +67,6 @@ def test_recursion_is_that_of_pinocchio(motion):
         (data.oMi[i + 1].rotation @ data.f[i + 1].angular)[1] for i in range(chain.link_count)])
     assert_close(ours.tau, turned, atol=1e-12 * np.abs(tau).max())
 
-
-@settings(deadline=None, derandomize=True)
-@given(motion=motions())
-def test_positions_are_those_of_pinocchio(motion):
-    chain, q, _, _ = motion
-    model = model_of(urdf_of(chain))
-    data = model.createData()
     pinocchio.framesForwardKinematics(model, data, unrolled(q))
     points = forward_kinematics(chain, q)
     reach = sum(chain.lengths)

@@ -57,14 +57,13 @@ def path(times: list[float], q: Any, v: Any = ()) -> JointTrajectory:
     return make_trajectory(NAMES, times, np.asarray(q).tolist(), v, (), NAMES)
 
 
-def dense(found: JointTrajectory) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Return position, velocity and acceleration of each segment, (m, n) each."""
+def dense(found: JointTrajectory) -> list[tuple[FloatArray, FloatArray]]:
+    """Return position and velocity of each segment, (m, n) each."""
     parts = []
     for p0, p1 in pairwise(found.points):
         t0, t1 = p0.time_from_start, p1.time_from_start
         rows = [sample_segment(t, t0, p0, t1, p1) for t in np.linspace(t0, t1, 60).tolist()]
-        q, v, a = (np.array(x) for x in zip(*rows))
-        parts.append((q, v, a))
+        parts.append((np.array([row[0] for row in rows]), np.array([row[1] for row in rows])))
     return parts
 
 
@@ -109,7 +108,7 @@ def test_a_path_of_positions_is_followed_within_the_limits(sent: JointTrajectory
             slowness * (original.time_from_start - first))
     assert_starts_and_ends_at_rest(found, sent)
     assert_within_limits(found)
-    for q, _, _ in dense(found):
+    for q, _ in dense(found):
         assert (np.diff(q, axis=0) * np.sign(q[-1] - q[0]) >= -1e-9).all()
         assert (q >= np.minimum(q[0], q[-1]) - 1e-9).all()
         assert (q <= np.maximum(q[0], q[-1]) + 1e-9).all()
@@ -242,18 +241,9 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
             assert actual.position == pytest.approx(expected.position, abs=1e-9)
             assert slowness * actual.velocity == pytest.approx(expected.velocity, abs=1e-6)
     assert efforts_along(dynamics(), found).worst_ratio <= 1.0 + 1e-5
-    for _, v, _ in dense(found):
+    for _, v in dense(found):
         assert (np.abs(v) <= TOLERANCE * ARM.limits.velocity).all()
-
-
-@laws
-@given(angles, angles, angles, st.floats(0.1, 1.0))
-def test_it_is_not_slowed_down_more_than_needed(
-    start: FloatArray, via: FloatArray, goal: FloatArray, duration: float,
-) -> None:
-    sent = quintic_via_points(NAMES, [0.0, 0.6 * duration, duration], [start, via, goal])
-    _, slowness = conditioned(sent, slows_down=True)
-    if slowness > 1.1:
+    if slowness > 1.1:  # it is not slowed down more than needed
         faster = make_trajectory(
             NAMES, [p.time_from_start * slowness / 1.1 for p in sent.points],
             [p.position for p in sent.points],

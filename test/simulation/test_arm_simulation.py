@@ -6,7 +6,6 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
@@ -186,31 +185,6 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
         simulation.set_payloads([make_payload('no_link', 1.0)])
     assert simulation.work == 0.0
     assert simulation.arm.payloads == ()
-
-
-@pytest.mark.parametrize('axis', ['0 1 0', '0 -1 0', '0.1 -0.9 0.3', '1 0 0', '0 0 -1'])
-@pytest.mark.parametrize('kind', ['revolute', 'continuous'])
-def test_the_energy_of_a_geared_arm_does_not_depend_on_how_axes_point(
-    axis: str, kind: str,
-) -> None:
-    """An arm without friction keeps its energy, rotors included."""
-    urdf = planar_arm_urdf([1.0, 0.8], [2.0, 1.0], [0.5, 0.4], [0.1, 0.05]).replace(
-        '<axis xyz="0 1 0"', f'<axis xyz="{axis}"').replace('"continuous"', f'"{kind}"').replace(
-        '<limit ', '<limit lower="-100" upper="100" ')
-    arm = load_arm(urdf)
-    assert arm.joint_kinds == (kind, kind)
-    geared = arm.with_actuators(make_actuators(
-        arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-4]))
-    simulation = released(geared, (0.4, 0.3), (1.0, -2.0))
-    at_start = sum(simulation.energy)
-    rotors = 0.5 * 100.0**2 * 1e-4 * (1.0 + 4.0)
-    assert simulation.energy[0] - ArmSimulation(arm, (0.4, 0.3), (1.0, -2.0)).energy[0] == (
-        pytest.approx(rotors, rel=1e-9))
-    simulation.step(np.zeros(2), 0.6)
-    assert sum(simulation.energy) == pytest.approx(at_start, abs=1e-6)
-    kinetic = simulation.energy[0]
-    simulation.brake()
-    assert simulation.heat == pytest.approx(kinetic)
 
 
 def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:

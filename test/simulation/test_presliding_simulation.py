@@ -19,20 +19,11 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.bristles import DAMPING_RATIO
 from robots import robot_urdf
-from simulated_arms import released
+from simulated_arms import block, released
 
 ARM = load_arm(default_arm_urdf())
 PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
 POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
-
-
-def block(mass: float, **friction: Any) -> ArmModel:
-    """Return a mass on a horizontal rail."""
-    arm = load_arm(f"""<robot name="rail"><link name="base"/><link name="slide"><inertial>
-<mass value="{mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-</link><joint name="slide" type="prismatic"><parent link="base"/><child link="slide"/>
-<axis xyz="1 0 0"/><limit lower="-9" upper="9" velocity="9" effort="99"/></joint></robot>""")
-    return rubbing(arm, **friction)
 
 
 def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:

@@ -15,24 +15,19 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.plant import InnerController
-from simulated_arms import released
+from simulated_arms import block, released
 
 MASS, GRAVITY = 2.0, 9.81
-LIFT = f"""<robot name="lift"><link name="base"/><link name="slide"><inertial>
-<mass value="{MASS}"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
-</link><joint name="slide" type="prismatic"><parent link="base"/><child link="slide"/>
-<axis xyz="0 0 1"/><limit lower="-9" upper="9" velocity="9" effort="99"/></joint></robot>"""
-"""A mass on a vertical rail: its gears bear the same load everywhere."""
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
 
 
 def lift(sigmoid: float, width: float, load_fraction: float, offset: float = 0.0,
          viscous: float = 0.0) -> ArmModel:
-    arm = load_arm(LIFT)
-    return arm.with_friction(make_friction(
-        ['slide'], [viscous], sigmoid=[sigmoid], sigmoid_velocity=[width],
-        load_coefficient=[load_fraction], effort_bias=[offset]))
+    """Return a mass on a vertical rail: its gears bear the same load everywhere."""
+    return block(
+        MASS, (0.0, 0.0, 1.0), viscous=viscous, sigmoid=sigmoid, sigmoid_velocity=width,
+        load_coefficient=load_fraction, effort_bias=offset)
 
 
 def geared(**changes: Any) -> ArmModel:
@@ -176,7 +171,7 @@ def test_load_dependent_friction_acts_where_teeth_touch() -> None:
 
 def test_teeth_that_do_not_touch_bear_no_load() -> None:
     """While the motor is inside the gap, only gravity and unloaded friction act on the lift."""
-    motors = make_actuators(['slide'], [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.5])
+    motors = make_actuators(['hinge'], [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.5])
     arm = lift(2.0, 0.01, 0.5).with_actuators(motors)
     simulation = released(arm, [0.0], [1.0])
     simulation.step(np.array([-10.0]), 1e-3)

@@ -5,38 +5,24 @@
 
 import numpy as np
 import pytest
-from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from simulated_arms import released
+from simulated_arms import block, released
 
 MASS, DRY = 3.0, 6.0
-RAIL = f"""<robot name="rail">
-  <link name="rail"/>
-  <link name="block"><inertial>
-    <mass value="{MASS}"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>
-  </inertial></link>
-  <joint name="slide" type="prismatic">
-    <origin rpy="0 SLOPE 0"/><parent link="rail"/><child link="block"/><axis xyz="1 0 0"/>
-    <limit lower="-100" upper="100" effort="0" velocity="0"/>
-  </joint>
-</robot>"""
 EXACT = 1e-12
 
 
-def block(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSimulation:
-    """Return a block on a rail that is inclined by `slope` [rad] along its axis."""
-    arm = load_arm(RAIL.replace('SLOPE', repr(slope)))
-    arm = arm.with_friction(make_friction(
-        arm.joint_names, **{name: [value] for name, value in friction.items()}))
-    return released(arm, [0.0], [velocity])
+def moving(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmSimulation:
+    """Return a block on a rail that descends by `slope` [rad] along its axis."""
+    axis = float(np.cos(slope)), 0.0, -float(np.sin(slope))
+    return released(block(MASS, axis, **friction), [0.0], [velocity])
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_a_push_a_slide_and_a_stop(sign: float) -> None:
     """A push F gives (F − F_c)/m; then the block slides v²/(2 F_c/m) in v/(F_c/m) and sticks."""
     force, pushed = 15.0, 0.4
-    simulation = block(coulomb=DRY)
+    simulation = moving(coulomb=DRY)
     q, v = simulation.step(np.array([sign * force]), pushed)
     gain, loss = (force - DRY) / MASS, DRY / MASS
     assert v == pytest.approx([sign * gain * pushed], rel=EXACT)
@@ -57,7 +43,7 @@ def test_a_push_a_slide_and_a_stop(sign: float) -> None:
 def test_the_time_of_the_stop_is_met_within_a_step() -> None:
     """A push back that is longer than the slide: the block stops, then moves back."""
     force, v0 = -9.0, 1.0
-    simulation = block(velocity=v0, coulomb=DRY)
+    simulation = moving(velocity=v0, coulomb=DRY)
     slowing, driving = (DRY - force) / MASS, (DRY + force) / MASS
     stop, way = v0 / slowing, v0**2 / (2.0 * slowing)
     q, v = simulation.step(np.array([force]), 0.5)
@@ -75,7 +61,7 @@ def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> 
     """
     static = 1.2 * DRY
     slope = float(np.arcsin(fraction * static / (MASS * 9.81)))
-    simulation = block(slope=slope, coulomb=DRY, static=static, stribeck_velocity=1e-6)
+    simulation = moving(slope=slope, coulomb=DRY, static=static, stribeck_velocity=1e-6)
     q, v = simulation.step(np.zeros(1), 0.5)
     if fraction < 1.0:
         assert (q.tolist(), v.tolist()) == ([0.0], [0.0])
@@ -88,7 +74,7 @@ def test_viscous_friction_adds_its_exponential() -> None:
     viscous, v0 = 2.0, 1.5
     until = MASS / viscous * np.log(1.0 + viscous * v0 / DRY)
     way = MASS / viscous * (v0 - DRY / MASS * until)
-    simulation = block(velocity=v0, coulomb=DRY, viscous=viscous)
+    simulation = moving(velocity=v0, coulomb=DRY, viscous=viscous)
     assert simulation.step(np.zeros(1), until - 1e-6).velocity[0] > 0.0
     q, v = simulation.step(np.zeros(1), 2e-6)
     assert v.tolist() == [0.0]

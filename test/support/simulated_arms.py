@@ -3,8 +3,11 @@
 
 """Simulated arms that several modules of tests use."""
 
+from collections.abc import Sequence
 from typing import Any
 
+from one_joint_arm import arm_of, inertial
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
@@ -24,6 +27,14 @@ def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:
     return load_arm(
         planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [coulomb]),
         gravity=(0.0, 0.0, 0.0))
+
+
+def block(mass: float, axis: Sequence[float] = (1.0, 0.0, 0.0), **friction: Any) -> ArmModel:
+    """Return a mass [kg] on a rail along an axis, with this friction."""
+    arm = load_arm(arm_of(
+        inertial(mass, (1.0, 1.0, 1.0)), '<limit lower="-100" upper="100"/>', 'prismatic',
+        axis=' '.join(map(str, axis)), geometry=''))
+    return arm.with_friction(make_friction(arm.joint_names, **friction))
 
 
 def released(arm: ArmModel, *start: Any, **more: Any) -> ArmSimulation:

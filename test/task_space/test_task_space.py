@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from random_trees import laws, random_cases
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
@@ -130,18 +129,6 @@ def test_laws_on_random_trees(case):
         state = TaskSpace(case.arm, str(link), rng.normal(size=3)).batch(
             singular_positions(rng, 20, n), rng.normal(size=(20, n)))
         assert_laws(state, rng)
-
-
-@pytest.mark.parametrize('reference', REFERENCES)
-def test_bias_is_the_derivative_of_the_velocity(reference):
-    """At a constant joint velocity, also with a mimic joint and prismatic fingers."""
-    arm = load_arm(robot_urdf('panda'))
-    task = TaskSpace(arm, 'panda_leftfinger', POINT, reference)
-    rng, h = np.random.default_rng(3), 1e-5
-    for q, v in zip(rng.normal(size=(20, 8)), rng.normal(size=(20, 8))):
-        ahead, behind = (task.at(q + step * v).jacobian @ v for step in (h, -h))
-        numeric = (ahead - behind) / (2 * h)
-        np.testing.assert_allclose(task.at(q, v).bias_acceleration, numeric, atol=1e-8)
 
 
 def singular_positions(rng: np.random.Generator, count: int, n: int) -> Array:
@@ -264,15 +251,6 @@ def test_manipulability_and_margins():
     margin = np.minimum(q - arm.limits.lower, arm.limits.upper - q)
     assert state.position_margin == pytest.approx(margin)
     assert state.position_margin[3] < 0.0  # the elbow of this arm cannot be stretched
-
-
-def test_motors_and_payload_are_in_the_inertia():
-    arm = load_arm(robot_urdf('ur5'))
-    motors = make_actuators(arm.joint_names, [0.1], [100.0], rotor_inertia=[1e-4])
-    q = np.full(6, 0.5)
-    light = TaskSpace(arm, 'tool0').at(q).inertia
-    heavy = TaskSpace(arm.with_actuators(motors), 'tool0').at(q).inertia
-    assert np.linalg.eigvalsh(heavy - light).min() > 0.0
 
 
 def rejected(call: Callable[[], object]) -> str:

@@ -5,7 +5,7 @@
 
 import re
 
-from one_joint_urdf import INERTIA, INERTIAL, JOINT, joint_of, LIMIT, link_of, LINKS, mimics, robot
+from one_joint_urdf import INERTIA, JOINT, joint_of, LIMIT, link_of, LINKS, mimics, robot
 import pytest
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
 from robot_dynamics.urdf.parser import MOST_LINKS, MOST_TAGS, parse_urdf
@@ -20,6 +20,7 @@ def refusal(xml):
     return str(caught.value)
 
 
+MASS = '<mass value="1.5"/>'
 SECOND_JOINT = JOINT.replace('turn', 'back')
 TIP = '<link name="tip"/>'
 
@@ -29,189 +30,121 @@ def joining(name, parent, child):
             '</joint>')
 
 
-REFUSALS = {
-    'nothing': ('', 'robot_description is empty, expected the XML of a URDF'),
-    'blanks': (' \n ', 'robot_description is empty, expected the XML of a URDF'),
-    'wrong root': (
-        '<sdf version="1.6"/>', 'robot_description has the root element <sdf>, expected <robot>'),
-    'no links': (
-        robot(''), "robot_description: robot 'bot' has no links, expected at least two"),
-    'link without a name': (robot('<link/>'), 'robot_description: a <link> has no name'),
-    'joint without a name': (
-        robot(LINKS + JOINT.replace('name="turn" ', '')),
-        'robot_description: a <joint> has no name'),
-    'two links of a name': (
-        robot(LINKS + JOINT + '<link name="arm"/>'),
-        "robot_description: two links are named 'arm'"),
-    'two joints of a name': (
-        robot(LINKS + JOINT + JOINT), "robot_description: two joints are named 'turn'"),
-    'floating': (
-        joint_of('', 'floating'),
-        "robot_description: joint 'turn' is of type 'floating': an arm needs a fixed base, "
-        "expected one of ['revolute', 'continuous', 'prismatic', 'fixed']"),
-    'planar': (
-        joint_of('', 'planar'),
-        "robot_description: joint 'turn' is of type 'planar', "
-        "expected one of ['revolute', 'continuous', 'prismatic', 'fixed']"),
-    'no type': (
-        robot(LINKS + JOINT.replace(' type="revolute"', '')),
-        "robot_description: joint 'turn' is of type '', "
-        "expected one of ['revolute', 'continuous', 'prismatic', 'fixed']"),
-    'unknown parent': (
-        robot(LINKS + JOINT.replace('"base"', '"floor"')),
-        "robot_description: joint 'turn': parent link is 'floor', expected one of "
-        "['base', 'arm']"),
-    'unknown child': (
-        robot(LINKS + JOINT.replace('"arm"', '"leg"')),
-        "robot_description: joint 'turn': child link is 'leg', expected one of ['base', 'arm']"),
-    'no child': (
-        robot(LINKS + JOINT.replace('<child link="arm"/>', '')),
-        "robot_description: joint 'turn': child link is missing, expected one of ['base', 'arm']"),
-    'two parents': (
-        robot(LINKS + JOINT + SECOND_JOINT),
-        "robot_description: link 'arm' is the child of two joints, 'turn' and 'back': "
-        'a closed loop, expected a tree'),
-    'two roots': (
-        robot(LINKS + JOINT + TIP),
-        "robot_description: links ['base', 'tip'] all have no parent, expected one root"),
-    'loop without a root': (
-        robot(LINKS + JOINT + joining('back', 'arm', 'base')),
-        "robot_description: links ['base', 'arm'] form a closed loop that hangs on no root, "
-        'expected a tree'),
-    'loop next to the tree': (
-        robot(LINKS + JOINT + TIP + '<link name="top"/>' + joining('up', 'tip', 'top')
-              + joining('down', 'top', 'tip')),
-        "robot_description: links ['tip', 'top'] form a closed loop that hangs on no root, "
-        'expected a tree'),
-    'link on itself': (
-        robot(LINKS + JOINT + TIP + joining('self', 'tip', 'tip')),
-        "robot_description: links ['tip'] form a closed loop that hangs on no root, "
-        'expected a tree'),
-    'revolute without limit': (
-        joint_of('', limit=''),
-        "robot_description: joint 'turn' is revolute and has no <limit>, which URDF requires: a "
-        'joint without limits has the type continuous'),
-    'prismatic without limit': (
-        joint_of('', 'prismatic', limit=''),
-        "robot_description: joint 'turn' is prismatic and has no <limit>, which URDF requires"),
-    'crossed limits': (
-        joint_of('', limit='<limit lower="1.5" upper="-1"/>'),
-        "robot_description: joint 'turn': lower=1.5 is above upper=-1"),
-    'no finite position': (
-        joint_of('', limit='<limit lower="inf" upper="inf"/>'),
-        "robot_description: joint 'turn': lower=inf, upper=inf, expected a range that holds a "
-        'position in [-1e+09, 1e+09]'),
-    'limit as text': (
-        joint_of('', limit='<limit lower="-pi" upper="2"/>'),
-        "robot_description: joint 'turn': lower='-pi', expected a number"),
-    'limit nan': (
-        joint_of('', limit='<limit lower="0" upper="nan"/>'),
-        "robot_description: joint 'turn': upper='nan', expected a number"),
-    'velocity nan': (
-        joint_of('', limit='<limit velocity="NaN"/>'),
-        "robot_description: joint 'turn': velocity='NaN', expected a number"),
-    'effort as text': (
-        joint_of('', limit='<limit effort="a lot"/>'),
-        "robot_description: joint 'turn': effort='a lot', expected a number"),
-    'negative damping': (
-        joint_of('<dynamics damping="-0.1"/>'),
-        "robot_description: joint 'turn': damping=-0.1, expected a number >= 0"),
-    'negative friction': (
-        joint_of('<dynamics friction="-1"/>'),
-        "robot_description: joint 'turn': friction=-1, expected a number >= 0"),
-    'infinite damping': (
-        joint_of('<dynamics damping="inf"/>'),
-        "robot_description: joint 'turn': damping=inf, expected a number >= 0"),
-    'damping as text': (
-        joint_of('<dynamics damping="high"/>'),
-        "robot_description: joint 'turn': damping='high', expected a number"),
-    'zero axis': (
-        joint_of('<axis xyz="0 0 0"/>'),
-        "robot_description: joint 'turn': axis is zero, expected a direction"),
-    'short axis': (
-        joint_of('<axis xyz="0 1"/>'),
-        "robot_description: joint 'turn': xyz='0 1', expected three numbers"),
-    'joint origin': (
-        joint_of('<origin xyz="0 nan 1"/>'),
-        "robot_description: joint 'turn': origin: xyz='0 nan 1', expected three numbers"),
-    'joint angles': (
-        joint_of('<origin rpy="0,0,1"/>'),
-        "robot_description: joint 'turn': origin: rpy='0,0,1', expected three numbers"),
-    'mass nan': (
-        link_of(f'<inertial><mass value="nan"/>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: value='nan', expected a number"),
-    'mass as text': (
-        link_of(f'<inertial><mass value="1 kg"/>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: value='1 kg', expected a number"),
-    'mass missing': (
-        link_of(f'<inertial>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: mass is nan, expected a number >= 0"),
-    'mass negative': (
-        link_of(f'<inertial><mass value="-2"/>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: mass is -2, expected a number >= 0"),
-    'mass infinite': (
-        link_of(f'<inertial><mass value="inf"/>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: mass is inf, expected a number >= 0"),
-    'inertia missing': (
-        link_of('<inertial><mass value="2"/></inertial>'),
-        "robot_description: link 'arm': inertial: ixx is nan, expected a number"),
-    'one entry missing': (
-        link_of(INERTIAL.replace(' iyz="0"', '')),
-        "robot_description: link 'arm': inertial: iyz is nan, expected a number"),
-    'infinite entry': (
-        link_of(INERTIAL.replace('izz="1"', 'izz="inf"')),
-        "robot_description: link 'arm': inertial: izz is inf, expected a number"),
-    'entry as text': (
-        link_of(INERTIAL.replace('ixy="0"', 'ixy="${ixy}"')),
-        "robot_description: link 'arm': inertial: ixy='${ixy}', expected a number"),
-    'com': (
-        link_of(f'<inertial><origin xyz="0 0"/><mass value="1"/>{INERTIA}</inertial>'),
-        "robot_description: link 'arm': inertial: origin: xyz='0 0', expected three numbers"),
-    'mimic of a missing joint': (
-        mimics('<mimic joint="ghost"/>'),
-        "robot_description: joint 'other' mimics 'ghost', expected one of ['turn', 'other']"),
-    'mimic without a joint': (
-        mimics('<mimic multiplier="2"/>'),
-        "robot_description: joint 'other' mimics '', expected one of ['turn', 'other']"),
-    'mimic of a fixed joint': (
-        robot(LINKS + TIP + joining('weld', 'arm', 'tip')
-              + JOINT.replace(LIMIT, f'{LIMIT}<mimic joint="weld"/>')),
-        "robot_description: joint 'turn' mimics 'weld', expected one of ['turn']"),
-    'mimic of itself': (
-        mimics('<mimic joint="other"/>'),
-        "robot_description: joint 'other' mimics itself, through 'other'"),
-    'mimic in a circle': (
-        mimics('<mimic joint="third"/>', '<mimic joint="other"/>'),
-        "robot_description: joint 'other' mimics itself, through 'other'"),
-    'mimic factor': (
-        mimics('<mimic joint="turn" multiplier="double"/>'),
-        "robot_description: joint 'other': multiplier='double', expected a number"),
-    'mimic factor infinite': (
-        mimics('<mimic joint="turn" multiplier="inf"/>'),
-        "robot_description: joint 'other': multiplier=inf, expected a finite number"),
-    'mimic offset infinite': (
-        mimics('<mimic joint="turn" offset="-inf"/>'),
-        "robot_description: joint 'other': offset=-inf, expected a finite number"),
-    'xacro': (
-        robot('<xacro:include filename="arm.xacro"/>', 'xmlns:xacro="http://www.ros.org/xacro"'),
-        'robot_description is a xacro file, it has <xacro:include>, '
-        'expected the URDF that the program xacro makes of it'),
-    'xacro macro': (
-        robot(f'{LINKS}{JOINT}<xacro:macro name="leg" params="side"/>',
-              'name="bot" xmlns:xacro="http://wiki.ros.org/xacro"'),
-        "robot_description is a xacro file, it has <xacro:macro name='leg'>, "
-        'expected the URDF that the program xacro makes of it'),
-    'xacro without a robot': (
-        robot('', 'xmlns:xacro="http://wiki.ros.org/xacro"'),
-        "robot_description: robot '' has no links, expected at least two: its text declares "
-        'xmlns:xacro, is it a xacro file without its robot?'),
-}
+KINDS = "expected one of ['revolute', 'continuous', 'prismatic', 'fixed']"
+LOOP = 'form a closed loop that hangs on no root, expected a tree'
+XACRO = 'expected the URDF that the program xacro makes of it'
+
+REFUSALS = [
+    ('', ' is empty, expected the XML of a URDF'),
+    (' \n ', ' is empty, expected the XML of a URDF'),
+    ('<sdf version="1.6"/>', ' has the root element <sdf>, expected <robot>'),
+    (robot(''), ": robot 'bot' has no links, expected at least two"),
+    (robot('<link/>'), ': a <link> has no name'),
+    (robot(LINKS + JOINT.replace('name="turn" ', '')), ': a <joint> has no name'),
+    (robot(LINKS + JOINT + '<link name="arm"/>'), ": two links are named 'arm'"),
+    (robot(LINKS + JOINT + JOINT), ": two joints are named 'turn'"),
+    (joint_of('', 'floating'),
+     f": joint 'turn' is of type 'floating': an arm needs a fixed base, {KINDS}"),
+    (joint_of('', 'planar'), f": joint 'turn' is of type 'planar', {KINDS}"),
+    (robot(LINKS + JOINT.replace(' type="revolute"', '')),
+     f": joint 'turn' is of type '', {KINDS}"),
+    (robot(LINKS + JOINT.replace('"base"', '"floor"')),
+     ": joint 'turn': parent link is 'floor', expected one of ['base', 'arm']"),
+    (robot(LINKS + JOINT.replace('"arm"', '"leg"')),
+     ": joint 'turn': child link is 'leg', expected one of ['base', 'arm']"),
+    (robot(LINKS + JOINT.replace('<child link="arm"/>', '')),
+     ": joint 'turn': child link is missing, expected one of ['base', 'arm']"),
+    (joint_of('', limit=''), ": joint 'turn' is revolute and has no <limit>, which URDF requires: "
+     'a joint without limits has the type continuous'),
+    (joint_of('', 'prismatic', limit=''),
+     ": joint 'turn' is prismatic and has no <limit>, which URDF requires"),
+    (robot('<xacro:include filename="arm.xacro"/>', 'xmlns:xacro="http://www.ros.org/xacro"'),
+     f' is a xacro file, it has <xacro:include>, {XACRO}'),
+    (robot(f'{LINKS}{JOINT}<xacro:macro name="leg" params="side"/>',
+           'name="bot" xmlns:xacro="http://wiki.ros.org/xacro"'),
+     f" is a xacro file, it has <xacro:macro name='leg'>, {XACRO}"),
+    (robot('', 'xmlns:xacro="http://wiki.ros.org/xacro"'),
+     ": robot '' has no links, expected at least two: its text declares xmlns:xacro, is it a "
+     'xacro file without its robot?'),
+]
 
 
-@pytest.mark.parametrize('case', REFUSALS)
-def test_message_on(case):
-    xml, message = REFUSALS[case]
-    assert refusal(xml) == message
+@pytest.mark.parametrize(('xml', 'words'), REFUSALS)
+def test_message_on(xml, words):
+    assert refusal(xml) == f'robot_description{words}'
+
+
+@pytest.mark.parametrize(('more', 'words'), [
+    (SECOND_JOINT, "link 'arm' is the child of two joints, 'turn' and 'back': a closed loop, "
+     'expected a tree'),
+    (TIP, "links ['base', 'tip'] all have no parent, expected one root"),
+    (joining('back', 'arm', 'base'), f"links ['base', 'arm'] {LOOP}"),
+    (TIP + '<link name="top"/>' + joining('up', 'tip', 'top') + joining('down', 'top', 'tip'),
+     f"links ['tip', 'top'] {LOOP}"),
+    (TIP + joining('self', 'tip', 'tip'), f"links ['tip'] {LOOP}"),
+])
+def test_message_on_what_is_no_tree(more, words):
+    assert refusal(robot(LINKS + JOINT + more)) == f'robot_description: {words}'
+
+
+@pytest.mark.parametrize(('element', 'words'), [
+    ('<limit lower="1.5" upper="-1"/>', 'lower=1.5 is above upper=-1'),
+    ('<limit lower="inf" upper="inf"/>', 'lower=inf, upper=inf, expected a range that holds a '
+     'position in [-1e+09, 1e+09]'),
+    ('<limit lower="-pi" upper="2"/>', "lower='-pi', expected a number"),
+    ('<limit lower="0" upper="nan"/>', "upper='nan', expected a number"),
+    ('<limit velocity="NaN"/>', "velocity='NaN', expected a number"),
+    ('<limit effort="a lot"/>', "effort='a lot', expected a number"),
+    ('<dynamics damping="-0.1"/>', 'damping=-0.1, expected a number >= 0'),
+    ('<dynamics friction="-1"/>', 'friction=-1, expected a number >= 0'),
+    ('<dynamics damping="inf"/>', 'damping=inf, expected a number >= 0'),
+    ('<dynamics damping="high"/>', "damping='high', expected a number"),
+    ('<axis xyz="0 0 0"/>', 'axis is zero, expected a direction'),
+    ('<axis xyz="0 1"/>', "xyz='0 1', expected three numbers"),
+    ('<origin xyz="0 nan 1"/>', "origin: xyz='0 nan 1', expected three numbers"),
+    ('<origin rpy="0,0,1"/>', "origin: rpy='0,0,1', expected three numbers"),
+])
+def test_message_on_an_element_of_a_joint(element, words):
+    xml = joint_of('', limit=element) if element.startswith('<limit') else joint_of(element)
+    assert refusal(xml) == f"robot_description: joint 'turn': {words}"
+
+
+@pytest.mark.parametrize(('inside', 'words'), [
+    (f'<mass value="nan"/>{INERTIA}', "value='nan', expected a number"),
+    (f'<mass value="1 kg"/>{INERTIA}', "value='1 kg', expected a number"),
+    (INERTIA, 'mass is nan, expected a number >= 0'),
+    (f'<mass value="-2"/>{INERTIA}', 'mass is -2, expected a number >= 0'),
+    (f'<mass value="inf"/>{INERTIA}', 'mass is inf, expected a number >= 0'),
+    ('<mass value="2"/>', 'ixx is nan, expected a number'),
+    (MASS + INERTIA.replace(' iyz="0"', ''), 'iyz is nan, expected a number'),
+    (MASS + INERTIA.replace('izz="1"', 'izz="inf"'), 'izz is inf, expected a number'),
+    (MASS + INERTIA.replace('ixy="0"', 'ixy="${ixy}"'), "ixy='${ixy}', expected a number"),
+    (f'<origin xyz="0 0"/><mass value="1"/>{INERTIA}',
+     "origin: xyz='0 0', expected three numbers"),
+])
+def test_message_on_an_inertia(inside, words):
+    assert refusal(link_of(f'<inertial>{inside}</inertial>')) == (
+        f"robot_description: link 'arm': inertial: {words}")
+
+
+@pytest.mark.parametrize(('relations', 'words'), [
+    (['joint="ghost"'], " mimics 'ghost', expected one of ['turn', 'other']"),
+    (['multiplier="2"'], " mimics '', expected one of ['turn', 'other']"),
+    (['joint="other"'], " mimics itself, through 'other'"),
+    (['joint="third"', 'joint="other"'], " mimics itself, through 'other'"),
+    (['joint="turn" multiplier="double"'], ": multiplier='double', expected a number"),
+    (['joint="turn" multiplier="inf"'], ': multiplier=inf, expected a finite number'),
+    (['joint="turn" offset="-inf"'], ': offset=-inf, expected a finite number'),
+])
+def test_message_on_a_mimic_relation(relations, words):
+    assert refusal(mimics(*(f'<mimic {each}/>' for each in relations))) == (
+        f"robot_description: joint 'other'{words}")
+
+
+def test_message_on_a_mimic_of_a_fixed_joint():
+    follower = JOINT.replace(LIMIT, f'{LIMIT}<mimic joint="weld"/>')
+    assert refusal(robot(LINKS + TIP + joining('weld', 'arm', 'tip') + follower)) == (
+        "robot_description: joint 'turn' mimics 'weld', expected one of ['turn']")
 
 
 @pytest.mark.parametrize('text', [
