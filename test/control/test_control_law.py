@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control law: gains, and the feedback along a trajectory."""
+"""The control law: gains, the feedback along a trajectory, and the resulting error dynamics."""
 
 import math
 
@@ -12,10 +12,13 @@ import pytest
 from robot_dynamics.arrays import wrap_angle, wrap_to_pi
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains, Tracking
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.validation import LARGEST_VALUE
+from robots import robot_urdf
 
 NAMES = ('shoulder', 'elbow', 'wrist')
 
@@ -242,3 +245,19 @@ def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) ->
     found = feedback.track(active, SECOND, np.full(2, place), np.full(2, -place))
     assert not np.isfinite(found.acceleration[1])
 
+
+# --- the closed loop -----------------------------------------------------------------------------
+
+@pytest.mark.parametrize('zeta', [0.3, 1.0, 2.5])
+@pytest.mark.parametrize('name', ['default', 'ur10'])
+def test_error_obeys_its_differential_equation(name: str, zeta: float) -> None:
+    """With an exact model ë + K_d ė + K_p e = 0 at each joint (Siciliano et al. 2009, 8.5.2)."""
+    arm, omega = load_arm(robot_urdf(name)), 8.0
+    dynamics, rng = ArmDynamics(arm), np.random.default_rng(0)
+    feedback = ErrorFeedback(make_gains(arm.joint_names, [omega], [zeta]), arm.joint_kinds)
+    for _ in range(50):
+        q, v, *reference = rng.uniform(-1.0, 1.0, (5, arm.joint_count))
+        effort = dynamics.inverse_dynamics(
+            q, v, tracked(feedback, Reference(*reference), q, v).acceleration)
+        e, e_dot, e_ddot = reference - np.array((q, v, dynamics.forward_dynamics(q, v, effort)))
+        assert e_ddot + 2.0 * zeta * omega * e_dot + omega**2 * e == pytest.approx(0.0, abs=1e-5)

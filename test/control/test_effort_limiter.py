@@ -203,3 +203,14 @@ def test_finite_efforts_stay_finite(steps: list[Step]) -> None:
     with np.errstate(over='ignore'):
         for step in steps:
             assert np.isfinite(guarded_by(one, step).effort).all()
+
+
+@pytest.mark.parametrize('v', [SPEED, -SPEED, 1.1 * SPEED, -1.1 * SPEED])
+@pytest.mark.parametrize('push', [7.0, -7.0])
+def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, push: float) -> None:
+    one, hold = guard(rate=1e9), np.array([30.0, -20.0])
+    one.last = hold
+    guarded = guarded_by(one, Step(hold + push, hold, np.zeros(N), np.full(N, v), 0.01))
+    held = abs(v) > SPEED and push * v > 0.0
+    assert guarded.by_velocity.tolist() == [held, held]
+    assert guarded.effort.tolist() == (hold if held else hold + push).tolist()

@@ -231,3 +231,22 @@ def test_a_robot_does_not_know_its_load() -> None:
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert robot.with_own_compensation(ZERO, Q, ZERO) == pytest.approx(G)
     assert np.abs(loaded - G).min() > 5.0
+
+
+def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
+    """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
+    urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
+    arm = load_arm(urdf)
+    assert arm.limits.effort[0] == 30.0 < abs(G[0])
+    controller = Controller(arm, ControllerOptions(
+        make_gains(NAMES), effort_convention=EffortConvention(robot_compensates=('gravity',))))
+    rest = controller.update(1, Q, ZERO)
+    assert rest.command is not None
+    assert rest.command.tolist() == [0.0, 0.0]
+    assert rest.clamped is None
+    for step, expected in ((-0.1, 0.0), (0.1, 30.0)):  # g(q) is negative
+        controller.follow(make_trajectory(
+            NAMES, [0.0], [Q + [step, 0.0]], [ZERO], [], NAMES), 0)
+        output = controller.update(2, Q, ZERO)
+        assert output.command is not None
+        assert output.command[0] == expected
