@@ -13,7 +13,7 @@ from damaged_bytes import cut_short, noise, with_lies, with_noise
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, G, NAMES, NANOSECONDS, Q, V
 from fault_stimuli import check_rate
-from fault_table import fault
+from fault_table import fault, fault_cases
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
@@ -97,9 +97,7 @@ def send_until(
 
 def damages(topic: str, expected: str) -> Any:
     """Parametrize over the kinds of damage; each is one fault."""
-    return pytest.mark.parametrize('damage', [
-        pytest.param(damage, id=words, marks=fault(GROUP, f'`{topic}`: {words}', expected))
-        for words, damage in DAMAGES.items()])
+    return fault_cases('damage', GROUP, f'`{topic}`: {{}}', expected, DAMAGES.items())
 
 
 @damages('joint_states',
@@ -197,11 +195,9 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
     assert 'internal error' not in arm.log
 
 
-@pytest.mark.parametrize('damage', [
-    pytest.param(damage, id=words, marks=fault(
-        GROUP, f'both topics of `simulated_arm`: {words}',
-        'rejected and reported, or applied; the arm continues with finite states'))
-    for words, damage in DAMAGES.items()])
+@fault_cases(
+    'damage', GROUP, 'both topics of `simulated_arm`: {}',
+    'rejected and reported, or applied; the arm continues with finite states', DAMAGES.items())
 def test_topics_of_the_simulated_arm(
     client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
 ) -> None:

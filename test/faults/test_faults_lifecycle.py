@@ -11,7 +11,7 @@ from typing import Any
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
 from fault_stimuli import from_now, overflow
-from fault_table import fault
+from fault_table import fault, fault_cases
 from lifecycle_bench import (
     ACTIVATE,
     CLEANUP,
@@ -119,15 +119,13 @@ def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
     seen(f'{len(ramp)} commands in a ramp of {ramp[-1][0] - ramp[0][0]:.2f} s')
 
 
-@pytest.mark.parametrize('request_of', [
-    pytest.param(request_of, marks=fault(GROUP, words, NOT_CHANGED))
-    for words, request_of in (
-        ('activation of an active node', {'transition': ACTIVATE}),
-        ('configuration of an active node', {'transition': CONFIGURE}),
-        ('cleanup of an active node', {'transition': CLEANUP}),
-        ('an unknown transition number', {'transition': 200}),
-        ('an unknown transition name', {'label': 'fly'}),
-        ('an internal transition', {'transition': 10}))])
+@fault_cases('request_of', GROUP, '{}', NOT_CHANGED, (
+    ('activation of an active node', {'transition': ACTIVATE}),
+    ('configuration of an active node', {'transition': CONFIGURE}),
+    ('cleanup of an active node', {'transition': CLEANUP}),
+    ('an unknown transition number', {'transition': 200}),
+    ('an unknown transition name', {'label': 'fly'}),
+    ('an internal transition', {'transition': 10})))
 def test_wrong_transitions(bench: LifecycleBench, request_of: dict[str, Any]) -> None:
     bench.check_alive()
     assert not bench.change(**request_of)
@@ -184,12 +182,10 @@ def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
     bench.check_alive()
 
 
-@pytest.mark.parametrize('transitions', [
-    pytest.param(transitions, marks=fault(
-        GROUP, f'`~/reset_fault` after a latched fault while the node is {state}',
-        '`success` true; commands resume at the next activation, not earlier'))
-    for state, transitions in (
-        ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP]))])
+@fault_cases(
+    'transitions', GROUP, '`~/reset_fault` after a latched fault while the node is {}',
+    '`success` true; commands resume at the next activation, not earlier', (
+        ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP])))
 def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int]) -> None:
     latch(bench)
     for transition in transitions:

@@ -9,7 +9,7 @@ from typing import Any
 
 from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
 from fault_stimuli import check_rate, DIRECT, move, NO_STREAM, Swing, wait_agreement, wait_states
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -87,16 +87,14 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
 
 # --- position ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('joint', 'limit', 'sign'), [
-    pytest.param(joint, limit, sign, id=words, marks=fault(
-        GROUP, f'a joint 0.005 rad {words}; feedback pushes toward the limit',
-        'no acceleration of that joint toward the limit, counted; away from it the effort is not '
-        'limited'))
-    for words, joint, limit, sign in (
+@fault_cases(
+    ('joint', 'limit', 'sign'), GROUP, 'a joint 0.005 rad {}; feedback pushes toward the limit',
+    'no acceleration of that joint toward the limit, counted; away from it the effort is not '
+    'limited', (
         ('before its upper limit', 0, UPPER - 0.005, 1.0),
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
         ('before its lower limit', 1, LOWER + 0.005, -1.0),
-        ('past its lower limit', 1, LOWER - 0.005, -1.0))])
+        ('past its lower limit', 1, LOWER - 0.005, -1.0)))
 def test_a_position_limit_ahead(
     bench: FaultBench, joint: int, limit: float, sign: float,
 ) -> None:
@@ -130,15 +128,14 @@ def test_a_position_limit_ahead(
     wait_first(bench, joint, -sign * EFFORT[joint])
 
 
-@pytest.mark.parametrize(('joint', 'position', 'reported'), [
-    pytest.param(joint, position, reported, id=words, marks=fault(
-        GROUP, f'a joint {words}', 'fault `position_limit` that names joint and distance: the arm '
-        'is held while joint states are valid; ends automatically after five valid states'))
-    for words, joint, position, reported in (
+@fault_cases(
+    ('joint', 'position', 'reported'), GROUP, 'a joint {}',
+    'fault `position_limit` that names joint and distance: the arm '
+    'is held while joint states are valid; ends automatically after five valid states', (
         ('0.009 rad past its upper limit', 0, UPPER + 0.009,
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
         ('0.1 rad past its lower limit', 1, LOWER - 0.1,
-         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087"))])
+         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087")))
 def test_a_position_past_its_limit(
     bench: FaultBench, joint: int, position: float, reported: str,
 ) -> None:
@@ -171,12 +168,11 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
 
 # --- velocity ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('sign', [
-    pytest.param(sign, id=words, marks=fault(
-        GROUP,
-        f'joint1 at 12 rad/s, and a reference that accelerates it {words}; its limit is 10 rad/s',
-        'no acceleration along the motion, counted; braking is not limited'))
-    for words, sign in (('forwards', 1.0), ('backwards', -1.0))])
+@fault_cases(
+    'sign', GROUP,
+    'joint1 at 12 rad/s, and a reference that accelerates it {}; its limit is 10 rad/s',
+    'no acceleration along the motion, counted; braking is not limited', (
+        ('forwards', 1.0), ('backwards', -1.0)))
 def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2

@@ -8,7 +8,7 @@ from typing import Any
 
 from bad_descriptions import Bad, BAD_DESCRIPTIONS
 from fault_bench import G, nanoseconds_of, Q
-from fault_table import fault
+from fault_table import fault, fault_cases
 from lifecycle_bench import (
     ACTIVATE,
     DEACTIVATE,
@@ -93,9 +93,7 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
         for value in status.values))
 
 
-@pytest.mark.parametrize('bad', [
-    pytest.param(bad, id=words, marks=fault(GROUP, words, KEPT))
-    for words, bad in BAD_DESCRIPTIONS.items()])
+@fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
 def test_a_bad_description(
     bench: LifecycleBench, descriptions: Descriptions, bad: Bad,
 ) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import math
 from typing import Any
 
-from fault_table import fault
+from fault_table import fault, fault_cases
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMsg
 from rcl_interfaces.msg import ParameterValue
@@ -85,9 +85,7 @@ def before(control: ControlContinues) -> Any:
     return values_of(control, [spec.name for spec in SPECS])
 
 
-@pytest.mark.parametrize('parameters', [
-    pytest.param(parameters, id=words, marks=fault(GROUP, words, REFUSED))
-    for words, parameters in BAD_VALUES.items()])
+@fault_cases('parameters', GROUP, '{}', REFUSED, BAD_VALUES.items())
 def test_bad_values(control: ControlContinues, parameters: list[Parameter], before: Any) -> None:
     assert parameters
     with control.checked():

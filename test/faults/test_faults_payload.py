@@ -10,7 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
 from fault_stimuli import check_rate, NO_STREAM, wait_states
-from fault_table import fault
+from fault_table import fault, fault_cases
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_bench import (
     ACTIVATE,
@@ -77,10 +77,9 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@pytest.mark.parametrize(('request_', 'reported'), [
-    pytest.param(request, reported, id=words, marks=fault(
-        GROUP, words, 'rejected with a message that names the field; the command does not change'))
-    for words, request, reported in (
+@fault_cases(
+    ('request_', 'reported'), GROUP, '{}',
+    'rejected with a message that names the field; the command does not change', (
         ('a negative mass', {'mass': -1.0}, 'payload.inertia.m is -1'),
         ('a mass that is NaN', {'mass': NAN}, 'payload.inertia.m is nan'),
         ('an infinite mass', {'mass': INF}, 'payload.inertia.m is inf'),
@@ -100,8 +99,7 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
          "payload.inertia.com is 1000 m from the origin of 'tool0', expected at most 3.6 m"),
         ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
         ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
-        ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf'),
-    )])
+        ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
 def test_an_invalid_payload(
     bench: FaultBench, request_: dict[str, Any], reported: str,
 ) -> None:

@@ -15,7 +15,7 @@ from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 from damaged_bytes import HEAD, noise, with_noise
 from fault_bench import G, NAMES, Q, V
-from fault_table import fault
+from fault_table import fault, fault_cases
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
@@ -263,13 +263,12 @@ def with_counts(data: bytes) -> Iterator[bytes]:
             yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
 
 
-@pytest.mark.parametrize('damage', [pytest.param(damage, id=words, marks=fault(
-    GROUP, f'requests to all services of the action, while a goal is executed: {words}',
-    'ignored, or answered; the next goal succeeds'))
-    for words, damage in (
+@fault_cases(
+    'damage', GROUP, 'requests to all services of the action, while a goal is executed: {}',
+    'ignored, or answered; the next goal succeeds', (
         ('wrong element counts, 4 billion or 500 million', with_counts),
         ('random bytes within a request', lambda data: with_noise(data, 50)),
-        ('only random bytes', lambda _: noise(50)))])
+        ('only random bytes', lambda _: noise(50))))
 def test_damaged_requests_of_the_action(
     client: RosClient, control: ControlContinues, seen: Any,
     damage: Callable[[bytes], Iterator[bytes]],

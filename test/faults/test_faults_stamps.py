@@ -10,7 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import Change, FaultBench, figure_of, G, Q, stamp_of
 from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_states
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -51,13 +51,11 @@ def moving(message: JointState) -> JointState:
     return message
 
 
-@pytest.mark.parametrize('change', [
-    pytest.param(change, marks=fault(
-        GROUP, words, 'not new: the last command is repeated, then fault `state_timeout`; '
-        'counted; commands resume'))
-    for words, change in (
+@fault_cases(
+    'change', GROUP, '{}', 'not new: the last command is repeated, then fault `state_timeout`; '
+    'counted; commands resume', (
         ('constant stamps', lambda message: message),
-        ('constant stamps with changing positions', moving))])
+        ('constant stamps with changing positions', moving)))
 def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     bench.set_parameters(command='gravity_compensation')  # no feedback, whatever the position
     bench.check_alive()
@@ -96,14 +94,13 @@ def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
 
 # --- several publishers --------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('driver', 'change', 'reason'), [
-    pytest.param(driver, change, reason, marks=fault(
-        PUBLISHERS, words, 'fault `several_publishers` that names joint or stamp, until 100 '
-        'consecutive states are consistent; valid states are answered with g(q); ends '
-        'automatically'))
-    for words, driver, change, reason in (
+@fault_cases(
+    ('driver', 'change', 'reason'), PUBLISHERS, '{}',
+    'fault `several_publishers` that names joint or stamp, until 100 '
+    'consecutive states are consistent; valid states are answered with g(q); ends '
+    'automatically', (
         ('two publishers with poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
-        ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back'))])
+        ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back')))
 def test_two_publishers(
     bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
 ) -> None:

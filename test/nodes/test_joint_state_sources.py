@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -172,13 +172,10 @@ def send_until(
     assert end < deadline, f'{TIMEOUT:g} s passed before the condition was true'
 
 
-@pytest.mark.parametrize('names', [
-    pytest.param(names, marks=fault(
-        OTHER, f'no description, and joint states of {words}', NOTHING))
-    for words, names in (
-        ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
-        ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
-        ('`shoulder` and `elbow`', ['shoulder', 'elbow']))])
+@fault_cases('names', OTHER, 'no description, and joint states of {}', NOTHING, (
+    ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
+    ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
+    ('`shoulder` and `elbow`', ['shoulder', 'elbow'])))
 def test_the_embedded_arm_is_not_commanded_for_another_robot(
     client: RosClient, names: list[str],
 ) -> None:
