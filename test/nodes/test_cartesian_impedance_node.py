@@ -17,7 +17,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient
+from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 
 LAW = {'command': 'cartesian_impedance', 'condition_references': True, 'scale_gains': True,
@@ -121,11 +121,6 @@ def test_a_wrong_parameter_is_refused_at_the_start_and_at_run_time(
             ('cartesian.translation_stiffness', [1.0, 2.0]),
             ('cartesian.translation_stiffness', [-1.0]), ('cartesian.rotation_stiffness', -1.0),
             ('cartesian.damping_ratio', 0.0), ('cartesian.frame', 'hand')):
-        result, = client.set_parameters(f'{NAMESPACE}/dynamics', {name: value})
-        assert not result.successful
-        assert name in result.reason
-    wrong = NodeProcess(
+        assert name in client.rejection(f'{NAMESPACE}/dynamics', name, value)
+    assert "cartesian.frame is 'hand', expected one of the links" in log_of_failed_start(
         DYNAMICS, {'joints': NAMES, 'cartesian.frame': 'hand'}, namespace='/wrong_frame')
-    wrong.launch()
-    assert wrong.wait() == 1
-    assert "cartesian.frame is 'hand', expected one of the links" in wrong.log

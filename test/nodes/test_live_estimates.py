@@ -188,8 +188,8 @@ def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
         robot.say(10)
         node.wait_for_log(
             r"Fault external_effort: .*'joint2'.* at most 2 \(external_effort_limit or contact")
-        refused, = client.set_parameters('/touched/dynamics', {'contact.effort': [0.0, 0.0]})
-        assert 'contact.is_fault is true without levels' in refused.reason
+        reason = client.rejection('/touched/dynamics', 'contact.effort', [0.0, 0.0])
+        assert 'contact.is_fault is true without levels' in reason
 
 
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:

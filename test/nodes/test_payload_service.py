@@ -23,6 +23,7 @@ from robot_dynamics_interfaces.srv import ManipulatorEquation, SetPayload
 from ros_harness import (
     DYNAMICS,
     LATCHED,
+    log_of_failed_start,
     NodeProcess,
     RosClient,
     running,
@@ -124,9 +125,7 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
 def test_mismatched_payload_parameters_end_the_start(
     changes: dict[str, Any], words: str,
 ) -> None:
-    node = NodeProcess(DYNAMICS, changes).launch()
-    assert node.wait() == 1
-    assert re.search(words, node.log), node.log
+    assert re.search(words, log_of_failed_start(DYNAMICS, changes))
 
 
 def test_a_transition_takes_the_time_of_the_joint_states(

@@ -230,6 +230,16 @@ class NodeProcess:
             self._news.notify_all()
 
 
+def log_of_failed_start(
+    module: str, parameters: Mapping[str, Any] | None = None, **options: Any,
+) -> str:
+    """Return the log of a node that cannot start; it must end with status 1, as intended."""
+    node = NodeProcess(module, parameters, **options).launch()
+    assert node.wait() == 1, node.log
+    assert 'Traceback' not in node.log, node.log
+    return node.log
+
+
 @contextmanager
 def running(*nodes: NodeProcess) -> Iterator[None]:
     """Run several nodes, which start and stop simultaneously."""
@@ -308,14 +318,24 @@ class RosClient:
         for name in [name for name in self._clients if name.startswith(prefix)]:
             self.node.destroy_client(self._clients.pop(name))
 
+    def _setting(self, node: str, name: str, value: Any) -> Any:
+        """Set a parameter of a node; return the result."""
+        parameter = value if isinstance(value, Parameter) else Parameter(name, value=value)
+        result, = self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
+            parameters=[parameter.to_parameter_msg()])).results
+        return result
+
     def set_parameters(self, node: str, values: Mapping[str, Any]) -> list[Any]:
-        """Set parameters of a node, one by one; return the results."""
-        parameters = [
-            value if isinstance(value, Parameter) else Parameter(name, value=value)
-            for name, value in values.items()]
-        return list(self.call(
-            SetParameters, f'{node}/set_parameters', SetParameters.Request(
-                parameters=[p.to_parameter_msg() for p in parameters])).results)
+        """Set parameters of a node, one by one; return the results, which must be successes."""
+        results = [self._setting(node, name, value) for name, value in values.items()]
+        assert all(result.successful for result in results), results
+        return results
+
+    def rejection(self, node: str, name: str, value: Any) -> str:
+        """Return the reason for which a node rejects a value of a parameter."""
+        result = self._setting(node, name, value)
+        assert not result.successful, f'{node} accepted {name} {value}'
+        return str(result.reason)
 
     def get_parameter(self, node: str, name: str) -> Any:
         """Return the value of a parameter of a node, None if it is unset."""
