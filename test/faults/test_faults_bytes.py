@@ -11,10 +11,10 @@ from typing import Any
 
 from damaged_bytes import cut_short, noise, with_lies, with_noise
 from diagnostic_msgs.msg import DiagnosticStatus
+from disturbances import wrench
 from fault_bench import FaultBench, G, NAMES, NANOSECONDS, Q, V
 from fault_stimuli import check_rate
 from fault_table import fault, fault_cases
-from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from raw_publisher import bytes_of, RawPublisher
@@ -32,8 +32,7 @@ REFERENCE = JointTrajectory(
     joint_names=NAMES, points=[JointTrajectoryPoint(positions=GOAL, velocities=V)])
 DESCRIPTION = String(data='<robot name="none"><link name="base"/></robot>')
 EFFORT = JointState(name=NAMES, effort=G)
-WRENCH = WrenchStamped()
-WRENCH.header.frame_id = 'tool0'
+WRENCH = wrench('tool0')
 Damage = Callable[[bytes, type], Iterable[bytes]]
 Seen = Callable[[str], Any]
 DAMAGES: dict[str, Damage] = {

@@ -10,6 +10,7 @@ from typing import Any
 from bounded_waits import Collector, has_stamp
 from closed_loop import closed_loop, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from disturbances import push, set_payload
 from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
@@ -18,9 +19,8 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -52,13 +52,6 @@ def pairs(states: Collector, estimates: Collector) -> list[int]:
     return [t for t in r if {t, t - STEP_NS} <= q.keys() and t - STEP_NS in r]
 
 
-def push(wrench: bool) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    message.wrench.force.x, _, message.wrench.force.z = (FORCE * wrench).tolist()
-    return message
-
-
 def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
     """In lock-step, so that the values at each stamp do not depend on the machine."""
     with client.collect(JointState, '/pushed/joint_states') as states, \
@@ -68,12 +61,11 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
             closed_loop(
                 '/pushed', {**ROBOT, 'external_effort_bandwidth': BANDWIDTH,
                             'gains.natural_frequency': [40.0]}, **ROBOT, rate=RATE):
-        wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
         states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before an effort
         send(client, '/pushed', (0.0, START))
         client.wait_for(JointState, '/pushed/dynamics/computed_torque', timeout=LONG)
         first = estimates.wait_count(20, LONG)[-1]
-        wrenches.publish(push(True))
+        push(client, '/pushed/simulated_arm', FORCE)
         seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
         end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
         # an observer misses some messages
@@ -239,8 +231,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             robot.say(3)
             before = estimate(robot.stamp)
             load = make_payload('tool0', 2.0)
-            assert client.call(SetPayload, '/held/dynamics/set_payload', SetPayload.Request(
-                payload=payload_to_ros(load))).success
+            set_payload(client, '/held/dynamics', load)
             robot.say()
             # from now on the payload, which the measured effort lacks, appears as external torque
             lift = LIFT + ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(
@@ -248,7 +239,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             fraction = -math.expm1(-K * STEP)
             assert estimate(robot.stamp) == pytest.approx(
                 before + fraction * (lift - before), abs=1e-9)
-            client.call(SetPayload, '/held/dynamics/set_payload')
+            set_payload(client, '/held/dynamics')
             robot.say(30)
             assert estimate(robot.stamp) == pytest.approx(LIFT, abs=0.1)
         diagnostics.clear()

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from disturbances import set_payload
+from geometry_msgs.msg import WrenchStamped
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -19,7 +20,6 @@ from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.markers import drawn, LiveMarkers
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
@@ -161,16 +161,13 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
 
 
 def test_a_payload_is_a_ball(client: RosClient, robot: Robot) -> None:
-    load = InertiaStamped()
-    load.header.frame_id, load.inertia.m = 'tool0', 2.0
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
-        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
+        set_payload(client, '/marked/dynamics', make_payload('tool0', 2.0))
         found = by_name(robot.stand_until(
             markers, lambda found: ('payload', 0) in found, []))
         assert at(found['payload', 0].pose.position) == TOOL
         assert found['payload', 0].scale.x == found['payload', 0].scale.z > 0.05
-        load.inertia.m = 0.0
-        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
+        set_payload(client, '/marked/dynamics')
         markers.clear()
         robot.stand_until(markers, lambda found: ('payload', 0) not in found, [])
 
