@@ -25,12 +25,10 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
 from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from service_requests import REFUSALS, SERVICES
+from simulated_arms import default_dynamics
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -137,7 +135,7 @@ def test_large_requests(
        'each client gets the answers to its own requests; control continues')
 def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> None:
     node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
-    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    dynamics = default_dynamics()
     positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
     # Each client receives the answers to all clients; by default it keeps 10 of them.
     deep = QoSProfile(depth=positions[..., 0].size)

@@ -13,11 +13,9 @@ from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 GROUP = 'Stamps of joint states'
 PUBLISHERS = 'Inconsistent joint states'
@@ -130,7 +128,7 @@ def test_two_publishers(
 
 def gravity(q: list[float]) -> Any:
     """Return g(q) of the default arm."""
-    return ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(q))
+    return default_dynamics().rigid_body.gravity(np.array(q))
 
 
 def follow(bench: FaultBench) -> None:

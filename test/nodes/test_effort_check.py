@@ -12,16 +12,15 @@ from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_path
 from ros_harness import DYNAMICS, LATCHED, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from std_msgs.msg import String
 
-G = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(START))
+G = default_dynamics().rigid_body.gravity(np.array(START))
 SLOW = {'real_time_factor': 3.0}
 PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
 MOTORS = {

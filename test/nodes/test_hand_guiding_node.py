@@ -11,9 +11,6 @@ from disturbances import push, ZERO
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import (
     DYNAMICS,
     LONG,
@@ -24,11 +21,12 @@ from ros_harness import (
     wait_until,
 )
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 LAW = {'command': 'hand_guiding', 'joints': NAMES, 'hand_guiding.feedback_gain': [0.5]}
 ROUGH = {'friction.coulomb': [8.0]}
 """Dry friction [N·m] that holds the arm against the forces that are felt."""
-ARM = ArmDynamics(load_arm(default_arm_urdf()))
+ARM = default_dynamics()
 
 
 def is_at_rest(message: JointState) -> bool:

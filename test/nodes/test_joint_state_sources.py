@@ -14,8 +14,6 @@ from builtin_interfaces.msg import Time
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import (
     Collector,
@@ -27,11 +25,12 @@ from ros_harness import (
     TIMEOUT,
 )
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from std_msgs.msg import String
 
 NAMES = ('joint1', 'joint2')
 Q = [0.4, -0.3]
-HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+HOLD = default_dynamics().gravity(Q)
 SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
 NOTHING = 'no command; one error names these joints and `robot_description_file`'
 STATES = 100

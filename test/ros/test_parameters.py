@@ -12,8 +12,6 @@ import numpy as np
 import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.control.scaled_laws import LAWS
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import (
     arm_from_parameters,
     FORMER_NAMES,
@@ -27,6 +25,7 @@ from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from robot_dynamics.tools.command_line import read_parameters
 from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import yaml
 
@@ -156,7 +155,7 @@ def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(
 
 def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     q, error = np.array([0.8, 0.5]), np.array([0.05, -0.02])
-    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    dynamics = default_dynamics()
     M, g = dynamics.rigid_body.mass_matrix(q), dynamics.rigid_body.gravity(q)
     states = client.publisher(JointState, '/parameters/joint_states', 1)
     trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')

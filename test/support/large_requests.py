@@ -17,10 +17,7 @@ from builtin_interfaces.msg import Duration
 from disturbances import wrench
 import numpy as np
 from request_bench import answer_lines, ClientProcess
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
@@ -30,11 +27,12 @@ from robot_dynamics_interfaces.srv import (
     SetPayload,
 )
 from ros_harness import RosClient, TIMEOUT
+from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
 SAMPLES, POINTS, WRENCHES = 100_000, 5000, 2000
-DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))
+DYNAMICS = default_dynamics()
 STILL = [0.0, 0.0]
 
 Check = Callable[[Any], bool]

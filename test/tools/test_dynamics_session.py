@@ -16,12 +16,11 @@ from children import TIMEOUT
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
 from verb_bench import Ask, finish, first_line, PROGRAM, start
 
@@ -264,7 +263,7 @@ def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> Non
     wait_until(lambda: 'stiffness' in json.loads(ask('watch', '--count', '1', '--json')[1]),
                'the stiffness')
     table = json.loads(ask('watch', '--count', '1', '--json')[1])
-    M = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.mass_matrix(
+    M = default_dynamics().rigid_body.mass_matrix(
         np.array(table['position']))
     np.testing.assert_allclose(table['stiffness'], 400.0 * np.diagonal(M), rtol=1e-2)
     assert 'friction_error' not in table  # this arm has no friction

@@ -16,14 +16,12 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics.tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from simulated_arms import default_dynamics
 from verb_bench import Ask
 
 ROOT = Path(__file__).parents[2]
@@ -48,7 +46,7 @@ LIFT = """
 </robot>"""
 """One joint slides; one turns, and is too weak for its arm, which has no possible inertia."""
 Q, V, A = [0.785398, 0.523599], [0.5, 0.3], [0.1, 0.2]
-DYNAMICS_OF = ArmDynamics(load_arm(default_arm_urdf()))
+DYNAMICS_OF = default_dynamics()
 
 
 @pytest.fixture(scope='module', autouse=True)

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories import (
     efforts_along,
     make_trajectory,
@@ -21,10 +18,11 @@ from robot_dynamics.trajectories import (
 )
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import DYNAMICS, NodeProcess
+from simulated_arms import default_dynamics
 from verb_bench import Ask
 
 NAMES = ('joint1', 'joint2')
-ARM = ArmDynamics(load_arm(default_arm_urdf()))
+ARM = default_dynamics()
 
 
 @pytest.fixture(scope='module', autouse=True)
