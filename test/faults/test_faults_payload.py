@@ -93,6 +93,8 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
          'payload.inertia.m is 0 with a moment of inertia'),
         ('100 kg at the tip', {'mass': 100.0},
          "payload.inertia.m is 100 kg on 'tool0', expected at most 72.2 kg"),
+        ('a payload of 10³⁰⁸ kg', {'mass': 1.7e308},
+         'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]'),
         ('a million kilograms at the tip', {'mass': 1e6},
          "payload.inertia.m is 1e+06 kg on 'tool0', expected at most 72.2 kg"),
         ('1 kg at a distance of 1 km', {'mass': 1.0, 'com': Vector3(z=1000.0)},

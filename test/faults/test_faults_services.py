@@ -25,11 +25,11 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
-from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
+from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch
 from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from service_requests import REFUSALS, SERVICES
 from simulated_arms import default_dynamics
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Service requests'
@@ -78,25 +78,6 @@ def test_malformed_requests(control: ControlContinues, service: str) -> None:
             assert re.search(words, response.message), response.message
             # no field is filled in
             assert response == SERVICES[service].Response(success=False, message=response.message)
-
-
-@fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
-def test_a_payload_beyond_numbers(control: ControlContinues) -> None:
-    request = SetPayload.Request()
-    request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
-    with control.checked():
-        response = control.ask('set_payload', SetPayload, payload=request.payload)
-        assert not response.success
-        assert response.message == (
-            'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]')
-
-
-@fault(GROUP, '`~/reset_fault` without a fault',
-       '`success` false, reported in the message; control continues')
-def test_a_reset_without_a_fault(control: ControlContinues) -> None:
-    with control.checked():
-        response = control.ask('reset_fault', Trigger)
-        assert (response.success, response.message) == (False, 'there is no fault')
 
 
 # --- huge ----------------------------------------------------------------------------------------
