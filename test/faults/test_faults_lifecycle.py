@@ -10,7 +10,7 @@ from typing import Any
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
-from fault_stimuli import from_now, overflow
+from fault_stimuli import follow, from_now, overflow, wait_effort
 from fault_table import fault, fault_cases
 from lifecycle_bench import (
     ACTIVATE,
@@ -204,12 +204,11 @@ def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int])
 def latch(bench: LifecycleBench) -> None:
     """Cause a latched fault: a state for which the computed torque is not finite."""
     bench.check_alive()
-    bench.set_point(Q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, Q)
     overflow(bench)
     bench.driver.go_on()
     bench.efforts.clear()  # the answer to valid states is g(q)
-    bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
+    wait_effort(bench, G)
 
 
 # --- configuration that fails --------------------------------------------------------------------

@@ -8,7 +8,16 @@ import math
 from typing import Any
 
 from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
-from fault_stimuli import check_rate, DIRECT, move, NO_STREAM, Swing, wait_agreement, wait_states
+from fault_stimuli import (
+    check_rate,
+    DIRECT,
+    move_by_hand,
+    NO_STREAM,
+    Swing,
+    wait_agreement,
+    wait_effort,
+    wait_states,
+)
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
@@ -63,7 +72,7 @@ def acceleration(swing: Swing, message: JointState) -> Any:
 
 def be_at(bench: FaultBench, q: Any) -> None:
     """Move the arm to q and the reference to q within the limits; wait until it is followed."""
-    move(bench, q)
+    move_by_hand(bench, q)
     reference = np.clip(q, LOWER, UPPER)
     bench.set_point(reference.tolist())
     bench.hold = gravity(q)
@@ -78,11 +87,6 @@ def wait_first(bench: FaultBench, joint: int, value: float) -> None:
     """Wait for a new command with this value for a joint."""
     bench.efforts.clear()
     bench.efforts.wait_for(lambda message: abs(message.effort[joint] - value) < 1e-6)
-
-
-def wait_effort(bench: FaultBench, effort: Any) -> None:
-    """Wait until this command has been published."""
-    bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
 
 
 # --- position ------------------------------------------------------------------------------------
@@ -177,10 +181,10 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
-    move(bench, center)
+    move_by_hand(bench, center)
     while 'velocity of' in bench.next_status('joint states').message:
-        move(bench, [0.3, 0.3])  # a late state leaves a doubt until the joint moves again
-        move(bench, center)
+        move_by_hand(bench, [0.3, 0.3])  # a late state leaves a doubt until the joint moves again
+        move_by_hand(bench, center)
     swing = bench.driver.change = Swing(center, [0.9, 0.0], 12.0 / 0.9)
     bench.efforts.clear()
     bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then

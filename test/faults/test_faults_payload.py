@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import check_rate, NO_STREAM, wait_states
+from fault_stimuli import check_rate, NO_STREAM, wait_effort, wait_states
 from fault_table import fault, fault_cases
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_bench import (
@@ -47,17 +47,12 @@ def set_payload(
         header=Header(frame_id=link), inertia=Inertia(m=mass, com=com or Vector3(), **inertia)))
 
 
-def is_loaded(message: Any) -> bool:
-    """Return whether a command is g(q) with the payload."""
-    return bool(np.allclose(message.effort, LOADED, atol=1e-5))
-
-
 @fault(GROUP, '5 kg at the tip without a transition time, then removed',
        'the command changes to the new g(q) within the rate limit')
 def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> None:
     bench.check_alive()
     assert set_payload(bench, MASS).success
-    bench.efforts.wait_for(is_loaded)
+    wait_effort(bench, LOADED)
     assert set_payload(bench, 0.0).success
     wait_until(
         lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
@@ -71,7 +66,7 @@ def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> Non
 def test_a_payload_that_fades_in(bench: FaultBench) -> None:
     bench.check_alive()
     assert set_payload(bench, MASS, 0.5).success
-    bench.efforts.wait_for(is_loaded)
+    wait_effort(bench, LOADED)
     check_rate(bench.efforts, abs(LOADED[0] - G[0]) / 0.5)
     assert set_payload(bench, 0.0).success
     bench.check_alive()
@@ -137,7 +132,7 @@ def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
         assert answer.success
         assert [line.split(', expected')[0] for line in answer.warnings] == [
             "payload.inertia.m is 100 kg on 'tool0'"]
-        bench.efforts.wait_for(lambda m: np.allclose(m.effort, [-150.0, -60.0], atol=1e-5))
+        wait_effort(bench, [-150.0, -60.0])
         check_rate(bench.efforts)
         assert set_payload(bench, 0.0).success
     bench.check_alive()
@@ -153,18 +148,18 @@ def test_payloads_on_two_links(bench: FaultBench) -> None:
     assert answer.message.startswith("5 kg on 'tool0', 2 kg on 'link2';")
     assert set_payload(bench, 2.0, link='link2').message.startswith(
         "5 kg on 'tool0', 2 kg on 'link2' (replaces 2 kg on 'link2');")
-    bench.efforts.wait_for(lambda m: np.allclose(m.effort, LOADED + elbow, atol=1e-5))
+    wait_effort(bench, LOADED + elbow)
     status = wait_payloads(bench, "5 kg on 'tool0', 2 kg on 'link2'")
     assert figure_of(status, 'payloads') == 2
     with bench.client.collect(InertiaStamped, bench.name('payload'), LATCHED) as topic:
         topic.wait_for(lambda m: m.header.frame_id == 'link2')
         assert set_payload(bench, 0.0).message.startswith("2 kg on 'link2';")
-        bench.efforts.wait_for(lambda m: np.allclose(m.effort, G + elbow, atol=1e-5))
+        wait_effort(bench, G + elbow)
         wait_payloads(bench, "2 kg on 'link2'")
         assert set_payload(bench, 0.0, link='').message.startswith('no payload;')
         topic.wait_for(lambda m: m.inertia.m == 0.0)
     bench.efforts.clear()
-    bench.efforts.wait_for(lambda m: np.allclose(m.effort, G, atol=1e-6))
+    wait_effort(bench, G)
     bench.check_alive()
 
 
@@ -187,12 +182,11 @@ def managed(client: RosClient) -> Iterator[LifecycleBench]:
 def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
     managed.check_alive()
     assert set_payload(managed, MASS).success
-    managed.efforts.wait_for(is_loaded)
+    wait_effort(managed, LOADED)
     assert restart(managed)
     managed.wait_ended()
     assert managed.change(ACTIVATE)
-    first = managed.efforts.wait_for()
-    assert is_loaded(first)
+    assert managed.efforts.wait_for().effort == pytest.approx(LOADED, abs=1e-5)
     wait_payloads(managed, "5 kg on 'tool0'")
 
 

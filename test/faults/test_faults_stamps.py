@@ -9,7 +9,15 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import Change, FaultBench, figure_of, G, Q, stamp_of
-from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_states
+from fault_stimuli import (
+    another_publisher,
+    check_rate,
+    follow,
+    shifted,
+    stamped,
+    wait_effort,
+    wait_states,
+)
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
@@ -131,11 +139,10 @@ def gravity(q: list[float]) -> Any:
     return default_dynamics().rigid_body.gravity(np.array(q))
 
 
-def follow(bench: FaultBench) -> None:
-    """Make the node follow a reference."""
+def leave(bench: FaultBench) -> None:
+    """Make the node follow a reference, with another effort than g(q)."""
     bench.check_alive()
-    bench.set_point(GOAL)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, GOAL)
     bench.efforts.wait_for(lambda message: not np.allclose(message.effort, G, atol=1.0))
 
 
@@ -162,7 +169,7 @@ def disturb_until_noticed(
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_jumps(bench: FaultBench) -> None:
-    follow(bench)
+    leave(bench)
     faults = bench.known('command', 'faults: several_publishers')
 
     def stand_at(q: list[float]) -> None:
@@ -170,14 +177,13 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
 
     disturb_until_noticed(
         bench, 'jump', lambda: stand_at(ELSEWHERE), lambda: stand_at(list(Q)))
-    bench.efforts.wait_for(
-        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    wait_effort(bench, gravity(ELSEWHERE))
     bench.wait_status('reference', lambda status: (
         status.message == 'ended early: joint states restarted: jump'))
     assert bench.known('command', 'faults: several_publishers') == faults
     bench.driver.q = list(Q)
     bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+    wait_effort(bench, G)
     check_rate(bench.efforts)
     bench.check_alive()
 
@@ -186,7 +192,7 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
-    follow(bench)
+    leave(bench)
     def shift(seconds: float) -> None:
         bench.driver.change = shifted(seconds)
 

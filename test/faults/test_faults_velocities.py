@@ -13,7 +13,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, Q
-from fault_stimuli import altered, Swing, wait_states
+from fault_stimuli import altered, follow, Swing, wait_states
 from fault_table import fault, fault_cases
 import pytest
 from sensor_msgs.msg import JointState
@@ -79,8 +79,7 @@ def test_a_velocity_that_contradicts_the_positions(
 ) -> None:
     # The cause that the message names depends on the interval of the states, hence on load;
     # test_velocity_faults.py tests it.
-    bench.set_point(Q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, Q)
     bench.driver.stream_changed(change)
     status = bench.wait_status('joint states', lambda status: 'velocity of' in status.message)
     assert status.level == DiagnosticStatus.WARN

@@ -9,17 +9,15 @@ independent of the reference before the interruption and of messages sent during
 """
 
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import RATE, Swing
+from fault_stimuli import follow, move_by_hand, RATE, Swing, wait_effort
 from fault_table import fault, fault_cases
 from interruption_bench import (
     check_held,
     ELSEWHERE,
-    follow,
     gravity,
     GROUP,
     HELD,
     LIMIT,
-    move_by_hand,
     wait_rejected,
 )
 from lifecycle_bench import ACTIVATE, DEACTIVATE
@@ -103,8 +101,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     wait_rejected(arm, f"command is '{command}', expected 'cartesian_impedance'")
     if command != 'none':
         arm.efforts.clear()
-        arm.efforts.wait_for(
-            lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+        wait_effort(arm, gravity(ELSEWHERE))
     arm.efforts.clear()
     arm.set_parameters(command='computed_torque')
     check_held(arm, ELSEWHERE)

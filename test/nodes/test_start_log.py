@@ -8,6 +8,7 @@ import re
 
 from bounded_waits import wait_until
 from fault_bench import fault_bench, Q, STEADY
+from fault_stimuli import follow
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
@@ -122,14 +123,12 @@ def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
 ) -> None:
     descriptions = client.publisher(String, f'{NS}/robot_description', LATCHED, 0)
     with fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
-        bench.set_point(Q)
-        bench.wait_status('reference', lambda status: status.message == 'following')
+        follow(bench, Q)
         descriptions.publish(String(data=default_arm_urdf().replace('planar_arm', 'other_arm')))
         bench.wait_status('reference', lambda status: (
             status.message == 'ended early: another model was loaded'))
         bench.efforts.clear()
         bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
-        bench.set_point(Q)
-        bench.wait_status('reference', lambda status: status.message == 'following')
+        follow(bench, Q)
         client.forget(NS)
     client.node.destroy_publisher(descriptions)
