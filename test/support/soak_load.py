@@ -15,7 +15,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import Parameter
 from robot_dynamics.ros.middleware.conversions import floats_to_ros
 from ros_harness import RosClient, TIMEOUT
-from service_requests import NAN, REFUSALS, SERVICES
+from service_requests import NAN, SERVICES
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -63,10 +63,12 @@ def trajectory(times: Sequence[float]) -> JointTrajectory:
     return message
 
 
-def payload(mass: float, transition_time: float = 0.3) -> dict[str, Any]:
-    """Return the fields of a request for a load at the tool."""
+def payload(
+    mass: float, link: str = 'tool0', transition_time: float = 0.3,
+) -> dict[str, Any]:
+    """Return the fields of a request for a load."""
     load = InertiaStamped()
-    load.header.frame_id, load.inertia.m = 'tool0', mass
+    load.header.frame_id, load.inertia.m = link, mass
     return {'payload': load, 'transition_time': transition_time}
 
 
@@ -82,22 +84,25 @@ def set_is(successful: bool) -> Callable[[Any], bool]:
 
 
 def calls() -> list[Call]:
-    """Return requests of each kind."""
+    """Return one request of each kind."""
     many = floats_to_ros(np.tile(Q, SAMPLES))
     times = np.linspace(0.1, 3.0, POINTS)
     parameters = [FRACTION, 'gains.natural_frequency', 'robot_description']
     return [
-        *(Call(name, fields, refuses) for name, fields, _ in REFUSALS),
         Call('inverse_dynamics', {'position': Q}, succeeds),
+        Call('inverse_dynamics', {'position': Q, 'velocity': [0.0, NAN]}, refuses),
+        Call('inverse_dynamics', {'joint_names': ['elbow'], 'position': [0.0]}, refuses),
         Call('inverse_dynamics_batch', {
             'position': many, 'velocity': many, 'acceleration': many}, succeeds),
         Call('inverse_dynamics_batch', {'position': many, 'velocity': many[:-1]}, refuses),
         Call('inverse_dynamics_trajectory', {'trajectory': trajectory(times)}, succeeds),
         Call('inverse_dynamics_trajectory', {'trajectory': trajectory(times[::-1])}, refuses),
         Call('forward_dynamics', {'position': Q, 'effort': [1.0, 1.0]}, succeeds),
+        Call('forward_dynamics', {}, refuses),
         Call('manipulator_equation', {
             'position': Q, 'velocity': [1.0, -1.0], 'include_christoffel': True}, succeeds),
         Call('set_payload', payload(0.5), succeeds),
+        Call('set_payload', payload(0.5, 'no_link'), refuses),
         Call('set_payload', payload(0.0, transition_time=0.0), succeeds),
         Call('set_payload', payload(-1.0), refuses),
         Call('set_parameters', setting(FRACTION, 0.9), set_is(True)),
