@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from raw_publisher import bytes_of, RawPublisher
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import LATCHED, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -53,10 +53,9 @@ def raw() -> Iterator[RawPublisher]:
 @pytest.fixture(scope='module')
 def bench(client: RosClient, bench: FaultBench) -> FaultBench:
     """Return a node with a description: without one it rejects states of other joints."""
-    descriptions = client.publisher(String, f'{bench.namespace}/robot_description', LATCHED)
-    descriptions.publish(String(data=default_arm_urdf()))
-    wait_until(lambda: bench.node.log.count("Model 'planar_arm'") == 2, 'the model')
-    client.node.destroy_publisher(descriptions)
+    with client.describing(bench.namespace) as publish:
+        publish(default_arm_urdf())
+        wait_until(lambda: bench.node.log.count("Model 'planar_arm'") == 2, 'the model')
     return bench
 
 

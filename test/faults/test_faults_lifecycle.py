@@ -25,8 +25,7 @@ from lifecycle_msgs.srv import GetAvailableTransitions
 import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
-from ros_harness import LATCHED, RosClient
-from std_msgs.msg import String
+from ros_harness import RosClient
 from std_srvs.srv import Trigger
 
 GROUP = 'Lifecycle'
@@ -152,14 +151,12 @@ def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -
     assert bench.change(DEACTIVATE)
     assert bench.change(CLEANUP)
     heavy = planar_arm_urdf([9.0, 9.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name='heavy')
-    descriptions = client.publisher(
-        String, '/faults_lifecycle/robot_description', LATCHED, subscribers=0)
-    descriptions.publish(String(data=heavy))
-    check_no_model(bench)
-    assert 'heavy' not in bench.node.log
-    assert bench.change(CONFIGURE)
-    bench.node.wait_for_log("Model 'heavy'")
-    client.node.destroy_publisher(descriptions)
+    with client.describing('/faults_lifecycle') as publish:
+        publish(heavy)
+        check_no_model(bench)
+        assert 'heavy' not in bench.node.log
+        assert bench.change(CONFIGURE)
+        bench.node.wait_for_log("Model 'heavy'")
     assert bench.change(CLEANUP)
     assert bench.change(CONFIGURE)  # without a description: the embedded arm
     check_answers(bench)

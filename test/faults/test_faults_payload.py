@@ -25,7 +25,7 @@ import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import LATCHED, RosClient, wait_until
-from std_msgs.msg import Header, String
+from std_msgs.msg import Header
 
 GROUP = 'Payloads'
 NAN, INF = float('nan'), float('inf')
@@ -234,14 +234,13 @@ def test_a_description_without_the_link_of_a_payload(
     managed.check_alive()
     assert set_payload(managed, 1.0, link='link2').success
     single = planar_arm_urdf([5.0], [1.0], [0.5], [0.1], name='single')
-    descriptions = client.publisher(String, '/faults_kept_payload/robot_description', LATCHED)
-    descriptions.publish(String(data=single))
-    managed.node.wait_for_log('Kept the model in use: the payloads that were set')
-    managed.wait_status('payload', lambda one: "'link2'" in one.message and (
-        one.level == DiagnosticStatus.ERROR))
-    assert "Model 'single'" not in managed.node.log
-    assert managed.change(DEACTIVATE)
-    assert set_payload(managed, 0.0, link='link2').success
-    managed.node.wait_for_log("Model 'single'")
-    wait_payloads(managed, 'no payload')
-    client.node.destroy_publisher(descriptions)
+    with client.describing('/faults_kept_payload') as publish:
+        publish(single)
+        managed.node.wait_for_log('Kept the model in use: the payloads that were set')
+        managed.wait_status('payload', lambda one: "'link2'" in one.message and (
+            one.level == DiagnosticStatus.ERROR))
+        assert "Model 'single'" not in managed.node.log
+        assert managed.change(DEACTIVATE)
+        assert set_payload(managed, 0.0, link='link2').success
+        managed.node.wait_for_log("Model 'single'")
+        wait_payloads(managed, 'no payload')

@@ -19,14 +19,12 @@ from ros_harness import (
     Collector,
     DYNAMICS,
     has_stamp,
-    LATCHED,
     NodeProcess,
     RosClient,
     TIMEOUT,
 )
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
-from std_msgs.msg import String
 
 NAMES = ('joint1', 'joint2')
 Q = [0.4, -0.3]
@@ -221,7 +219,7 @@ def test_a_description_on_its_topic_ends_the_refusal(client: RosClient) -> None:
             client.collect(JointState, '/late/effort_command') as efforts:
         efforts.wait_matched()
         send_until(client, '/late', names, lambda: 'Nothing is published' in node.log)
-        description = client.publisher(String, '/late/robot_description', LATCHED)
-        description.publish(String(data=arm_named('left_')))
-        node.wait_for_log(re.escape(f'joints {names}'))
-        send_until(client, '/late', names, lambda: bool(efforts.messages))
+        with client.describing('/late') as publish:
+            publish(arm_named('left_'))
+            node.wait_for_log(re.escape(f'joints {names}'))
+            send_until(client, '/late', names, lambda: bool(efforts.messages))

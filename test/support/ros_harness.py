@@ -32,6 +32,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 import yaml
 
 RESEND_PERIOD = 0.5
@@ -355,6 +356,13 @@ class RosClient:
     def collect(self, message_type: type, topic: str, qos: Any = KEEP_MANY) -> Collector:
         """Record the messages of a topic from now on."""
         return Collector(self.node, message_type, topic, qos)
+
+    @contextmanager
+    def describing(self, namespace: str) -> Iterator[Callable[[str], None]]:
+        """Yield a function that publishes a URDF on the topic robot_description."""
+        topic = self.publisher(String, f'{namespace}/robot_description', LATCHED, subscribers=0)
+        yield lambda urdf: topic.publish(String(data=urdf))
+        self.node.destroy_publisher(topic)
 
     def wait_for(
         self, message_type: type, topic: str,
