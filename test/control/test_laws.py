@@ -58,6 +58,11 @@ def arm(request: pytest.FixtureRequest) -> ArmModel:
         model.joint_names, viscous=[1.5] * n, coulomb=[2.0] * n, static=[2.5] * n))
 
 
+@pytest.fixture(scope='module')
+def ur5() -> ArmModel:
+    return load_arm(robot_urdf('ur5'))
+
+
 def make(arm: ArmModel, name: str, **options: object) -> Controller:
     gains = make_gains(arm.joint_names, kp=[300.0], kd=[25.0])
     impedance = make_impedance(arm.joint_names, arm.limits.effort)
@@ -110,15 +115,14 @@ def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
     follow(one, arm, with_reference=FOLLOWS[name])
 
 
-def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    one, n = make(arm, 'impedance'), arm.joint_count
+def test_the_law_of_the_page_is_a_spring_and_a_damper(ur5: ArmModel) -> None:
+    one, n = make(ur5, 'impedance'), ur5.joint_count
     q, v = np.full(n, 0.4), np.zeros(n)
     one.update(START, q, v)
-    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)
+    one.follow(make_trajectory(ur5.joint_names, [0.0], [q + 0.02], (), (), ur5.joint_names), 0)
     v = np.linspace(-0.1, 0.1, n)
     output = one.update(START + MS, q, v)
-    gravity = ArmDynamics(arm).rigid_body.gravity(q)
+    gravity = ArmDynamics(ur5).rigid_body.gravity(q)
     assert output.command == pytest.approx(gravity + 300.0 * 0.02 - 25.0 * v)
 
 
@@ -136,25 +140,23 @@ class Lifting(ControlLaw):
 
 @pytest.mark.parametrize('has_velocity', [True, False])
 def test_a_law_that_does_not_follow_acts_until_a_stop(
-    monkeypatch: pytest.MonkeyPatch, has_velocity: bool,
+    monkeypatch: pytest.MonkeyPatch, has_velocity: bool, ur5: ArmModel,
 ) -> None:
     """Also for states without a velocity; computed torque follows the stop."""
     monkeypatch.setitem(LAWS, 'lifting', Lifting)
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, 'lifting'), np.full(arm.joint_count, 0.4)
-    v = np.full(arm.joint_count, 0.1) if has_velocity else None
+    one, q = make(ur5, 'lifting'), np.full(ur5.joint_count, 0.4)
+    v = np.full(ur5.joint_count, 0.1) if has_velocity else None
     output = one.update(START, q, v)
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
-    one.update(START + MS, q, np.full(arm.joint_count, 0.1))
+    one.update(START + MS, q, np.full(ur5.joint_count, 0.1))
     one.stop()
-    output = one.update(START + 2 * MS, q, np.full(arm.joint_count, 0.1))
+    output = one.update(START + 2 * MS, q, np.full(ur5.joint_count, 0.1))
     assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
 
 
-def test_a_law_without_an_effort_is_incomplete() -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = Controller(arm, ControllerOptions(make_gains(arm.joint_names)), ControlLaw()), (
-        np.zeros(arm.joint_count))
+def test_a_law_without_an_effort_is_incomplete(ur5: ArmModel) -> None:
+    one, q = Controller(ur5, ControllerOptions(make_gains(ur5.joint_names)), ControlLaw()), (
+        np.zeros(ur5.joint_count))
     one.update(START, q, q)
     one.stop()
     with pytest.raises(NotImplementedError):
@@ -162,10 +164,9 @@ def test_a_law_without_an_effort_is_incomplete() -> None:
 
 
 @pytest.mark.parametrize('has_reference', [False, True])
-def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
+def test_the_input_of_a_law_has_the_errors(has_reference: bool, ur5: ArmModel) -> None:
     """Of a continuous joint it is the shortest distance; without a reference there is no error."""
-    arm = load_arm(robot_urdf('ur5'))
-    n, seen = arm.joint_count, []
+    n, seen = ur5.joint_count, []
 
     class Curious(GravityCompensation):
         follows = has_reference
@@ -174,9 +175,9 @@ def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
             seen.append(state)
             return super().__call__(state)
 
-    options = ControllerOptions(make_gains(arm.joint_names), following_error=np.full(n, 0.1))
-    law = Curious(ErrorFeedback(options.gains, arm.joint_kinds), options)
-    one, q, v = Controller(arm, options, law), np.full(n, 0.4), np.full(n, 0.2)
+    options = ControllerOptions(make_gains(ur5.joint_names), following_error=np.full(n, 0.1))
+    law = Curious(ErrorFeedback(options.gains, ur5.joint_kinds), options)
+    one, q, v = Controller(ur5, options, law), np.full(n, 0.4), np.full(n, 0.2)
     one.update(START, q, v)
     if not has_reference:
         state, = seen
@@ -186,13 +187,13 @@ def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
             with pytest.raises(ValueError, match=missing):
                 getattr(state._replace(v=None), name)
         return
-    one.follow(make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names), 0)
+    one.follow(make_trajectory(ur5.joint_names, [0.0], [q], (), (), ur5.joint_names), 0)
     one.update(START + MS, q + 0.05, v)
     one.update(START + 2 * MS, q + 0.15, v)
     near, far = seen
     assert near.position_error == pytest.approx(np.full(n, -0.05))
     assert near.velocity_error == pytest.approx(-v)
-    assert near.gravity.tolist() == ArmDynamics(arm).rigid_body.gravity(q + 0.05).tolist()
+    assert near.gravity.tolist() == ArmDynamics(ur5).rigid_body.gravity(q + 0.05).tolist()
     assert not near.exceeds_limit
     assert far.exceeds_limit
     with pytest.raises(ValueError, match='needs a velocity'):
@@ -220,27 +221,25 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
 
 
 @pytest.mark.usefixtures('_user_package')
-def test_a_law_of_another_package_is_a_command() -> None:
+def test_a_law_of_another_package_is_a_command(ur5: ArmModel) -> None:
     assert command_modes()[-4:] == ('absent', 'broken', 'own_impedance', 'none')
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, 'own_impedance'), np.full(arm.joint_count, 0.4)
+    one, q = make(ur5, 'own_impedance'), np.full(ur5.joint_count, 0.4)
     assert one.laws.follows
     one.update(START, q, 0.0 * q)
-    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 0.02], (), (), arm.joint_names), 0)
-    gravity = ArmDynamics(arm).rigid_body.gravity(q)
+    one.follow(make_trajectory(ur5.joint_names, [0.0], [q + 0.02], (), (), ur5.joint_names), 0)
+    gravity = ArmDynamics(ur5).rigid_body.gravity(q)
     assert one.update(START + MS, q, 0.0 * q).command == pytest.approx(gravity + 300.0 * 0.02)
 
 
 @pytest.mark.usefixtures('_user_package')
-def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
-    arm = load_arm(robot_urdf('ur5'))
+def test_an_entry_point_does_not_replace_a_law_of_this_package(ur5: ArmModel) -> None:
     assert command_modes().count('computed_torque') == 1
-    one, q = make(arm, 'computed_torque'), np.full(arm.joint_count, 0.4)
+    one, q = make(ur5, 'computed_torque'), np.full(ur5.joint_count, 0.4)
     one.update(START, q, 0.0 * q)
-    one.follow(make_trajectory(arm.joint_names, [0.0], [q + 1e-4], (), (), arm.joint_names), 0)
-    dynamics = ArmDynamics(arm)
+    one.follow(make_trajectory(ur5.joint_names, [0.0], [q + 1e-4], (), (), ur5.joint_names), 0)
+    dynamics = ArmDynamics(ur5)
     assert one.update(START + MS, q, 0.0 * q).command == pytest.approx(
-        dynamics.inverse_dynamics(q, 0.0 * q, np.full(arm.joint_count, 300.0 * 1e-4)))
+        dynamics.inverse_dynamics(q, 0.0 * q, np.full(ur5.joint_count, 300.0 * 1e-4)))
 
 
 @pytest.mark.usefixtures('_user_package')
@@ -251,23 +250,21 @@ def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
     ('impedanze', "command is 'impedanze', expected one of .*joint_impedance"),
 ])
 def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(
-    name: str, words: str,
+    name: str, words: str, ur5: ArmModel,
 ) -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, 'gravity_compensation'), np.full(arm.joint_count, 0.4)
-    gains = make_gains(arm.joint_names)
+    one, q = make(ur5, 'gravity_compensation'), np.full(ur5.joint_count, 0.4)
+    gains = make_gains(ur5.joint_names)
     with pytest.raises(InvalidInputError, match=words):
         one.set_options(ControllerOptions(gains, command=name))
     assert one.options.command == 'gravity_compensation'
     assert one.update(START, q, None).command is not None
     with pytest.raises(InvalidInputError, match=words):
-        make(arm, name)
+        make(ur5, name)
 
 
-def test_a_given_law_is_used_for_any_command_but_none() -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    q, options = np.full(arm.joint_count, 0.4), ControllerOptions(make_gains(arm.joint_names))
-    one = Controller(arm, options, Lifting())
+def test_a_given_law_is_used_for_any_command_but_none(ur5: ArmModel) -> None:
+    q, options = np.full(ur5.joint_count, 0.4), ControllerOptions(make_gains(ur5.joint_names))
+    one = Controller(ur5, options, Lifting())
     assert not one.laws.follows
     output = one.update(START, q, None)
     assert output.command == pytest.approx(output.gravity_compensation + 1.0)
@@ -283,32 +280,29 @@ class Limp(GravityCompensation):
 
 
 def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, ur5: ArmModel,
 ) -> None:
     """The command that holds the arm consists of it."""
     monkeypatch.setitem(LAWS, 'limp', Limp)
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, 'limp'), np.full(arm.joint_count, 0.4)
+    one, q = make(ur5, 'limp'), np.full(ur5.joint_count, 0.4)
     assert one.update(START, q, None).command == pytest.approx(0.0 * q)
     with pytest.raises(NonFiniteEffortError, match='not finite'):
-        one.update(START + MS, np.full(arm.joint_count, np.inf), None)
+        one.update(START + MS, np.full(ur5.joint_count, np.inf), None)
 
 
 @pytest.mark.parametrize('name', [name for name, follows in FOLLOWS.items() if not follows])
-def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    one, q = make(arm, name), np.zeros(arm.joint_count)
+def test_a_law_that_does_not_follow_refuses_references(name: str, ur5: ArmModel) -> None:
+    one, q = make(ur5, name), np.zeros(ur5.joint_count)
     one.update(START, q, q)
     with pytest.raises(
             TrajectoryError, match=f"command is {name!r}, expected '.*' or 'computed_torque' or "):
-        one.follow(make_trajectory(arm.joint_names, [0.0], [q], (), (), arm.joint_names), 0)
+        one.follow(make_trajectory(ur5.joint_names, [0.0], [q], (), (), ur5.joint_names), 0)
 
 
-def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
+def test_gravity_compensation_is_the_gravity_torque_alone(ur5: ArmModel) -> None:
     """Friction is no term of it, not even an offset of the measured effort."""
-    arm = load_arm(robot_urdf('ur5'))
-    n = arm.joint_count
-    arm = arm.with_friction(make_friction(arm.joint_names, effort_bias=[3.0] * n))
+    n = ur5.joint_count
+    arm = ur5.with_friction(make_friction(ur5.joint_names, effort_bias=[3.0] * n))
     dynamics, q = UncheckedArmDynamics(arm), np.full(n, 0.4)
     gravity, options = dynamics.rigid_body.gravity(q), ControllerOptions(make_gains(
         arm.joint_names))
@@ -327,9 +321,8 @@ def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
         output.friction[0] = 1.0  # the next outputs share it
 
 
-def test_the_terms_contain_the_given_gravity_torque() -> None:
-    arm = load_arm(robot_urdf('ur5'))
-    dynamics, n = UncheckedArmDynamics(arm), arm.joint_count
+def test_the_terms_contain_the_given_gravity_torque(ur5: ArmModel) -> None:
+    dynamics, n = UncheckedArmDynamics(ur5), ur5.joint_count
     q, v, a = np.full(n, 0.4), np.full(n, 0.2), np.full(n, 0.3)
     gravity = dynamics.rigid_body.gravity(q) + np.arange(1.0, n + 1.0)
     terms = equation_terms(dynamics, q, v, a, np.full(n, 0.5), gravity)

@@ -22,7 +22,7 @@ from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
-from verb_bench import Ask, finish, first_line, PROGRAM, start
+from verb_bench import Ask, assert_refused, finish, first_line, PROGRAM, start
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -184,17 +184,13 @@ def test_the_command_is_shown_and_changed(ask: Ask, ros: RosClient) -> None:
         "/dynamics: command is 'none', it was 'computed_torque': a moving arm stops first; the "
         'effort is then ramped to zero\n')
     assert ros.get_parameter('/dynamics', 'command') == 'none'
-    status, out, err = ask('command', 'computed')
-    assert (status, out) == (2, '')
-    assert "command is 'computed', expected one of" in err
+    assert_refused(ask, ['command', 'computed'], "command is 'computed', expected one of")
     assert json.loads(ask('command', 'computed_torque', '--json')[1]) == {
         'node': '/dynamics', 'command': 'computed_torque', 'before': 'none'}
 
 
 def test_reset_says_that_no_fault_is_latched(ask: Ask) -> None:
-    status, out, err = ask('reset')
-    assert (status, out) == (2, '')
-    assert 'there is no fault' in err
+    assert_refused(ask, ['reset'], 'there is no fault')
 
 
 @pytest.mark.parametrize(('words', 'said'), [
@@ -205,10 +201,7 @@ def test_reset_says_that_no_fault_is_latched(ask: Ask) -> None:
     (['0', '0', '--velocity', '1', '1', '--duration', '1'], 'expected one of the two'),
 ])
 def test_invalid_arguments_of_move(ask: Ask, words: list[str], said: str) -> None:
-    status, out, err = ask('move', *words)
-    assert (status, out) == (2, '')
-    assert said in err
-    assert err.count('\n') == 1
+    assert_refused(ask, ['move', *words], said)
 
 
 # --- payload -------------------------------------------------------------------------------------
