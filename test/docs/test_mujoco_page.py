@@ -4,22 +4,15 @@
 """docs/mujoco_arm.md from top to bottom: a Panda in MuJoCo holds, moves and touches a table."""
 
 from pathlib import Path
-import re
 import shutil
 
-from page_commands import files_and_commands, run_all, write_files
+from page_commands import files_and_commands, final_errors, run_all, write_files
 import pytest
 from robots import robot_path
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'mujoco_arm.md'
 
 TOUCH = 'ros2 run robot_dynamics dynamics move 0.0 0.35'
-
-
-def final_errors(out: str) -> list[float]:
-    """Return the column `error` of the output of `dynamics move` [rad]."""
-    return [1e-3 * float(error)
-            for error in re.findall(r'^panda_joint\d .* (\S+)$', out, re.MULTILINE)]
 
 
 def test_the_panda_moves_and_touches_the_table(tmp_path: Path) -> None:

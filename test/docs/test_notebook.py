@@ -134,16 +134,6 @@ def test_printed_numbers_are_those_of_the_theory(
     assert float(found) == pytest.approx(expected, abs=tolerance)
 
 
-def test_links_lead_to_files(notebook: Path) -> None:
-    words = ''.join(
-        ''.join(cell['source']) for cell in cells_of(notebook)
-        if cell['cell_type'] == 'markdown')
-    targets = [link for link in re.findall(r'\]\(([^)#]+)', words) if '://' not in link]
-    assert targets
-    for target in targets:
-        assert (notebook.parent / target).is_file(), target
-
-
 def stored_text(cell: dict[str, Any]) -> str:
     """Return the text that the cell printed; its only outputs are prints and figures."""
     assert all(

@@ -5,13 +5,12 @@
 
 from contextlib import ExitStack
 from pathlib import Path
-import re
 import signal
 import subprocess
 
 import children
 from children import LONG, TIMEOUT
-from page_commands import files_and_commands, NODES, resolved, running_node
+from page_commands import files_and_commands, final_errors, NODES, resolved, running_node
 
 README = Path(__file__).parents[2] / 'README.md'
 LOCK_STEP = ['--ros-args', '-p', 'lock_step:=true', '-p', 'real_time_factor:=1.0']
@@ -59,7 +58,7 @@ def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path: Path
         'status', 'move', 'watch', 'inverse', 'equation', 'payload', 'move', 'record']
     for command, out in printed.items():
         if command.split()[2] == 'move':
-            errors = re.findall(r'^joint\d .* (\S+)$', out, re.MULTILINE)
+            errors = final_errors(out)
             assert len(errors) == 2, out
-            assert max(abs(float(error)) for error in errors) < 1.0, f'{command}:\n{out}'
+            assert max(map(abs, errors)) < 1e-3, f'{command}:\n{out}'
     assert list((tmp_path / 'my_recording').iterdir())

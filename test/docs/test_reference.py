@@ -13,14 +13,12 @@ import sys
 
 import children
 from diagnostic_msgs.msg import DiagnosticArray
-from fault_table import BEGIN, END, HEAD, PAGE
 import pytest
 from rcl_interfaces.srv import ListParameters
 from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / 'docs' / 'reference'
-README = (ROOT / 'README.md').read_text(encoding='utf-8')
 MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM, 'mujoco_arm': MUJOCO_ARM}
 
 # Topics and services that every rclpy node has, and those of which an action consists.
@@ -69,11 +67,8 @@ def test_a_page_is_what_scripts_reference_writes(written: Path, page: str) -> No
     assert new == old, 'docs/reference is old: run scripts/reference'
 
 
-def test_the_readme_is_short_and_counts_the_faults() -> None:
-    assert README.count('\n') <= 160
-    text = PAGE.read_text(encoding='utf-8').split(BEGIN)[1].split(END)[0]
-    faults = sum(line.startswith('| ') and f'{line}\n' not in HEAD for line in text.splitlines())
-    assert f'each of {faults} injected faults' in README
+def test_the_readme_is_short() -> None:
+    assert (ROOT / 'README.md').read_text(encoding='utf-8').count('\n') <= 160
 
 
 # --- the running nodes ---------------------------------------------------------------------------
@@ -149,11 +144,3 @@ def test_statuses(client: RosClient) -> None:
             status.name.startswith('/dynamics: ') for status in message.status))
     assert {status.name.removeprefix('/dynamics: ') for status in found.status} == {
         name for name, *_ in table('diagnostics', '`dynamics`')}
-
-
-def test_links_lead_to_files() -> None:
-    pages = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *(ROOT / 'docs').rglob('*.md')]
-    for page in pages:
-        for target in re.findall(r'\]\(([^)#]+)', page.read_text(encoding='utf-8')):
-            if not target.startswith('http'):
-                assert (page.parent / target).exists(), f'{page.name}: {target}'

@@ -6,17 +6,19 @@
 from pathlib import Path
 import re
 
-from page_commands import files_and_commands, NODES, printed_by, run_all, write_files
+from page_commands import (
+    files_and_commands,
+    final_errors,
+    NODES,
+    printed_by,
+    run_all,
+    write_files,
+)
 import pytest
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'sagging_arm.md'
 
 SAGS = 'ros2 run robot_dynamics dynamics move 1.0'
-
-
-def final_errors(out: str) -> list[float]:
-    """Return the column `error` of the output of `dynamics move` [rad]."""
-    return [1e-3 * float(error) for error in re.findall(r'^joint\d .* (\S+)$', out, re.MULTILINE)]
 
 
 @pytest.mark.soak

@@ -32,11 +32,12 @@ def anchors(page: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     'page', PAGES + NOTEBOOKS, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_anchors_of_links_are_headings(page: Path) -> None:
+def test_links_lead_to_files_and_their_anchors_to_headings(page: Path) -> None:
     for link in site_links.links(page.read_text(encoding='utf-8')):
         path, _, anchor = link.partition('#')
+        target = page.parent / path if path else page
+        assert '://' in link or target.exists(), f'{link}: there is no such file'
         if anchor and not link.startswith('http'):
-            target = page.parent / path if path else page
             assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
 
 

@@ -11,15 +11,15 @@ from typing import Any
 
 from damaged_bytes import cut_short, noise, with_lies, with_noise
 from diagnostic_msgs.msg import DiagnosticStatus
+from disturbances import wrench
 from fault_bench import FaultBench, G, NAMES, NANOSECONDS, Q, V
 from fault_stimuli import check_rate
-from fault_table import fault
-from geometry_msgs.msg import WrenchStamped
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from raw_publisher import bytes_of, RawPublisher
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import LATCHED, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -32,8 +32,7 @@ REFERENCE = JointTrajectory(
     joint_names=NAMES, points=[JointTrajectoryPoint(positions=GOAL, velocities=V)])
 DESCRIPTION = String(data='<robot name="none"><link name="base"/></robot>')
 EFFORT = JointState(name=NAMES, effort=G)
-WRENCH = WrenchStamped()
-WRENCH.header.frame_id = 'tool0'
+WRENCH = wrench('tool0')
 Damage = Callable[[bytes, type], Iterable[bytes]]
 Seen = Callable[[str], Any]
 DAMAGES: dict[str, Damage] = {
@@ -54,10 +53,9 @@ def raw() -> Iterator[RawPublisher]:
 @pytest.fixture(scope='module')
 def bench(client: RosClient, bench: FaultBench) -> FaultBench:
     """Return a node with a description: without one it rejects states of other joints."""
-    descriptions = client.publisher(String, f'{bench.namespace}/robot_description', LATCHED)
-    descriptions.publish(String(data=default_arm_urdf()))
-    wait_until(lambda: bench.node.log.count("Model 'planar_arm'") == 2, 'the model')
-    client.node.destroy_publisher(descriptions)
+    with client.describing(bench.namespace) as publish:
+        publish(default_arm_urdf())
+        wait_until(lambda: bench.node.log.count("Model 'planar_arm'") == 2, 'the model')
     return bench
 
 
@@ -97,9 +95,7 @@ def send_until(
 
 def damages(topic: str, expected: str) -> Any:
     """Parametrize over the kinds of damage; each is one fault."""
-    return pytest.mark.parametrize('damage', [
-        pytest.param(damage, id=words, marks=fault(GROUP, f'`{topic}`: {words}', expected))
-        for words, damage in DAMAGES.items()])
+    return fault_cases('damage', GROUP, f'`{topic}`: {{}}', expected, DAMAGES.items())
 
 
 @damages('joint_states',
@@ -197,11 +193,9 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
     assert 'internal error' not in arm.log
 
 
-@pytest.mark.parametrize('damage', [
-    pytest.param(damage, id=words, marks=fault(
-        GROUP, f'both topics of `simulated_arm`: {words}',
-        'rejected and reported, or applied; the arm continues with finite states'))
-    for words, damage in DAMAGES.items()])
+@fault_cases(
+    'damage', GROUP, 'both topics of `simulated_arm`: {}',
+    'rejected and reported, or applied; the arm continues with finite states', DAMAGES.items())
 def test_topics_of_the_simulated_arm(
     client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
 ) -> None:

@@ -9,12 +9,14 @@ them as stamps.
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 import threading
 import time
 from typing import Any
 
 from fault_bench import Driver, fault_bench, FaultBench, figure_of, G, stamp_of
+from fault_stimuli import wait_effort
 from fault_table import fault
 from lifecycle_msgs.msg import Transition
 import numpy as np
@@ -56,13 +58,13 @@ class SimulatedClock:
         """Shift the time forwards or backwards."""
         self._ahead += seconds
 
-    def stop(self) -> None:
-        """Stop the time and the messages."""
+    @contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Stop the time and the messages; continue from this time at the end."""
         self._stopped = self.now
-
-    def go_on(self) -> None:
-        """Continue from the time at which the clock stopped, if it is stopped."""
-        if self._stopped is not None:
+        try:
+            yield
+        finally:
             self._ahead, self._stopped = self._stopped - time.monotonic(), None
 
     def close(self) -> None:
@@ -137,23 +139,15 @@ def check_no_jump(bench: FaultBench) -> None:
     assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
 
 
-def report(bench: FaultBench) -> None:
-    """Wait for the next periodic diagnostic report."""
-    bench.figure('command', 'published')
-
-
-def reported(bench: FaultBench, check: str, key: str) -> int:
-    """Return a figure of the last report; 0 if the report does not contain it."""
-    status = bench.status(check)
-    return next((int(value.value) for value in status.values if value.key == key), 0)
-
-
-def disturb(clock: SimulatedClock, event: str) -> None:
+@contextmanager
+def disturbed(clock: SimulatedClock, event: str) -> Iterator[None]:
     """Stop the clock or make it jump."""
     if event == 'stops':
-        clock.stop()
+        with clock.stopped():
+            yield
     else:
         clock.jump(JUMP if 'forwards' in event else -JUMP)
+        yield
 
 
 # --- stamps of the clock of this computer --------------------------------------------------------
@@ -163,7 +157,7 @@ def test_without_a_clock(client: RosClient) -> None:
     with fault_bench(client, '/faults_no_clock', {
             **SIMULATED, 'effort_rate_limit': RATE}) as bench:
         effort = follow(bench)
-        report(bench)
+        bench.next_status('command')
         assert steady_effort(bench) == pytest.approx(effort)
 
 
@@ -176,14 +170,11 @@ def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
     one, clock = bench
     effort = follow(one)
     one.efforts.clear()
-    disturb(clock, event)
-    try:
-        report(one)
+    with disturbed(clock, event):
+        one.next_status('command')
         one.efforts.wait_count(len(one.efforts.messages) + 100)
         efforts = np.array([m.effort for m in one.efforts.messages])
         assert efforts == pytest.approx(np.tile(effort, (len(efforts), 1)), abs=1e-6)
-    finally:
-        clock.go_on()
     one.set_point(one.driver.q)
     one.check_alive()
 
@@ -194,17 +185,14 @@ def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
 def test_silence_while_the_clock_stands(bench: Bench) -> None:
     one, clock = bench
     follow(one)
-    clock.stop()
-    try:
+    with clock.stopped():
         one.efforts.clear()
         one.driver.be_quiet()
         one.wait_state_timeout()
         one.wait_silent()
         check_no_jump(one)
-        report(one)
+        one.next_status('command')
         one.check_alive()
-    finally:
-        clock.go_on()
 
 
 @STAMPS_OF_THE_WALL
@@ -212,16 +200,13 @@ def test_silence_while_the_clock_stands(bench: Bench) -> None:
 def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
     one, clock = bench
     one.check_alive()
-    clock.stop()
-    try:
+    with clock.stopped():
         for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
             assert one.change(transition)
             if transition == Transition.TRANSITION_DEACTIVATE:
                 one.wait_silent()
                 check_no_jump(one)
         one.check_alive()
-    finally:
-        clock.go_on()
 
 
 # --- stamps of /clock ----------------------------------------------------------------------------
@@ -237,16 +222,16 @@ def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
 def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
     one, clock = bench
     follow(one)
-    report(one)
-    before = reported(one, 'joint states', f'restarted: {reason}')
-    faults = reported(one, 'command', 'faults: state_timeout')
+    one.next_status('command')
+    before = one.known('joint states', f'restarted: {reason}')
+    faults = one.known('command', 'faults: state_timeout')
     one.efforts.clear()
-    disturb(clock, event)
-    one.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
+    with disturbed(clock, event):
+        wait_effort(one, G)
     check_no_jump(one)
-    report(one)
-    assert reported(one, 'joint states', f'restarted: {reason}') == before + 1
-    assert reported(one, 'command', 'faults: state_timeout') == faults
+    one.next_status('command')
+    assert one.known('joint states', f'restarted: {reason}') == before + 1
+    assert one.known('command', 'faults: state_timeout') == faults
     status = one.status('reference')
     assert status.message == f'ended early: joint states restarted: {reason}'
     one.check_alive()
@@ -260,13 +245,10 @@ def test_stamps_that_freeze(bench: Bench) -> None:
     one, clock = bench
     follow(one)
     one.efforts.clear()
-    clock.stop()
-    try:
+    with clock.stopped():
         one.wait_state_timeout()
         one.wait_silent()
         check_no_jump(one)
         one.wait_status('joint states', lambda status: figure_of(
             status, 'not new (stamp repeated)') > 0)
-    finally:
-        clock.go_on()
     one.check_alive()

@@ -14,7 +14,7 @@ from typing import Any
 import children
 from fault_bench import Change, FaultBench, G, NAMES, nanoseconds_of, Q
 from fault_stimuli import altered, NO_STREAM, shifted, wait_states
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
@@ -27,16 +27,14 @@ BENCH = {'parameters': NO_STREAM, 'stream': False}
 """The node receives no valid joint state until the last tests of this module."""
 
 
-@pytest.mark.parametrize(('change', 'reported'), [
-    pytest.param(change, reported, marks=fault(
-        GROUP, f'first joint state: {words}', 'dropped and reported; no command'))
-    for words, change, reported in (
+@fault_cases(
+    ('change', 'reported'), GROUP, 'first joint state: {}', 'dropped and reported; no command', (
         ('an empty message', lambda _: JointState(), ''),
         ('a missing joint', altered(name=NAMES[:1], position=Q[:1], velocity=[]),
          "no samples of ['joint2']"),
         ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
         ('a stamp 10 s in the past', shifted(-10.0), 's old'),
-        ('a stamp 10 s in the future', shifted(10.0), 's in the future'))])
+        ('a stamp 10 s in the future', shifted(10.0), 's in the future')))
 def test_nothing_before_the_first_valid_state(
     bench: FaultBench, change: Change, reported: str,
 ) -> None:

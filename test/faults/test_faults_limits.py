@@ -8,8 +8,17 @@ import math
 from typing import Any
 
 from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
-from fault_stimuli import check_rate, DIRECT, move, NO_STREAM, Swing, wait_agreement, wait_states
-from fault_table import fault
+from fault_stimuli import (
+    check_rate,
+    DIRECT,
+    move_by_hand,
+    NO_STREAM,
+    Swing,
+    wait_agreement,
+    wait_effort,
+    wait_states,
+)
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -63,7 +72,7 @@ def acceleration(swing: Swing, message: JointState) -> Any:
 
 def be_at(bench: FaultBench, q: Any) -> None:
     """Move the arm to q and the reference to q within the limits; wait until it is followed."""
-    move(bench, q)
+    move_by_hand(bench, q)
     reference = np.clip(q, LOWER, UPPER)
     bench.set_point(reference.tolist())
     bench.hold = gravity(q)
@@ -80,23 +89,16 @@ def wait_first(bench: FaultBench, joint: int, value: float) -> None:
     bench.efforts.wait_for(lambda message: abs(message.effort[joint] - value) < 1e-6)
 
 
-def wait_effort(bench: FaultBench, effort: Any) -> None:
-    """Wait until this command has been published."""
-    bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
-
-
 # --- position ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('joint', 'limit', 'sign'), [
-    pytest.param(joint, limit, sign, id=words, marks=fault(
-        GROUP, f'a joint 0.005 rad {words}; feedback pushes toward the limit',
-        'no acceleration of that joint toward the limit, counted; away from it the effort is not '
-        'limited'))
-    for words, joint, limit, sign in (
+@fault_cases(
+    ('joint', 'limit', 'sign'), GROUP, 'a joint 0.005 rad {}; feedback pushes toward the limit',
+    'no acceleration of that joint toward the limit, counted; away from it the effort is not '
+    'limited', (
         ('before its upper limit', 0, UPPER - 0.005, 1.0),
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
         ('before its lower limit', 1, LOWER + 0.005, -1.0),
-        ('past its lower limit', 1, LOWER - 0.005, -1.0))])
+        ('past its lower limit', 1, LOWER - 0.005, -1.0)))
 def test_a_position_limit_ahead(
     bench: FaultBench, joint: int, limit: float, sign: float,
 ) -> None:
@@ -130,15 +132,14 @@ def test_a_position_limit_ahead(
     wait_first(bench, joint, -sign * EFFORT[joint])
 
 
-@pytest.mark.parametrize(('joint', 'position', 'reported'), [
-    pytest.param(joint, position, reported, id=words, marks=fault(
-        GROUP, f'a joint {words}', 'fault `position_limit` that names joint and distance: the arm '
-        'is held while joint states are valid; ends automatically after five valid states'))
-    for words, joint, position, reported in (
+@fault_cases(
+    ('joint', 'position', 'reported'), GROUP, 'a joint {}',
+    'fault `position_limit` that names joint and distance: the arm '
+    'is held while joint states are valid; ends automatically after five valid states', (
         ('0.009 rad past its upper limit', 0, UPPER + 0.009,
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
         ('0.1 rad past its lower limit', 1, LOWER - 0.1,
-         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087"))])
+         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087")))
 def test_a_position_past_its_limit(
     bench: FaultBench, joint: int, position: float, reported: str,
 ) -> None:
@@ -171,20 +172,19 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
 
 # --- velocity ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('sign', [
-    pytest.param(sign, id=words, marks=fault(
-        GROUP,
-        f'joint1 at 12 rad/s, and a reference that accelerates it {words}; its limit is 10 rad/s',
-        'no acceleration along the motion, counted; braking is not limited'))
-    for words, sign in (('forwards', 1.0), ('backwards', -1.0))])
+@fault_cases(
+    'sign', GROUP,
+    'joint1 at 12 rad/s, and a reference that accelerates it {}; its limit is 10 rad/s',
+    'no acceleration along the motion, counted; braking is not limited', (
+        ('forwards', 1.0), ('backwards', -1.0)))
 def test_overspeed(bench: FaultBench, sign: float) -> None:
     before = bench.known('command', 'held back by velocity limit')
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
-    move(bench, center)
+    move_by_hand(bench, center)
     while 'velocity of' in bench.next_status('joint states').message:
-        move(bench, [0.3, 0.3])  # a late state leaves a doubt until the joint moves again
-        move(bench, center)
+        move_by_hand(bench, [0.3, 0.3])  # a late state leaves a doubt until the joint moves again
+        move_by_hand(bench, center)
     swing = bench.driver.change = Swing(center, [0.9, 0.0], 12.0 / 0.9)
     bench.efforts.clear()
     bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then

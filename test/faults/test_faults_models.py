@@ -3,18 +3,13 @@
 
 """Invalid robot descriptions while the node commands, and changes of the model."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from bad_descriptions import Bad, BAD_DESCRIPTIONS
 from fault_bench import G, nanoseconds_of, Q
-from fault_table import fault
-from lifecycle_bench import (
-    ACTIVATE,
-    DEACTIVATE,
-    lifecycle_bench,
-    LifecycleBench,
-)
+from fault_table import fault, fault_cases
+from lifecycle_bench import ACTIVATE, DEACTIVATE, lifecycle_bench, LifecycleBench
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
@@ -22,29 +17,11 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
-from ros_harness import LATCHED, RosClient
-from std_msgs.msg import String
+from ros_harness import RosClient
 
 GROUP = 'Robot descriptions on the topic `robot_description`'
 KEPT = 'rejected with the reason; the active model stays; control continues'
 PARAMETERS = {'hold_time': 0.1, 'ramp_time': 0.1, 'effort_rate_limit': 1e6}
-
-
-class Descriptions:
-    """Publisher of descriptions of arms with joint1 and joint2 and different masses."""
-
-    def __init__(self, client: RosClient, namespace: str) -> None:
-        self._node = client.node
-        self._publisher = client.publisher(
-            String, f'{namespace}/robot_description', LATCHED, subscribers=0)
-
-    def send(self, xml: str) -> None:
-        """Publish a description."""
-        self._publisher.publish(String(data=xml))
-
-    def close(self) -> None:
-        """Destroy the publisher."""
-        self._node.destroy_publisher(self._publisher)
 
 
 def arm_of(mass: float) -> str:
@@ -59,19 +36,20 @@ def hold_of(xml: str) -> list[float]:
 
 
 LIGHT, HEAVY = arm_of(2.0), arm_of(4.0)
+Describe = Callable[[str], None]
 
 
 @pytest.fixture(scope='module')
-def descriptions(client: RosClient) -> Iterator[Descriptions]:
-    publisher = Descriptions(client, '/faults_models')
-    yield publisher
-    publisher.close()
+def describe(client: RosClient) -> Iterator[Describe]:
+    """Return a function that publishes a description."""
+    with client.describing('/faults_models') as publish:
+        yield publish
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient, descriptions: Descriptions) -> Iterator[LifecycleBench]:
+def bench(client: RosClient, describe: Describe) -> Iterator[LifecycleBench]:
     """Return a node that uses the light arm, from the topic; tests restore its state."""
-    descriptions.send(LIGHT)
+    describe(LIGHT)
     with lifecycle_bench(
             client, '/faults_models', PARAMETERS, hold_of(LIGHT)) as one:
         one.node.wait_for_log("Model 'arm_2'")
@@ -93,14 +71,12 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
         for value in status.values))
 
 
-@pytest.mark.parametrize('bad', [
-    pytest.param(bad, id=words, marks=fault(GROUP, words, KEPT))
-    for words, bad in BAD_DESCRIPTIONS.items()])
+@fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
 def test_a_bad_description(
-    bench: LifecycleBench, descriptions: Descriptions, bad: Bad,
+    bench: LifecycleBench, describe: Describe, bad: Bad,
 ) -> None:
     bench.check_alive()
-    descriptions.send(bad.xml)
+    describe(bad.xml)
     bench.node.wait_for_log(f'Kept the model in use: .*({bad.words})')
     check_model(bench, LIGHT)
     assert bench.known('command', 'faults: state_timeout') == 0
@@ -110,10 +86,10 @@ def test_a_bad_description(
        'the log reports that the new arm waits; commands use the old arm; the new one is loaded '
        'when commands have ended; the next command is exactly its g(q)')
 def test_a_new_model_waits_until_commands_have_ended(
-    bench: LifecycleBench, descriptions: Descriptions,
+    bench: LifecycleBench, describe: Describe,
 ) -> None:
     bench.check_alive()
-    descriptions.send(HEAVY)
+    describe(HEAVY)
     bench.node.wait_for_log('Kept the model in use while commanding')
     wait_model(bench, 'arm_2', new_one_waits=True)
     check_model(bench, LIGHT)
@@ -131,10 +107,10 @@ def test_a_new_model_waits_until_commands_have_ended(
 @fault(GROUP, 'another arm while the node commands, then deactivation and activation',
        'loaded while inactive; the first command is exactly its g(q)')
 def test_a_new_model_is_loaded_while_inactive(
-    bench: LifecycleBench, descriptions: Descriptions,
+    bench: LifecycleBench, describe: Describe,
 ) -> None:
-    settle(bench, descriptions, LIGHT, 'arm_2')
-    descriptions.send(HEAVY)
+    settle(bench, describe, LIGHT, 'arm_2')
+    describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
     assert bench.change(DEACTIVATE)
     wait_model(bench, 'arm_4')
@@ -153,12 +129,12 @@ def test_a_new_model_is_loaded_while_inactive(
          'another arm while the node commands, then an invalid one',
          'rejected; no model waits, as only the newest counts; the active model stays'))])
 def test_the_newest_description_counts(
-    bench: LifecycleBench, descriptions: Descriptions, last: str, words: str,
+    bench: LifecycleBench, describe: Describe, last: str, words: str,
 ) -> None:
-    settle(bench, descriptions, LIGHT, 'arm_2')
-    descriptions.send(HEAVY)
+    settle(bench, describe, LIGHT, 'arm_2')
+    describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
-    descriptions.send(last)
+    describe(last)
     wait_model(bench, 'arm_2')
     if words:
         bench.node.wait_for_log(f'Kept the model in use: .*{words}')
@@ -169,11 +145,11 @@ def test_the_newest_description_counts(
 
 
 def settle(
-    bench: LifecycleBench, descriptions: Descriptions, xml: str, name: str,
+    bench: LifecycleBench, describe: Describe, xml: str, name: str,
 ) -> None:
     """Make this arm the active model."""
     if bench.change(DEACTIVATE):
-        descriptions.send(xml)
+        describe(xml)
         wait_model(bench, name)
         assert bench.change(ACTIVATE)
     check_model(bench, xml)
@@ -183,12 +159,11 @@ def settle(
        'loaded immediately; the command changes to its g(q) within `effort_rate_limit`')
 def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> None:
     rate = 50.0
-    publisher = Descriptions(client, '/faults_embedded')
-    with lifecycle_bench(client, '/faults_embedded', {
-                **PARAMETERS, 'effort_rate_limit': rate}) as one:
+    with client.describing('/faults_embedded') as publish, lifecycle_bench(
+            client, '/faults_embedded', {**PARAMETERS, 'effort_rate_limit': rate}) as one:
         one.check_alive()
         one.efforts.wait_count(len(one.efforts.messages) + 1)
-        publisher.send(HEAVY)
+        publish(HEAVY)
         one.efforts.wait_for(
             lambda message: np.allclose(message.effort, hold_of(HEAVY), atol=1e-6))
         sent = one.efforts.published()
@@ -205,5 +180,4 @@ def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> Non
         assert 'Kept the model' not in one.node.log
         check_model(one, HEAVY)
         assert one.figure('command', 'faults: state_timeout') == 0
-    publisher.close()
     seen(f'{way:.1f} N·m in {moving[-1] - moving[0]:.2f} s at {rate:g} N·m/s')

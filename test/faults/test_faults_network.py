@@ -10,7 +10,7 @@ from typing import Any
 
 import children
 from fault_bench import Driver, FaultBench
-from fault_table import fault
+from fault_table import fault, fault_cases
 import partition_scenario
 import pytest
 from rclpy.duration import Duration, Infinite
@@ -76,14 +76,11 @@ def test_a_volatile_description(bench: FaultBench) -> None:
         bench.client.node.destroy_publisher(publisher)
 
 
-@pytest.mark.parametrize('qos', [
-    pytest.param(qos, marks=fault(
-        GROUP, f'a publisher of `joint_states`: {words}', 'its states are answered'))
-    for qos, words in (
-        (QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), 'best effort'),
-        (QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE), 'reliable'),
-        (LATCHED, 'reliable and transient local'),
-        (PROMISING, 'best effort, with a deadline and a lease'))])
+@fault_cases('qos', GROUP, 'a publisher of `joint_states`: {}', 'its states are answered', (
+    ('best effort', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)),
+    ('reliable', QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)),
+    ('reliable and transient local', LATCHED),
+    ('best effort, with a deadline and a lease', PROMISING)))
 def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
     """The node requests no policy that a publisher might not offer, so it receives all."""
     bench.check_alive()

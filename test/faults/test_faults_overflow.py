@@ -6,9 +6,8 @@
 from typing import Any
 
 from fault_bench import FaultBench, figure_of, G
-from fault_stimuli import NO_STREAM, overflow, wait_states
+from fault_stimuli import follow, NO_STREAM, overflow, wait_effort, wait_states
 from fault_table import fault
-import pytest
 from std_srvs.srv import Trigger
 
 GROUP = 'Non-finite commands'
@@ -27,8 +26,7 @@ def reset(bench: FaultBench) -> Any:
        'valid')
 def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.check_alive()
-    bench.set_point(bench.driver.q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, bench.driver.q)
     overflow(bench)
     status = bench.wait_fault('non_finite')
     assert 'are not finite' in status.message
@@ -39,7 +37,7 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     assert answer.message.startswith('non_finite persists: ')
     bench.driver.go_on()
     bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: message.effort == pytest.approx(G, abs=1e-6))
+    wait_effort(bench, G)
     wait_states(bench, 100)
     status = bench.wait_status(  # that of the change of the level may be older than the count
         'command', lambda status: figure_of(status, 'faults: non_finite') == 1)

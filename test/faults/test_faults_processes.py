@@ -9,15 +9,11 @@ import threading
 import time
 from typing import Any
 
-from fault_bench import (
-    FaultBench,
-    G,
-    STEADY,
-)
+from fault_bench import FaultBench, G, STEADY
+from fault_stimuli import wait_effort
 from fault_table import fault
 from joint_state_driver import DriverProcess
 import numpy as np
-import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import wait_until
 
@@ -33,8 +29,6 @@ def pause() -> None:
     """Wait for the duration of a stall."""
     threading.Event().wait(STALL)
 
-
-# --- timeout -------------------------------------------------------------------------------------
 
 # --- the driver ----------------------------------------------------------------------------------
 
@@ -96,7 +90,7 @@ def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
         os.kill(bench.node.pid, signal.SIGCONT)
         wait_until(lambda: bench.efforts.published()[-1][0] > continued, 'an effort')
         bench.set_point(bench.driver.q)
-        bench.efforts.wait_for(lambda m: m.effort == pytest.approx(G, abs=1e-6))
+        wait_effort(bench, G)
         times, efforts = zip(*bench.efforts.published())
         assert bench.efforts.steps().max() <= rate * LONGEST_STEP + 1e-9
         after = int(np.searchsorted(times, continued))

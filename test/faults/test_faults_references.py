@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, NAMES, Q, stamp_of
 from fault_stimuli import NO_STREAM, SetPoints
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from raw_publisher import bytes_of
@@ -58,35 +58,32 @@ def is_torque(message: Any) -> bool:
     return bool(np.allclose(message.effort, TORQUE, atol=1e-5))
 
 
-@pytest.mark.parametrize(('message', 'reported'), [
-    pytest.param(message, reported, id=words, marks=fault(GROUP, words, REFUSED))
-    for words, message, reported in (
-        ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
-        ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
-         "joint_names has 'wheel'"),
-        ('a missing joint', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
-        ('NaN in a position', trajectory(point([NAN, 0.0])),
-         'points[0].positions[0] (joint1) is nan'),
-        ('fewer positions than joints', trajectory(point(Q[:1])),
-         'points[0].positions has 1 values, expected 2'),
-        ('accelerations without velocities', trajectory(
-            point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
-         'points[0].velocities is empty although accelerations are given'),
-        ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
-         'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
-        ('a path that exceeds a position limit',
-         trajectory(point(seconds=1.0), point([0.0, -2.1], 2.0), point(seconds=3.0)),
-         'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
-        ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
-         'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
-        ('equal times', trajectory(point(Q, 1.0), point(Q, 1.0)),
-         'points[1].time_from_start is 1.0 s, expected more than'),
-        ('a start time 100 s ago, and an end in the past', trajectory(
-            point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
-         'expected an end in the future'),
-        ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
-         'expected an end in the future'),
-    )])
+@fault_cases(('message', 'reported'), GROUP, '{}', REFUSED, (
+    ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
+    ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
+     "joint_names has 'wheel'"),
+    ('a missing joint', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
+    ('NaN in a position', trajectory(point([NAN, 0.0])),
+     'points[0].positions[0] (joint1) is nan'),
+    ('fewer positions than joints', trajectory(point(Q[:1])),
+     'points[0].positions has 1 values, expected 2'),
+    ('accelerations without velocities', trajectory(
+        point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
+     'points[0].velocities is empty although accelerations are given'),
+    ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
+     'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
+    ('a path that exceeds a position limit',
+     trajectory(point(seconds=1.0), point([0.0, -2.1], 2.0), point(seconds=3.0)),
+     'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
+    ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
+     'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
+    ('equal times', trajectory(point(Q, 1.0), point(Q, 1.0)),
+     'points[1].time_from_start is 1.0 s, expected more than'),
+    ('a start time 100 s ago, and an end in the past', trajectory(
+        point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
+     'expected an end in the future'),
+    ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
+     'expected an end in the future')))
 def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, reported: str) -> None:
     check_refused(bench, message, reported)
 
@@ -99,13 +96,11 @@ def many_joints(count: int) -> JointTrajectory:
     return trajectory(point(), names=[*NAMES, *(f'other{i}' for i in range(count))])
 
 
-@pytest.mark.parametrize(('make', 'reported'), [
-    pytest.param(make, reported, id=words, marks=fault(GROUP, words, REFUSED))
-    for words, make, reported in (
-        ('100,000 points', lambda: many_points(100_000), 'bytes, expected at most 1000000'),
-        ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
-        ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
-        ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'"))])
+@fault_cases(('make', 'reported'), GROUP, '{}', REFUSED, (
+    ('100,000 points', lambda: many_points(100_000), 'bytes, expected at most 1000000'),
+    ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
+    ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
+    ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'")))
 def test_a_reference_that_is_too_large(
     bench: FaultBench, make: Callable[[], JointTrajectory], reported: str,
 ) -> None:

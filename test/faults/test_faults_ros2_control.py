@@ -60,8 +60,7 @@ def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
         assert np.isfinite(clipped.position).all()
         line = node.wait_for_log("Clipped the effort of 'joint2'")
         assert 'received -5000 N·m, its effort limit is 60 N·m (clip_efforts)' in line
-        result, = client.set_parameters('/clips/simulated_arm', {'clip_efforts': False})
-        assert result.successful, result.reason
+        client.set_parameters('/clips/simulated_arm', {'clip_efforts': False})
         assert list(answer([0.0, 5000.0]).effort) == [0.0, 5000.0]
         client.node.destroy_publisher(publisher)
 

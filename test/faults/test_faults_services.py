@@ -15,7 +15,7 @@ from action_msgs.msg import GoalStatus
 from control_msgs.action import FollowJointTrajectory
 from damaged_bytes import HEAD, noise, with_noise
 from fault_bench import G, NAMES, Q, V
-from fault_table import fault
+from fault_table import fault, fault_cases
 from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
@@ -25,13 +25,11 @@ from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomic
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch, SetPayload
+from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch
 from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
 from service_requests import REFUSALS, SERVICES
-from std_srvs.srv import SetBool, Trigger
+from simulated_arms import default_dynamics
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Service requests'
@@ -82,25 +80,6 @@ def test_malformed_requests(control: ControlContinues, service: str) -> None:
             assert response == SERVICES[service].Response(success=False, message=response.message)
 
 
-@fault(GROUP, 'a payload of 10³⁰⁸ kg', REFUSED)
-def test_a_payload_beyond_numbers(control: ControlContinues) -> None:
-    request = SetPayload.Request()
-    request.payload.header.frame_id, request.payload.inertia.m = 'tool0', 1.7e308
-    with control.checked():
-        response = control.ask('set_payload', SetPayload, payload=request.payload)
-        assert not response.success
-        assert response.message == (
-            'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]')
-
-
-@fault(GROUP, '`~/reset_fault` without a fault',
-       '`success` false, reported in the message; control continues')
-def test_a_reset_without_a_fault(control: ControlContinues) -> None:
-    with control.checked():
-        response = control.ask('reset_fault', Trigger)
-        assert (response.success, response.message) == (False, 'there is no fault')
-
-
 # --- huge ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('case', 'message'), [
@@ -137,7 +116,7 @@ def test_large_requests(
        'each client gets the answers to its own requests; control continues')
 def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> None:
     node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
-    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    dynamics = default_dynamics()
     positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
     # Each client receives the answers to all clients; by default it keeps 10 of them.
     deep = QoSProfile(depth=positions[..., 0].size)
@@ -263,13 +242,12 @@ def with_counts(data: bytes) -> Iterator[bytes]:
             yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
 
 
-@pytest.mark.parametrize('damage', [pytest.param(damage, id=words, marks=fault(
-    GROUP, f'requests to all services of the action, while a goal is executed: {words}',
-    'ignored, or answered; the next goal succeeds'))
-    for words, damage in (
+@fault_cases(
+    'damage', GROUP, 'requests to all services of the action, while a goal is executed: {}',
+    'ignored, or answered; the next goal succeeds', (
         ('wrong element counts, 4 billion or 500 million', with_counts),
         ('random bytes within a request', lambda data: with_noise(data, 50)),
-        ('only random bytes', lambda _: noise(50)))])
+        ('only random bytes', lambda _: noise(50))))
 def test_damaged_requests_of_the_action(
     client: RosClient, control: ControlContinues, seen: Any,
     damage: Callable[[bytes], Iterator[bytes]],

@@ -14,7 +14,7 @@ from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import fault_bench, FaultBench, figure_of, G, NAMES, nanoseconds_of, Q
 from fault_stimuli import altered, check_rate, DIRECT, from_now, SetPoints
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from ros_harness import KEEP_MANY, RosClient, wait_until
@@ -146,11 +146,9 @@ JUMPS = (
         'q': Q, 'velocities': [0.0, 0.0], 'accelerations': [-1e9, 1e9]}))
 
 
-@pytest.mark.parametrize('more', [
-    pytest.param(more, id=words, marks=fault(
-        GROUP, f'{words}, `condition_references: false`',
-        'the command stays within the effort limits and `effort_rate_limit`'))
-    for words, more in JUMPS])
+@fault_cases(
+    'more', GROUP, '{}, `condition_references: false`',
+    'the command stays within the effort limits and `effort_rate_limit`', JUMPS)
 def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> None:
     bench = direct
     bench.check_alive()

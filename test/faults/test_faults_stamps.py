@@ -9,15 +9,21 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import Change, FaultBench, figure_of, G, Q, stamp_of
-from fault_stimuli import another_publisher, check_rate, shifted, stamped, wait_states
-from fault_table import fault
+from fault_stimuli import (
+    another_publisher,
+    check_rate,
+    follow,
+    shifted,
+    stamped,
+    wait_effort,
+    wait_states,
+)
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 GROUP = 'Stamps of joint states'
 PUBLISHERS = 'Inconsistent joint states'
@@ -51,13 +57,11 @@ def moving(message: JointState) -> JointState:
     return message
 
 
-@pytest.mark.parametrize('change', [
-    pytest.param(change, marks=fault(
-        GROUP, words, 'not new: the last command is repeated, then fault `state_timeout`; '
-        'counted; commands resume'))
-    for words, change in (
+@fault_cases(
+    'change', GROUP, '{}', 'not new: the last command is repeated, then fault `state_timeout`; '
+    'counted; commands resume', (
         ('constant stamps', lambda message: message),
-        ('constant stamps with changing positions', moving))])
+        ('constant stamps with changing positions', moving)))
 def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     bench.set_parameters(command='gravity_compensation')  # no feedback, whatever the position
     bench.check_alive()
@@ -96,14 +100,13 @@ def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
 
 # --- several publishers --------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('driver', 'change', 'reason'), [
-    pytest.param(driver, change, reason, marks=fault(
-        PUBLISHERS, words, 'fault `several_publishers` that names joint or stamp, until 100 '
-        'consecutive states are consistent; valid states are answered with g(q); ends '
-        'automatically'))
-    for words, driver, change, reason in (
+@fault_cases(
+    ('driver', 'change', 'reason'), PUBLISHERS, '{}',
+    'fault `several_publishers` that names joint or stamp, until 100 '
+    'consecutive states are consistent; valid states are answered with g(q); ends '
+    'automatically', (
         ('two publishers with poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
-        ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back'))])
+        ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back')))
 def test_two_publishers(
     bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
 ) -> None:
@@ -133,14 +136,13 @@ def test_two_publishers(
 
 def gravity(q: list[float]) -> Any:
     """Return g(q) of the default arm."""
-    return ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(q))
+    return default_dynamics().rigid_body.gravity(np.array(q))
 
 
-def follow(bench: FaultBench) -> None:
-    """Make the node follow a reference."""
+def leave(bench: FaultBench) -> None:
+    """Make the node follow a reference, with another effort than g(q)."""
     bench.check_alive()
-    bench.set_point(GOAL)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, GOAL)
     bench.efforts.wait_for(lambda message: not np.allclose(message.effort, G, atol=1.0))
 
 
@@ -167,7 +169,7 @@ def disturb_until_noticed(
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_jumps(bench: FaultBench) -> None:
-    follow(bench)
+    leave(bench)
     faults = bench.known('command', 'faults: several_publishers')
 
     def stand_at(q: list[float]) -> None:
@@ -175,14 +177,13 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
 
     disturb_until_noticed(
         bench, 'jump', lambda: stand_at(ELSEWHERE), lambda: stand_at(list(Q)))
-    bench.efforts.wait_for(
-        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    wait_effort(bench, gravity(ELSEWHERE))
     bench.wait_status('reference', lambda status: (
         status.message == 'ended early: joint states restarted: jump'))
     assert bench.known('command', 'faults: several_publishers') == faults
     bench.driver.q = list(Q)
     bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: np.allclose(message.effort, G, atol=1e-6))
+    wait_effort(bench, G)
     check_rate(bench.efforts)
     bench.check_alive()
 
@@ -191,7 +192,7 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
-    follow(bench)
+    leave(bench)
     def shift(seconds: float) -> None:
         bench.driver.change = shifted(seconds)
 

@@ -9,7 +9,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import Change, FaultBench, figure_of, G, NAMES, Q
 from fault_stimuli import altered
-from fault_table import fault
+from fault_table import fault, fault_cases
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from sensor_msgs.msg import JointState
@@ -32,25 +32,22 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
     bench.check_alive()
 
 
-@pytest.mark.parametrize(('fields', 'reported'), [
-    pytest.param(fields, reported, marks=fault(GROUP, words, DROPPED))
-    for words, fields, reported in (
-        ('NaN in a position of a joint in use', {'position': [NAN, 0.0]},
-         "position of 'joint1' is"),
-        ('infinity in a position of a joint in use', {'position': [0.0, INF]},
-         "position of 'joint2' is"),
-        ('infinity in a velocity of a joint in use', {'velocity': [0.0, -INF]},
-         "velocity of 'joint2' is"),
-        ('a duplicate joint', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
-         "name has 'joint1' twice"),
-        ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
-        ('more positions than names', {'position': [*Q, 0.0]},
-         'position has 3 values, expected 2'),
-        ('fewer velocities than names', {'velocity': [0.0]}, 'velocity has 1 values, expected 2'),
-        ('more velocities than names', {'velocity': [0.0] * 3},
-         'velocity has 3 values, expected 2'),
-        ('no position', {'position': []}, 'position has 0 values, expected 2'),
-    )])
+@fault_cases(('fields', 'reported'), GROUP, '{}', DROPPED, (
+    ('NaN in a position of a joint in use', {'position': [NAN, 0.0]},
+     "position of 'joint1' is"),
+    ('infinity in a position of a joint in use', {'position': [0.0, INF]},
+     "position of 'joint2' is"),
+    ('infinity in a velocity of a joint in use', {'velocity': [0.0, -INF]},
+     "velocity of 'joint2' is"),
+    ('a duplicate joint', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
+     "name has 'joint1' twice"),
+    ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
+    ('more positions than names', {'position': [*Q, 0.0]},
+     'position has 3 values, expected 2'),
+    ('fewer velocities than names', {'velocity': [0.0]}, 'velocity has 1 values, expected 2'),
+    ('more velocities than names', {'velocity': [0.0] * 3},
+     'velocity has 3 values, expected 2'),
+    ('no position', {'position': []}, 'position has 0 values, expected 2')))
 def test_a_state_that_cannot_be_used(
     bench: FaultBench, fields: dict[str, Any], reported: str,
 ) -> None:
@@ -68,12 +65,9 @@ def test_a_joint_that_is_missing(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@pytest.mark.parametrize('velocity', [
-    pytest.param(velocity, marks=fault(
-        GROUP, words, 'velocities are estimated from the positions; logged once'))
-    for words, velocity in (
-        ('NaN in a velocity of a joint in use', [NAN, 0.0]),
-        ('no velocities', []))])
+@fault_cases('velocity', GROUP, '{}', 'velocities are estimated from the positions; logged once', (
+    ('NaN in a velocity of a joint in use', [NAN, 0.0]),
+    ('no velocities', [])))
 def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -> None:
     bench.check_alive()
     bench.driver.change = altered(velocity=velocity)
@@ -87,35 +81,30 @@ def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -
     bench.check_alive()
 
 
-@pytest.mark.parametrize('change', [
-    pytest.param(change, marks=fault(
-        GROUP, words, 'ignored and counted; fault `state_timeout` without valid states; '
-        'commands resume'))
-    for words, change in (
+@fault_cases(
+    'change', GROUP, '{}', 'ignored and counted; fault `state_timeout` without valid states; '
+    'commands resume', (
         ('an empty message', lambda _: JointState()),
         ('positions without names', altered(name=[])),
-        ('only joints of another robot', altered(name=['left', 'right'])),
-    )])
+        ('only joints of another robot', altered(name=['left', 'right']))))
 def test_a_state_of_no_joint_of_this_arm(
     bench: FaultBench, change: Callable[[JointState], JointState],
 ) -> None:
     check_dropped(bench, change, 'other joints')
 
 
-@pytest.mark.parametrize('fields', [
-    pytest.param(fields, marks=fault(GROUP, words, ANSWERED)) for words, fields in (
-        ('NaN efforts', {'effort': [NAN, NAN]}),
-        ('fewer efforts than names', {'effort': [1.0]}),
-        ('NaN and infinity for joints not in use', {
-            'name': [*NAMES, 'wheel'], 'position': [*Q, NAN], 'velocity': [0.0, 0.0, INF]}),
-        ('another order of joints', {'name': NAMES[::-1], 'position': Q[::-1]}),
-        ('additional joints', {
-            'name': ['wheel', NAMES[0], 'lid', NAMES[1]],
-            'position': [9.0, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, 1.0, 0.0]}),
-        ('a duplicate joint that is not in use', {
-            'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
-        ('no stamp (0)', {'header': JointState().header}),
-    )])
+@fault_cases('fields', GROUP, '{}', ANSWERED, (
+    ('NaN efforts', {'effort': [NAN, NAN]}),
+    ('fewer efforts than names', {'effort': [1.0]}),
+    ('NaN and infinity for joints not in use', {
+        'name': [*NAMES, 'wheel'], 'position': [*Q, NAN], 'velocity': [0.0, 0.0, INF]}),
+    ('another order of joints', {'name': NAMES[::-1], 'position': Q[::-1]}),
+    ('additional joints', {
+        'name': ['wheel', NAMES[0], 'lid', NAMES[1]],
+        'position': [9.0, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, 1.0, 0.0]}),
+    ('a duplicate joint that is not in use', {
+        'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
+    ('no stamp (0)', {'header': JointState().header})))
 def test_an_anomalous_state(bench: FaultBench, fields: dict[str, Any]) -> None:
     bench.check_alive()
     before = bench.efforts.messages
@@ -151,13 +140,11 @@ def test_many_joints(bench: FaultBench) -> None:
     bench.check_alive()
 
 
-@pytest.mark.parametrize('names', [
-    pytest.param(names, marks=fault(
-        GROUP, f'a message of 200,000 joints, {words}',
-        'dropped undecoded, because decoding would delay control; reported in a short line; '
-        'fault `state_timeout` without valid states; commands resume'))
-    for words, names in (
-        ('including those of the arm', NAMES), ('without those of the arm', []))])
+@fault_cases(
+    'names', GROUP, 'a message of 200,000 joints, {}',
+    'dropped undecoded, because decoding would delay control; reported in a short line; '
+    'fault `state_timeout` without valid states; commands resume', (
+        ('including those of the arm', NAMES), ('without those of the arm', [])))
 def test_a_message_of_200_000_joints(bench: FaultBench, names: list[str]) -> None:
     check_dropped(
         bench, many_joints(names, 200_000), 'unreadable', 'bytes, expected at most 1000000')

@@ -13,8 +13,8 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, Q
-from fault_stimuli import altered, Swing, wait_states
-from fault_table import fault
+from fault_stimuli import altered, follow, Swing, wait_states
+from fault_table import fault, fault_cases
 import pytest
 from sensor_msgs.msg import JointState
 
@@ -67,22 +67,19 @@ def wait_consistent(bench: FaultBench) -> None:
     bench.wait_running()
 
 
-@pytest.mark.parametrize(('change', 'joint'), [
-    pytest.param(change, joint, marks=fault(GROUP, words, ESTIMATED))
-    for words, change, joint in (
-        ('wrong sign of the velocity of a joint', with_velocity(lambda v: -v, same), 'joint1'),
-        ('velocity of a joint always 0', with_velocity(same, lambda v: 0.0), 'joint2'),
-        ('all velocities always 0', with_velocity(lambda v: 0.0, lambda v: 0.0), 'joint'),
-        ('all velocities in degrees per second',
-         with_velocity(math.degrees, math.degrees), 'joint'),
-        ('twice the velocity of a joint', with_velocity(lambda v: 2.0 * v, same), 'joint1'))])
+@fault_cases(('change', 'joint'), GROUP, '{}', ESTIMATED, (
+    ('wrong sign of the velocity of a joint', with_velocity(lambda v: -v, same), 'joint1'),
+    ('velocity of a joint always 0', with_velocity(same, lambda v: 0.0), 'joint2'),
+    ('all velocities always 0', with_velocity(lambda v: 0.0, lambda v: 0.0), 'joint'),
+    ('all velocities in degrees per second',
+     with_velocity(math.degrees, math.degrees), 'joint'),
+    ('twice the velocity of a joint', with_velocity(lambda v: 2.0 * v, same), 'joint1')))
 def test_a_velocity_that_contradicts_the_positions(
     bench: FaultBench, change: Callable[[JointState], JointState], joint: str,
 ) -> None:
     # The cause that the message names depends on the interval of the states, hence on load;
     # test_velocity_faults.py tests it.
-    bench.set_point(Q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    follow(bench, Q)
     bench.driver.stream_changed(change)
     status = bench.wait_status('joint states', lambda status: 'velocity of' in status.message)
     assert status.level == DiagnosticStatus.WARN
@@ -94,10 +91,9 @@ def test_a_velocity_that_contradicts_the_positions(
     bench.wait_running()
 
 
-@pytest.mark.parametrize('j', [
-    pytest.param(j, marks=fault(GROUP, words, FROZEN)) for j, words in (
-        ([0], 'repeated position and velocity of a moving joint'),
-        ([0, 1], 'repeated positions and velocities of all moving joints, with new stamps'))])
+@fault_cases('j', GROUP, '{}', FROZEN, (
+    ('repeated position and velocity of a moving joint', [0]),
+    ('repeated positions and velocities of all moving joints, with new stamps', [0, 1])))
 def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
     samples: list[tuple[float, float]] = []
 

@@ -5,7 +5,7 @@
 
 from pathlib import Path
 
-from calibration_bench import arm_of, exact_drives, HiddenDrives, HoldRecording, load_on, poses_of
+from calibration_bench import exact_drives, HiddenDrives, HoldRecording, load_on, poses_of
 import numpy as np
 import pytest
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
@@ -14,6 +14,7 @@ from robot_dynamics.gravity_calibration.recorded_holds import read_holds
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.calibrate_gravity import main
+from robots import arm_without_gripper
 
 WEIGHT = ['--weight-mass', '2', '--weight-link', 'tool0', '--weight-position', '0.1', '0', '0.05']
 GIVEN = """\
@@ -37,7 +38,7 @@ simulated_arm:
 
 @pytest.fixture(scope='module')
 def drives() -> HiddenDrives:
-    return exact_drives(arm_of('default'), 4)
+    return exact_drives(arm_without_gripper('default'), 4)
 
 
 @pytest.fixture(scope='module')

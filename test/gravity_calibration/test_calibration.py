@@ -5,7 +5,7 @@
 
 from dataclasses import replace
 
-from calibration_bench import arm_of, exact_drives, load_on, poses_of, TOOL_LINKS
+from calibration_bench import exact_drives, load_on, poses_of, TOOL_LINKS
 from identification_bench import changed_arm, with_inertial_parameters
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robots import arm_without_gripper
 
 EXACT = 1e-9
 
@@ -57,7 +58,7 @@ def assert_same_tool(found, tool) -> None:
 def test_a_known_weight_gives_exact_scales_offsets_and_tool(
     name: str, given: float | None,
 ) -> None:
-    arm = arm_of(name)
+    arm = arm_without_gripper(name)
     drives, q = exact_drives(arm), poses_of(arm)
     tool, weight = load_on(name, 1.5), load_on(name, 2.0, (0.1, 0.0, 0.05))
     found = calibrate_holds(
@@ -70,7 +71,7 @@ def test_a_known_weight_gives_exact_scales_offsets_and_tool(
 
 
 def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
-    arm = arm_of(name)
+    arm = arm_without_gripper(name)
     drives, tool = exact_drives(arm), load_on(name, 1.5)
     found = calibrate_holds(
         arm, drives.holds(poses_of(arm), arm.with_payloads([tool])), tool=Tool(tool.link, 1.5))
@@ -82,7 +83,7 @@ def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
 
 def test_without_a_reference_scale_and_mass_are_confounded() -> None:
     """All masses that are 1.1 times those of the URDF divide the scales by 1.1, exactly."""
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
     heavier = with_inertial_parameters(arm, 1.1 * inertial_parameters(arm))
     found = calibrate_holds(arm, drives.holds(poses_of(arm), heavier))
@@ -91,7 +92,7 @@ def test_without_a_reference_scale_and_mass_are_confounded() -> None:
 
 
 def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     drives, q, weight = exact_drives(arm), poses_of(arm), load_on('xarm7', 2.0, (0.1, 0.0, 0.05))
     found = calibrate_holds(
         changed_arm(arm, 0.3), drives.holds(q), drives.holds(q, arm.with_payloads([weight])),
@@ -100,7 +101,7 @@ def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf() -> None
 
 
 def test_the_poses_with_the_weight_may_be_others() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     drives, q, weight = exact_drives(arm), poses_of(arm, 20), load_on('xarm7', 2.0)
     found = calibrate_holds(
         arm, drives.holds(q[:10]), drives.holds(q[10:], arm.with_payloads([weight])), weight)
@@ -108,7 +109,7 @@ def test_the_poses_with_the_weight_may_be_others() -> None:
 
 
 def test_a_tilted_base_makes_the_first_scale_observable() -> None:
-    arm = arm_of('ur10').with_gravity((3.0, 0.0, -9.0))
+    arm = arm_without_gripper('ur10').with_gravity((3.0, 0.0, -9.0))
     drives, tool = exact_drives(arm), load_on('ur10', 1.5)
     found = calibrate_holds(
         arm, drives.holds(poses_of(arm), arm.with_payloads([tool])), tool=Tool(tool.link, 1.5))
@@ -117,7 +118,7 @@ def test_a_tilted_base_makes_the_first_scale_observable() -> None:
 
 
 def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
     found = calibrate_holds(arm, drives.holds(poses_of(arm)))
     assert found.is_observable.tolist() == [False] + 6 * [True]
@@ -126,7 +127,7 @@ def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale() -> None:
 
 
 def test_a_joint_that_came_from_one_side_only_is_left_as_it_is() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
     holds = [hold._replace(approach=np.where(np.arange(7) == 3, 1, hold.approach))
              for hold in drives.holds(poses_of(arm))]
@@ -156,7 +157,7 @@ def test_the_jacobian_is_the_derivative_of_the_model() -> None:
 
 
 def test_the_regressor_gives_gravity_and_the_load_of_a_link(name: str) -> None:
-    arm, load = arm_of(name), load_on(name, 1.5)
+    arm, load = arm_without_gripper(name), load_on(name, 1.5)
     q = poses_of(arm, 8)
     Y, T, phi = gravity_regressor(arm, q), link_columns(arm, load.link), gravity_parameters(arm)
     np.testing.assert_allclose(Y @ phi, RigidBody(arm).gravity_batch(q), atol=1e-10)

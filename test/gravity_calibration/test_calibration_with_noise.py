@@ -3,13 +3,14 @@
 
 """Accuracy and coverage of a calibration with dry friction that does not cancel, and noise."""
 
-from calibration_bench import arm_of, load_on, noisy_drives, poses_of, TOOL_LINKS
+from calibration_bench import load_on, noisy_drives, poses_of, TOOL_LINKS
 import numpy as np
 import pytest
 from robot_dynamics.gravity_calibration.calibration import calibrate_holds, Calibration
 from robot_dynamics.gravity_calibration.report import joint_verdicts
 from robot_dynamics.gravity_calibration.tool_estimate import Tool
 from robot_dynamics.reporting.html_page import Grade
+from robots import arm_without_gripper
 
 WEIGHTS = {'default': 2.0, 'ur10': 5.0, 'panda': 2.0, 'xarm7': 2.0}
 """Known weights [kg], about half of the payload of the arms."""
@@ -52,7 +53,7 @@ def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(
     name: str, with_weight: bool,
 ) -> None:
     """With a weight at all joints; with a known tool at those with the verdict good."""
-    arm = arm_of(name)
+    arm = arm_without_gripper(name)
     q = poses_of(arm)
     for seed in range(3):
         case = Case(name, arm, q, seed, with_weight)
@@ -65,7 +66,7 @@ def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(
 
 
 def share_inside(name: str, seeds: range, with_weight: bool) -> float:
-    arm = arm_of(name)
+    arm = arm_without_gripper(name)
     q = poses_of(arm)
     return float(np.mean([
         inside for seed in seeds for inside in Case(name, arm, q, seed, with_weight).inside()]))
@@ -86,7 +87,7 @@ def test_95_percent_intervals_contain_the_truth_in_95_percent(
 
 
 def test_poses_without_spread_keep_the_scale() -> None:
-    arm = arm_of('default')
+    arm = arm_without_gripper('default')
     drives = noisy_drives(arm, 0)
     q = np.array([0.3, 0.4]) + 0.06 * np.arange(8)[:, None] * np.array([1.0, -1.0])
     found = calibrate_holds(arm, drives.holds(q))

@@ -3,7 +3,7 @@
 
 """The poses for a calibration: within the limits, informative, and the same for a seed."""
 
-from calibration_bench import arm_of, poses_of, TOOL_LINKS
+from calibration_bench import poses_of, TOOL_LINKS
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
@@ -14,11 +14,12 @@ from robot_dynamics.gravity_calibration.poses import (
 )
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
+from robots import arm_without_gripper
 
 
 @pytest.mark.parametrize('name', TOOL_LINKS)
 def test_poses_and_their_approaches_are_within_the_limits(name: str) -> None:
-    arm = arm_of(name)
+    arm = arm_without_gripper(name)
     arm = arm.with_payloads([make_payload(TOOL_LINKS[name], 2.0)])
     poses = select_poses(arm, 10)
     assert poses.positions.shape == poses.gravity.shape == (10, arm.joint_count)
@@ -30,7 +31,7 @@ def test_poses_and_their_approaches_are_within_the_limits(name: str) -> None:
 
 
 def test_bounds_contain_the_approaches() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     poses = select_poses(arm, 8, lower=np.full(7, -0.9), upper=np.full(7, 0.3)).positions
     assert poses.min() >= -0.8
     assert poses.max() <= 0.2
@@ -38,7 +39,7 @@ def test_bounds_contain_the_approaches() -> None:
 
 def test_selected_poses_are_more_informative_than_random_ones() -> None:
     """The variance of the gravity torque is the information on a scale, besides its offset."""
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     spread = np.log(select_poses(arm, 10).gravity[:, 1:].var(axis=0)).sum()
     rng = np.random.default_rng(1)
     q = rng.uniform(np.maximum(arm.limits.lower, -3.0), np.minimum(arm.limits.upper, 3.0), (
@@ -48,7 +49,7 @@ def test_selected_poses_are_more_informative_than_random_ones() -> None:
 
 
 def test_a_seed_gives_the_same_poses_in_a_short_order() -> None:
-    arm = arm_of('xarm7')
+    arm = arm_without_gripper('xarm7')
     poses = poses_of(arm)
     np.testing.assert_array_equal(poses, poses_of(arm))
     assert not np.array_equal(poses, select_poses(arm, 12, seed=1).positions)
@@ -69,6 +70,7 @@ def test_a_seed_gives_the_same_poses_in_a_short_order() -> None:
     ({'lower': [0.0]}, 'lower has 1 value'),
 ])
 def test_what_permits_no_poses_is_refused(change: dict, message: str) -> None:
-    arm = arm_of('xarm7').with_payloads([make_payload('link7', change.get('load', 0.0))])
+    load = make_payload('link7', change.get('load', 0.0))
+    arm = arm_without_gripper('xarm7').with_payloads([load])
     with pytest.raises(InvalidInputError, match=message):
         select_poses(arm, change.get('count', 12), change.get('lower'), change.get('upper'))

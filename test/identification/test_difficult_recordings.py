@@ -26,11 +26,11 @@ from robot_dynamics.identification.steps import evaluate_motion
 from robot_dynamics.identification.summary import bounds_by_joint, not_separable, warnings
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.reporting.text_table import percent
-from robots import robot_urdf
+from robots import arm_without_gripper, robot_urdf
 from scipy.signal import butter, sosfilt
 
 UR5 = load_arm(robot_urdf('ur5'))
-PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
+PANDA = arm_without_gripper('panda')
 FRICTION_FACTOR, MODEL_ERROR = 5.0, 0.03
 
 

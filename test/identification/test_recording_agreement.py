@@ -13,9 +13,8 @@ from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion,
 from robot_dynamics.identification.pipeline import Identification, identify
 from robot_dynamics.identification.recording_agreement import far_from_urdf, gravity_ratios
 from robot_dynamics.identification.regularized_fit import Fit
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper, robot_urdf
 
 UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 RATE, DURATION = 125.0, 20.0
@@ -25,20 +24,17 @@ NOISE = 0.004
 
 def recorded(name: str, urdf: str, seed: int) -> FilteredMotion:
     """Return a motion of an arm whose masses differ from its URDF, read with another URDF."""
-    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    arm = arm_without_gripper(name)
     states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
     effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
         0.5 * states.v + np.tanh(states.v / 0.03))
     noise = NOISE * limit * np.random.default_rng(seed).normal(size=effort.shape)
-    return filter_motion(series_of(arm_of(urdf), states, effort + noise))
-
-
-def arm_of(name: str):
-    return load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    return filter_motion(series_of(arm_without_gripper(urdf), states, effort + noise))
 
 
 def identified(urdf: str, *names: str) -> Identification:
-    return identify(arm_of(urdf), [recorded(name, urdf, k) for k, name in enumerate(names)])
+    recordings = [recorded(name, urdf, k) for k, name in enumerate(names)]
+    return identify(arm_without_gripper(urdf), recordings)
 
 
 def named(found: Identification) -> list[int]:
@@ -77,7 +73,7 @@ def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf: str, is_far: bool
 
 @pytest.mark.parametrize('factor', [0.3, 1.0, 1.9, 2.1])
 def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor: float) -> None:
-    arm = arm_of('ur10')
+    arm = arm_without_gripper('ur10')
     fit = Fit(factor * inertial_parameters(arm), np.zeros((6, 1)), ())
     ratios = gravity_ratios(arm, fit, random_states(arm, 20)[0])
     # shoulder_pan is vertical, and the last wrist bears nothing
@@ -86,7 +82,7 @@ def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor
 
 
 def test_the_noise_is_that_within_the_band_of_the_filter() -> None:
-    arm = arm_of('ur10')
+    arm = arm_without_gripper('ur10')
     motion = recorded('ur10', 'ur10', 3)
     noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(
         size=motion.position.shape)

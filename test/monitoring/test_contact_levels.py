@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.external_wrench import ExternalWrench
@@ -27,14 +27,14 @@ from robot_dynamics.monitoring.contact_levels import (
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics.pictures.stick_figure import tool_link
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper
 from scipy import stats
 from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
 from wrong_arms import model_arm, true_arm, WrongModel
 from wrong_arms import RATE as LOOP_RATE
 
 ARMS = 'default', 'ur10', 'panda'
-EXACT_ARMS = {name: load_arm(robot_urdf(name), JOINTS.get(name, ())) for name in ARMS}
+EXACT_ARMS = {name: arm_without_gripper(name) for name in ARMS}
 UNSEEN_ARMS = 'panda', 'kinova', 'ur3', 'ur5', 'talos_left_arm', 'so100'
 """Arms by which the law of the levels was not chosen."""
 TEN_MINUTES, HOUR = 600.0, 3600.0

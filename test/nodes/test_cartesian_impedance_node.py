@@ -5,29 +5,27 @@
 
 from collections.abc import Iterator, Sequence
 import json
-import sys
 
 from children import run, TIMEOUT
 from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray
+from disturbances import set_payload
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
-from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient
+from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
+from verb_bench import PROGRAM
 
 LAW = {'command': 'cartesian_impedance', 'condition_references': True, 'scale_gains': True,
        'joints': NAMES, 'cartesian.translation_stiffness': [200.0],
        'cartesian.rotation_stiffness': 0.0}
 KINEMATICS = FrameKinematics(load_arm(default_arm_urdf()), 'tool0')
 NAMESPACE = '/cartesian'
-VERB = [sys.executable, '-c',
-        'import sys; from robot_dynamics.tools.ros2_dynamics.verbs import main; '
-        'sys.exit(main(sys.argv[1:]))']
 
 
 @pytest.fixture(scope='module')
@@ -66,11 +64,7 @@ def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_
             lambda m: np.abs(place(m.position) - goal).max() < 1e-3
             and np.abs(m.velocity).max() < 1e-3, LONG)
         for mass, sag in ((0.5, 0.5 * 9.81 / 200.0), (0.0, 0.0)):
-            request = SetPayload.Request()
-            request.payload.header.frame_id = 'tool0'
-            request.payload.inertia.m = mass
-            assert client.call(
-                SetPayload, f'{NAMESPACE}/simulated_arm/set_payload', request).success
+            set_payload(client, f'{NAMESPACE}/simulated_arm', make_payload('tool0', mass))
             states.wait_for(
                 lambda m: np.allclose(  # noqa: B023
                     goal - place(m.position), [0.0, 0.0, sag], atol=2e-3)  # noqa: B023
@@ -102,7 +96,8 @@ def test_the_verb_moves_to_a_pose_and_names_a_refusal(
     client: RosClient, node: NodeProcess,
 ) -> None:
     goal = place(START)
-    words = [*VERB, 'pose', '--node', f'{NAMESPACE}/dynamics', '--timeout', str(TIMEOUT), '--json']
+    words = [
+        *PROGRAM, 'pose', '--node', f'{NAMESPACE}/dynamics', '--timeout', str(TIMEOUT), '--json']
     done = run([*words, *map(str, goal)], text=True, capture_output=True)
     assert done.returncode == 0, done.stderr
     assert place(json.loads(done.stdout)['position']) == pytest.approx(goal, abs=2e-3)
@@ -121,11 +116,6 @@ def test_a_wrong_parameter_is_refused_at_the_start_and_at_run_time(
             ('cartesian.translation_stiffness', [1.0, 2.0]),
             ('cartesian.translation_stiffness', [-1.0]), ('cartesian.rotation_stiffness', -1.0),
             ('cartesian.damping_ratio', 0.0), ('cartesian.frame', 'hand')):
-        result, = client.set_parameters(f'{NAMESPACE}/dynamics', {name: value})
-        assert not result.successful
-        assert name in result.reason
-    wrong = NodeProcess(
+        assert name in client.rejection(f'{NAMESPACE}/dynamics', name, value)
+    assert "cartesian.frame is 'hand', expected one of the links" in log_of_failed_start(
         DYNAMICS, {'joints': NAMES, 'cartesian.frame': 'hand'}, namespace='/wrong_frame')
-    wrong.launch()
-    assert wrong.wait() == 1
-    assert "cartesian.frame is 'hand', expected one of the links" in wrong.log

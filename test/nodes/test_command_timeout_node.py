@@ -145,8 +145,7 @@ def test_with_0_the_last_effort_acts_indefinitely(client: RosClient) -> None:
             assert any(state.velocity)
             assert list(state.effort) == EFFORT
         assert 'No valid effort' not in node.log
-        result, = client.set_parameters('/ever/simulated_arm', {'command_timeout': 0.1})
-        assert result.successful
+        client.set_parameters('/ever/simulated_arm', {'command_timeout': 0.1})
         wait_standing(arm.states)
         node.wait_for_log(TIMED_OUT)
         arm.close()

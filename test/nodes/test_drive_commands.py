@@ -9,16 +9,15 @@ from typing import Any
 from closed_loop import closed_loop, NAMES, send, START
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 STIFFNESS, DAMPING = [240.0, 31.0], [20.0, 3.0]
 DRIVES = {'joints': NAMES, 'drive.stiffness': STIFFNESS, 'drive.damping': DAMPING}
-BODY = ArmDynamics(load_arm(default_arm_urdf())).rigid_body
+BODY = default_dynamics().rigid_body
 
 
 def stamp_of(message: JointState) -> int:

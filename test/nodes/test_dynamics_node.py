@@ -15,9 +15,8 @@ from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
 from robot_dynamics.ros.dynamics.state_log import StateReport
 from robots import robot_urdf
-from ros_harness import BEST_EFFORT, DYNAMICS, LATCHED, NodeProcess, RosClient, wait_until
+from ros_harness import BEST_EFFORT, DYNAMICS, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 from topic_bench import Bench, G, make_bench, NAMES
 
 
@@ -64,30 +63,14 @@ def test_best_effort_subscribers_are_served_too(bench: Bench) -> None:
 
 def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient) -> None:
     one = planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name='one_link', joint_names=['hinge'])
-    descriptions = client.publisher(String, '/described/robot_description', LATCHED, 0)
-    descriptions.publish(String(data=one))
-    with NodeProcess(
-            DYNAMICS, {'hold_time': 0.0}, namespace='/described') as node:
-        node.wait_for_log("Model 'one_link'")  # transient local: it was published before
-        bench = make_bench(client, node, '/described')
-        effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
-        assert list(effort.name) == ['hinge']
-        assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
-        descriptions.publish(String(data='<robot name="broken"'))
-        node.wait_for_log('Kept the model in use: robot_description is not well-formed')
-        effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
-        assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
-        descriptions.publish(String(data=default_arm_urdf()))
-        node.wait_for_log('Kept the model in use while commanding')
-        loaded = node.log.count("Model 'planar_arm'")  # the embedded arm was loaded at first
-        client.set_parameters('/described/dynamics', {'state_timeout': 0.3})
-        wait_until(  # no joint states: the command ends
-            lambda: node.log.count("Model 'planar_arm'") > loaded, 'the new model')
-        client.set_parameters('/described/dynamics', {'state_timeout': 60.0})
-        effort = client.ask(
-            bench.states, bench.state(), bench.efforts, lambda m: list(m.name) == NAMES)
-        assert effort.effort == pytest.approx(G, abs=5e-9)
-    client.node.destroy_publisher(descriptions)
+    with client.describing('/described') as publish:
+        publish(one)
+        with NodeProcess(DYNAMICS, namespace='/described') as node:
+            node.wait_for_log("Model 'one_link'")  # transient local: it was published before
+            bench = make_bench(client, node, '/described')
+            effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
+    assert list(effort.name) == ['hinge']
+    assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
 
 
 def test_a_parameter_takes_precedence_over_the_topic(client: RosClient) -> None:

@@ -12,16 +12,14 @@ from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_path
-from ros_harness import DYNAMICS, LATCHED, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from simulated_arms import default_dynamics
 
-G = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(np.array(START))
+G = default_dynamics().rigid_body.gravity(np.array(START))
 SLOW = {'real_time_factor': 3.0}
 PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
 MOTORS = {
@@ -104,15 +102,13 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
 
 
 def test_a_new_model_is_checked_again(client: RosClient) -> None:
-    descriptions = client.publisher(String, '/second/robot_description', LATCHED, 0)
     other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
-    with closed_loop('/second', **SLOW) as node:
+    with client.describing('/second') as publish, closed_loop('/second', **SLOW) as node:
         node.wait_for_log(PASSED, LONG)
         assert len(re.findall(PASSED, node.log)) == 1  # there is one verdict per model
-        descriptions.publish(String(data=other))
+        publish(other)
         node.wait_for_log("Model 'other_arm'", LONG)
         wait_until(lambda: len(re.findall(PASSED, node.log)) == 2, 'another verdict', LONG)
-    client.node.destroy_publisher(descriptions)
 
 
 # --- wrong declarations --------------------------------------------------------------------------

@@ -7,13 +7,10 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from closed_loop import closed_loop, NAMES, START
-from geometry_msgs.msg import WrenchStamped
+from disturbances import push, ZERO
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import (
     DYNAMICS,
     LONG,
@@ -24,11 +21,12 @@ from ros_harness import (
     wait_until,
 )
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 LAW = {'command': 'hand_guiding', 'joints': NAMES, 'hand_guiding.feedback_gain': [0.5]}
 ROUGH = {'friction.coulomb': [8.0]}
 """Dry friction [N·m] that holds the arm against the forces that are felt."""
-ARM = ArmDynamics(load_arm(default_arm_urdf()))
+ARM = default_dynamics()
 
 
 def is_at_rest(message: JointState) -> bool:
@@ -48,19 +46,14 @@ def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client: RosClient) -
             closed_loop('/guided', LAW, rate=500.0):
         states.wait_count(200)
         assert states.messages[-1].position == pytest.approx(START, abs=1e-4)
-        push = WrenchStamped()
-        push.header.frame_id = 'tool0'
-        push.wrench.force.z = 5.0
-        wrenches = client.publisher(WrenchStamped, '/guided/simulated_arm/external_wrench')
-        wrenches.publish(push)
+        push(client, '/guided/simulated_arm', (0.0, 0.0, 5.0))
         moved = states.wait_for(
             lambda m: np.abs(np.subtract(m.position, START)).max() > 0.3, LONG)
-        wrenches.publish(WrenchStamped(header=push.header))
+        push(client, '/guided/simulated_arm', ZERO)
         speeds = np.abs([m.velocity for m in states.messages])
         assert moved
         assert speeds.max() < 2.0
-        result, = client.set_parameters('/guided/dynamics', {'command': 'computed_torque'})
-        assert result.successful
+        client.set_parameters('/guided/dynamics', {'command': 'computed_torque'})
         wait_until(lambda: is_at_rest(states.messages[-1]), 'rest', LONG)
         held = states.messages[-1].position
         states.wait_count(len(states.messages) + 200)
@@ -110,8 +103,6 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
     options = {'rate': 250.0, 'initial_position': START}
     arms = [NodeProcess(SIMULATED_ARM, {**options, **ROUGH}, namespace='/leader'),
             NodeProcess(SIMULATED_ARM, options, namespace='/follower')]
-    push = WrenchStamped()
-    push.header.frame_id = 'tool0'
 
     def error() -> float:
         at = [one.messages[-1].position for one in (led, followed)]
@@ -123,15 +114,12 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
             running(leader, follower, *arms):
         for one in (led, followed, efforts):
             one.wait_count(100)
-        push.wrench.force.z = 40.0
-        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(push)
+        push(client, '/leader/simulated_arm', (0.0, 0.0, 40.0))
         wait_until(lambda: np.abs(np.subtract(led.messages[-1].position, START)).max() > 0.3,
                    'a motion of the leader', LONG)
-        client.publisher(WrenchStamped, '/leader/simulated_arm/external_wrench').publish(
-            WrenchStamped(header=push.header))
+        push(client, '/leader/simulated_arm', ZERO)
         wait_until(lambda: is_at_rest(led.messages[-1]) and error() < 0.01, 'the follower', LONG)
-        push.wrench.force.z = 10.0
-        client.publisher(WrenchStamped, '/follower/simulated_arm/external_wrench').publish(push)
+        push(client, '/follower/simulated_arm', (0.0, 0.0, 10.0))
 
         def is_felt() -> bool:
             at = led.messages[-1].position
@@ -158,7 +146,5 @@ def test_illegal_options_are_refused_by_name(client: RosClient) -> None:
         for name, value in (('hand_guiding.friction_share', [0.9]),
                             ('hand_guiding.feedback_gain', [0.6]),
                             ('hand_guiding.speed', [1.0, 2.0, 3.0])):
-            result, = client.set_parameters('/illegal/dynamics', {name: value})
-            assert not result.successful
-            assert name in result.reason
+            assert name in client.rejection('/illegal/dynamics', name, value)
         assert 'Traceback' not in node.log

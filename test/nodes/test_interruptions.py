@@ -9,17 +9,15 @@ independent of the reference before the interruption and of messages sent during
 """
 
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import RATE, Swing
-from fault_table import fault
+from fault_stimuli import follow, move_by_hand, RATE, Swing, wait_effort
+from fault_table import fault, fault_cases
 from interruption_bench import (
     check_held,
     ELSEWHERE,
-    follow,
     gravity,
     GROUP,
     HELD,
     LIMIT,
-    move_by_hand,
     wait_rejected,
 )
 from lifecycle_bench import ACTIVATE, DEACTIVATE
@@ -103,8 +101,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     wait_rejected(arm, f"command is '{command}', expected 'cartesian_impedance'")
     if command != 'none':
         arm.efforts.clear()
-        arm.efforts.wait_for(
-            lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+        wait_effort(arm, gravity(ELSEWHERE))
     arm.efforts.clear()
     arm.set_parameters(command='computed_torque')
     check_held(arm, ELSEWHERE)
@@ -114,13 +111,12 @@ def test_another_command(arm: FaultBench, command: str) -> None:
 
 # --- faults --------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('v', [
-    pytest.param(v, marks=fault(
-        GROUP, f'joint velocities of {words} while a reference is followed',
-        'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
-        'the limits; ends automatically; after the third, references wait for `~/reset_fault`'))
-    for words, v in (('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
-                     ('-20 and 20 rad/s', [-20.0, 20.0]))])
+@fault_cases(
+    'v', GROUP, 'joint velocities of {} while a reference is followed',
+    'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
+    'the limits; ends automatically; after the third, references wait for `~/reset_fault`', (
+        ('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
+                     ('-20 and 20 rad/s', [-20.0, 20.0])))
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()

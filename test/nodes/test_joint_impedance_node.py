@@ -4,14 +4,14 @@
 """`command: joint_impedance` on running nodes: it holds, moves, gives way, and refuses."""
 
 from closed_loop import closed_loop, NAMES, send, START
+from disturbances import set_payload
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import SetPayload
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient
+from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 
 STIFFNESS = [100.0, 40.0]
@@ -24,7 +24,8 @@ def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffn
     client: RosClient,
 ) -> None:
     arm = load_arm(default_arm_urdf())
-    loaded = arm.with_payloads([make_payload('tool0', 0.5)])
+    load = make_payload('tool0', 0.5)
+    loaded = arm.with_payloads([load])
     goal = [START[0] - 0.4, START[1] + 0.3]
     with client.collect(JointState, '/impedance/joint_states') as states, \
             closed_loop('/impedance', LAW, rate=500.0):
@@ -32,10 +33,7 @@ def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffn
         assert states.messages[-1].position == pytest.approx(START, abs=1e-5)
         send(client, '/impedance', (1.0, goal))
         states.wait_for(lambda m: np.abs(np.subtract(m.position, goal)).max() < 1e-3, LONG)
-        request = SetPayload.Request()
-        request.payload.header.frame_id = 'tool0'
-        request.payload.inertia.m = 0.5
-        assert client.call(SetPayload, '/impedance/simulated_arm/set_payload', request).success
+        set_payload(client, '/impedance/simulated_arm', load)
 
         def rests_below(m: JointState) -> bool:
             g = [ArmDynamics(each).rigid_body.gravity(np.array(m.position))
@@ -50,14 +48,8 @@ def test_a_wrong_stiffness_is_refused_at_the_start_and_at_run_time(client: RosCl
     with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/stiff') as node:
         for name, value in (('impedance.stiffness', [1.0, 2.0, 3.0]),
                             ('impedance.damping_ratio', [-1.0])):
-            result, = client.set_parameters('/stiff/dynamics', {name: value})
-            assert not result.successful
-            assert name in result.reason
-        result, = client.set_parameters('/stiff/dynamics', {'command': 'joint_impedance'})
-        assert result.successful
+            assert name in client.rejection('/stiff/dynamics', name, value)
+        client.set_parameters('/stiff/dynamics', {'command': 'joint_impedance'})
         assert 'Traceback' not in node.log
-    wrong = NodeProcess(
+    assert 'impedance.stiffness has 3' in log_of_failed_start(
         DYNAMICS, {'joints': NAMES, 'impedance.stiffness': [1.0, 2.0, 3.0]}, namespace='/stiff')
-    wrong.launch()
-    assert wrong.wait() == 1
-    assert 'impedance.stiffness has 3' in wrong.log

@@ -11,27 +11,24 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from fault_table import fault
+from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import (
     Collector,
     DYNAMICS,
     has_stamp,
-    LATCHED,
     NodeProcess,
     RosClient,
     TIMEOUT,
 )
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from simulated_arms import default_dynamics
 
 NAMES = ('joint1', 'joint2')
 Q = [0.4, -0.3]
-HOLD = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+HOLD = default_dynamics().gravity(Q)
 SHARED, OTHER = 'Joint states from several publishers', 'Joint states of another robot'
 NOTHING = 'no command; one error names these joints and `robot_description_file`'
 STATES = 100
@@ -172,13 +169,10 @@ def send_until(
     assert end < deadline, f'{TIMEOUT:g} s passed before the condition was true'
 
 
-@pytest.mark.parametrize('names', [
-    pytest.param(names, marks=fault(
-        OTHER, f'no description, and joint states of {words}', NOTHING))
-    for words, names in (
-        ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
-        ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
-        ('`shoulder` and `elbow`', ['shoulder', 'elbow']))])
+@fault_cases('names', OTHER, 'no description, and joint states of {}', NOTHING, (
+    ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
+    ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
+    ('`shoulder` and `elbow`', ['shoulder', 'elbow'])))
 def test_the_embedded_arm_is_not_commanded_for_another_robot(
     client: RosClient, names: list[str],
 ) -> None:
@@ -225,7 +219,7 @@ def test_a_description_on_its_topic_ends_the_refusal(client: RosClient) -> None:
             client.collect(JointState, '/late/effort_command') as efforts:
         efforts.wait_matched()
         send_until(client, '/late', names, lambda: 'Nothing is published' in node.log)
-        description = client.publisher(String, '/late/robot_description', LATCHED)
-        description.publish(String(data=arm_named('left_')))
-        node.wait_for_log(re.escape(f'joints {names}'))
-        send_until(client, '/late', names, lambda: bool(efforts.messages))
+        with client.describing('/late') as publish:
+            publish(arm_named('left_'))
+            node.wait_for_log(re.escape(f'joints {names}'))
+            send_until(client, '/late', names, lambda: bool(efforts.messages))

@@ -6,8 +6,8 @@
 from pathlib import Path
 
 from closed_loop import closed_loop, NAMES, send, START
+from disturbances import push
 from free_motion_recording import learn_contact_levels, record_free_motion
-from geometry_msgs.msg import WrenchStamped
 import numpy as np
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
@@ -39,9 +39,7 @@ def test_a_push_exceeds_the_learned_levels_and_motion_does_not(
         states.wait_count(50, LONG)
         assert not contacts.messages
         last = stamp_from_ros(states.messages[-1].header.stamp)
-        push = WrenchStamped()
-        push.header.frame_id, push.wrench.force.x = 'tool0', 30.0
-        client.publisher(WrenchStamped, '/learned/simulated_arm/external_wrench').publish(push)
+        push(client, '/learned/simulated_arm', (30.0, 0.0, 0.0))
         contact = contacts.wait_count(1, LONG)[0]
     assert stamp_from_ros(contact.header.stamp) > last
     i = NAMES.index(contact.joint_name)

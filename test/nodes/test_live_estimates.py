@@ -10,7 +10,9 @@ from typing import Any
 from bounded_waits import Collector, has_stamp
 from closed_loop import closed_loop, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from disturbances import push, set_payload
 from geometry_msgs.msg import WrenchStamped
+from held_robot import HeldRobot, STEP
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -18,9 +20,8 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -38,8 +39,8 @@ ARM = load_arm(default_arm_urdf())
 BODY = ArmDynamics(ARM).rigid_body
 GRAVITY = BODY.gravity(np.array(START))
 LIFT = np.array([0.0, 3.0])
-STEP = 0.01
-"""[s] between two states of the robot below."""
+HELD = {'position': START, 'effort': (GRAVITY - LIFT).tolist()}
+"""A robot that is held at rest under an external torque on joint2."""
 
 
 def by_stamp(messages: list[Any], field: str) -> dict[int, np.ndarray]:
@@ -52,13 +53,6 @@ def pairs(states: Collector, estimates: Collector) -> list[int]:
     return [t for t in r if {t, t - STEP_NS} <= q.keys() and t - STEP_NS in r]
 
 
-def push(wrench: bool) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    message.wrench.force.x, _, message.wrench.force.z = (FORCE * wrench).tolist()
-    return message
-
-
 def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
     """In lock-step, so that the values at each stamp do not depend on the machine."""
     with client.collect(JointState, '/pushed/joint_states') as states, \
@@ -68,12 +62,11 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
             closed_loop(
                 '/pushed', {**ROBOT, 'external_effort_bandwidth': BANDWIDTH,
                             'gains.natural_frequency': [40.0]}, **ROBOT, rate=RATE):
-        wrenches = client.publisher(WrenchStamped, '/pushed/simulated_arm/external_wrench')
         states.wait_for(lambda m: any(m.effort), LONG)  # nothing is followed before an effort
         send(client, '/pushed', (0.0, START))
         client.wait_for(JointState, '/pushed/dynamics/computed_torque', timeout=LONG)
         first = estimates.wait_count(20, LONG)[-1]
-        wrenches.publish(push(True))
+        push(client, '/pushed/simulated_arm', FORCE)
         seen = estimates.wait_for(lambda m: np.abs(m.effort).max() > 1.0, LONG)
         end = stamp_from_ros(seen.header.stamp) + round(12e9 / K)
         # an observer misses some messages
@@ -103,28 +96,6 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
 
 # ------------------------------------------------------------------------- a robot without nodes
 
-class Held:
-    """A robot that is held at rest under an external torque on joint2; each state is answered."""
-
-    def __init__(self, client: RosClient, namespace: str) -> None:
-        self._client = client
-        self._states = client.publisher(JointState, f'{namespace}/joint_states')
-        self._answers = client.collect(
-            JointState, f'{namespace}/dynamics/gravity_compensation')
-        self._answers.wait_matched()
-        self.stamp = round(1e9)
-
-    def say(self, count: int = 1, step: float = STEP, **fields: Any) -> int:
-        """Publish `count` states, each `step` [s] after the previous; return the last stamp."""
-        for _ in range(count):
-            self.stamp += round(1e9 * step)
-            message = JointState(**{
-                'name': NAMES, 'position': START, 'velocity': [0.0, 0.0],
-                'effort': (GRAVITY - LIFT).tolist(), **fields})
-            message.header.stamp = stamp_to_ros(self.stamp)
-            self._client.answer_to(self._states, message, self._answers)
-        return self.stamp
-
 
 def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClient) -> None:
     """Of the planar arm, the lift of joint2 is a force and a torque at tool0."""
@@ -132,7 +103,7 @@ def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClie
         'joints': NAMES, 'uncertainty.noise_deviation': [0.1, 0.1],
         'uncertainty.noise_bandwidth': 10.0, 'external_wrench.largest_force': 200.0}
     with NodeProcess(DYNAMICS, parameters, namespace='/wrench'):
-        robot, topic = Held(client, '/wrench'), '/wrench/dynamics'
+        robot, topic = HeldRobot(client, '/wrench', **HELD), '/wrench/dynamics'
         robot.say()
         zero = f'{topic}/zero_external_wrench'
         refused = client.call(Trigger, zero)
@@ -169,7 +140,7 @@ def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
         'joints': NAMES, 'contact.effort': [1.0, 2.0], 'contact.effort_per_velocity': [5.0]}
     with NodeProcess(DYNAMICS, parameters, namespace='/touched') as node, \
             client.collect(Contact, '/touched/dynamics/contacts') as contacts:
-        robot = Held(client, '/touched')
+        robot = HeldRobot(client, '/touched', **HELD)
         contacts.wait_matched()
         free = {'effort': GRAVITY.tolist()}
         robot.say(20, **free)
@@ -188,8 +159,8 @@ def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
         robot.say(10)
         node.wait_for_log(
             r"Fault external_effort: .*'joint2'.* at most 2 \(external_effort_limit or contact")
-        refused, = client.set_parameters('/touched/dynamics', {'contact.effort': [0.0, 0.0]})
-        assert 'contact.is_fault is true without levels' in refused.reason
+        reason = client.rejection('/touched/dynamics', 'contact.effort', [0.0, 0.0])
+        assert 'contact.is_fault is true without levels' in reason
 
 
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:
@@ -211,7 +182,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
         'external_effort_bandwidth': BANDWIDTH, 'require_measured_velocities': True}
     with NodeProcess(DYNAMICS, parameters, namespace='/held') as node, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
-        robot, topic = Held(client, '/held'), '/held/dynamics/external_effort'
+        robot, topic = HeldRobot(client, '/held', **HELD), '/held/dynamics/external_effort'
         robot.say()
         diagnostics.wait_for(says('no subscribers'))
         with client.collect(JointState, topic) as estimates:
@@ -239,8 +210,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             robot.say(3)
             before = estimate(robot.stamp)
             load = make_payload('tool0', 2.0)
-            assert client.call(SetPayload, '/held/dynamics/set_payload', SetPayload.Request(
-                payload=payload_to_ros(load))).success
+            set_payload(client, '/held/dynamics', load)
             robot.say()
             # from now on the payload, which the measured effort lacks, appears as external torque
             lift = LIFT + ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(
@@ -248,7 +218,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
             fraction = -math.expm1(-K * STEP)
             assert estimate(robot.stamp) == pytest.approx(
                 before + fraction * (lift - before), abs=1e-9)
-            client.call(SetPayload, '/held/dynamics/set_payload')
+            set_payload(client, '/held/dynamics')
             robot.say(30)
             assert estimate(robot.stamp) == pytest.approx(LIFT, abs=0.1)
         diagnostics.clear()
@@ -272,7 +242,7 @@ def test_the_noise_of_the_estimates_is_the_published_deviation(client: RosClient
         'uncertainty.noise_deviation': (noise * math.sqrt(2.0 * band * STEP)).tolist()}
     rng = np.random.default_rng(0)
     with NodeProcess(DYNAMICS, uncertainty, namespace='/noisy'):
-        robot, topic = Held(client, '/noisy'), '/noisy/dynamics'
+        robot, topic = HeldRobot(client, '/noisy', **HELD), '/noisy/dynamics'
         with client.collect(JointState, f'{topic}/residual') as residuals, \
                 client.collect(JointState, f'{topic}/residual_deviation') as of_residual, \
                 client.collect(JointState, f'{topic}/external_effort') as external, \

@@ -3,7 +3,7 @@
 
 """A linear-quadratic regulator from the discrete model holds `simulated_arm` upright."""
 
-from geometry_msgs.msg import WrenchStamped
+from disturbances import push, ZERO
 from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
@@ -42,22 +42,14 @@ def steps_until(arm: LockStepped, K: np.ndarray, least: float, most: float) -> l
     pytest.fail(f'the largest angle is {angles[-1]} after {MOST_STEPS} steps')
 
 
-def push(force: float) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = 'tool0'
-    message.wrench.force.x = force
-    return message
-
-
 def test_the_arm_returns_upright_after_a_push(client: RosClient) -> None:
     K = lqr_gain()
     with lock_stepped(client, '/upright', initial_position=[0.2, -0.1], rate=RATE) as arm:
-        wrenches = client.publisher(WrenchStamped, '/upright/simulated_arm/external_wrench')
         steps_until(arm, K, 0.0, 1e-4)
-        wrenches.publish(push(FORCE))
+        push(client, '/upright/simulated_arm', (FORCE, 0.0, 0.0))
         steps_until(arm, K, 0.005, 0.2)
         held = max(step(arm, K) for _ in range(200))  # under the constant force
-        wrenches.publish(push(0.0))
+        push(client, '/upright/simulated_arm', ZERO)
         left = steps_until(arm, K, 0.0, 1e-4)
         assert held < 0.2
         assert max(left) < 0.2

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from absent_libraries import environment_without
-from geometry_msgs.msg import Vector3, Wrench, WrenchStamped
+from disturbances import push, ZERO
 import numpy as np
 import pytest
-from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, RosClient, running
+from ros_harness import DYNAMICS, log_of_failed_start, MUJOCO_ARM, NodeProcess, RosClient, running
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 NAMES = ['joint1', 'joint2']
@@ -37,11 +36,6 @@ def loop() -> Iterator[NodeProcess]:
         yield arm
 
 
-def wrench(body: str, z: float) -> WrenchStamped:
-    return WrenchStamped(
-        header=Header(frame_id=body), wrench=Wrench(force=Vector3(x=0.0, y=0.0, z=z)))
-
-
 def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) -> None:
     with client.collect(JointState, '/mujoco/joint_states') as states:
         first = states.wait_for(lambda state: state.header.stamp.sec >= 2)
@@ -49,14 +43,12 @@ def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) 
         assert np.abs(np.array(first.position) - START).max() < 0.005
         assert np.abs(first.velocity).max() < 1e-3
         assert np.abs(first.effort).min() > 1.0  # holds its weight
-        push = client.publisher(WrenchStamped, '/mujoco/mujoco_arm/external_wrench', 1)
-        push.publish(wrench('link2', 60.0))
+        push(client, '/mujoco/mujoco_arm', (0.0, 0.0, 60.0), 'link2')
         states.wait_for(lambda state: np.abs(
             np.array(state.position) - START).max() > PUSHED_JOINT)
-        push.publish(wrench('link2', 0.0))
+        push(client, '/mujoco/mujoco_arm', ZERO, 'link2')
         states.wait_for(lambda state: np.abs(
             np.array(state.position) - START).max() < 0.25 * PUSHED_JOINT)
-        client.node.destroy_publisher(push)
     answer = client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request())
     assert answer.success
 
@@ -64,20 +56,18 @@ def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) 
 def test_invalid_messages_are_named_and_nothing_ends(
     client: RosClient, loop: NodeProcess,
 ) -> None:
-    push = client.publisher(WrenchStamped, '/mujoco/mujoco_arm/external_wrench', 1)
     loop.provoke(
-        lambda: push.publish(wrench('elbow', 1.0)),
+        lambda: push(client, '/mujoco/mujoco_arm', ZERO, 'elbow'),
         "Rejected a message of ~/external_wrench: header.frame_id is 'elbow', expected a body of "
         'the MJCF')
     loop.provoke(
-        lambda: push.publish(wrench('link1', float('nan'))),
+        lambda: push(client, '/mujoco/mujoco_arm', (0.0, 0.0, float('nan')), 'link1'),
         r'Rejected a message of ~/external_wrench: wrench.force\[2\] \(z\) is nan')
     effort = client.publisher(JointState, '/mujoco/effort_command', 1)
     loop.provoke(
         lambda: effort.publish(JointState(name=NAMES, effort=[float('inf'), 0.0])),
         'Rejected an effort: .*inf')
-    for publisher in (push, effort):
-        client.node.destroy_publisher(publisher)
+    client.node.destroy_publisher(effort)
     with client.collect(JointState, '/mujoco/joint_states') as states:
         time = states.wait_for(lambda _: True).header.stamp
         states.wait_for(lambda state: state.header.stamp.sec > time.sec + 1)
@@ -107,25 +97,19 @@ def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
     ({'paused': True}, 'paused is true, expected false'),
 ])
 def test_an_invalid_start_is_one_line(parameters: dict[str, Any], words: str) -> None:
-    node = NodeProcess(MUJOCO_ARM, parameters, ready=None).launch()
-    assert node.wait() == 1
-    line, = [line for line in node.log.splitlines() if line.startswith('robot_dynamics: ')]
+    log = log_of_failed_start(MUJOCO_ARM, parameters)
+    line, = [line for line in log.splitlines() if line.startswith('robot_dynamics: ')]
     assert words in line
-    assert 'Traceback' not in node.log
 
 
 def test_broken_xml_is_one_error(tmp_path: Path) -> None:
     file = tmp_path / 'arm.xml'
     file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
-    node = NodeProcess(MUJOCO_ARM, {'mjcf': str(file)}, ready=None).launch()
-    assert node.wait() == 1
-    assert 'robot_dynamics: mjcf: MuJoCo rejects' in node.log
-    assert 'Traceback' not in node.log
+    assert 'robot_dynamics: mjcf: MuJoCo rejects' in log_of_failed_start(
+        MUJOCO_ARM, {'mjcf': str(file)})
 
 
 def test_without_mujoco_the_extra_is_named(tmp_path: Path) -> None:
-    node = NodeProcess(
-        MUJOCO_ARM, ready=None, environment=environment_without(tmp_path, ['mujoco'])).launch()
-    assert node.wait() == 1
-    assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in node.log
-    assert 'Traceback' not in node.log
+    log = log_of_failed_start(
+        MUJOCO_ARM, environment=environment_without(tmp_path, ['mujoco']))
+    assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in log

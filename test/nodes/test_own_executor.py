@@ -16,15 +16,13 @@ from children import TIMEOUT
 from own_process import answer, own_process, OwnProcess, PATIENT, stamps_of
 import pytest
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
 
 NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
-GRAVITY = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+GRAVITY = default_dynamics().gravity(Q)
 EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'
 EXECUTORS = [SingleThreadedExecutor, MultiThreadedExecutor]
 

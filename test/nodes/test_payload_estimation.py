@@ -8,6 +8,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from closed_loop import closed_loop, NAMES
+from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
@@ -15,8 +16,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import payload_to_ros
-from robot_dynamics_interfaces.srv import EstimatePayload, SetPayload
+from robot_dynamics_interfaces.srv import EstimatePayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -61,8 +61,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
                 '/carried', {**ROBOT, 'gains.natural_frequency': [12.0], 'effort_check': False},
                 **ROBOT, effort_noise=0.2, seed=1):
         gravity.wait_for(timeout=LONG)
-        assert client.call(SetPayload, '/carried/simulated_arm/set_payload', SetPayload.Request(
-            payload=payload_to_ros(LOAD))).success
+        set_payload(client, '/carried/simulated_arm', LOAD)
         assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"
         publisher = client.publisher(JointTrajectory, '/carried/dynamics/joint_trajectory')
         publisher.publish(swing())
@@ -109,9 +108,7 @@ def test_an_estimation_ends_with_its_model_and_needs_effort(client: RosClient) -
             return 'joint states have no effort' in ask(client).message
 
         wait_until(lacks_effort, 'the report of the missing effort', LONG)
-        other = make_payload('link1', 1.0)
-        assert client.call(SetPayload, '/carried/dynamics/set_payload', SetPayload.Request(
-            payload=payload_to_ros(other))).success
+        set_payload(client, '/carried/dynamics', make_payload('link1', 1.0))
         assert 'the payload of another link has changed' in ask(client).message
         start()
         client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -5.0]})

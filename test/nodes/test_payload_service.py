@@ -7,6 +7,7 @@ from dataclasses import replace
 import re
 from typing import Any
 
+from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from robot_dynamics_interfaces.srv import ManipulatorEquation, SetPayload
 from ros_harness import (
     DYNAMICS,
     LATCHED,
+    log_of_failed_start,
     NodeProcess,
     RosClient,
     running,
@@ -82,14 +84,10 @@ def test_payloads_of_the_parameters_are_in_force_after_the_start(client: RosClie
             ManipulatorEquation, '/restarted/dynamics/manipulator_equation',
             ManipulatorEquation.Request(position=Q))
         assert answer.gravity == pytest.approx(gravity(np.array(Q)))
-        removed = client.call(
-            SetPayload, '/restarted/dynamics/set_payload', SetPayload.Request())
-        assert removed.message == (
+        assert set_payload(client, '/restarted/dynamics').message == (
             "no payload; a restart begins with 2.5 kg on 'tool0', 1 kg on 'link2'")
-        removed = client.call(
-            SetPayload, '/restarted/simulated_arm/set_payload', SetPayload.Request(
-                payload=payload_to_ros(make_payload('tool0', 1.0))))
-        assert removed.message == "1 kg on 'link2', 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')"
+        replaced = set_payload(client, '/restarted/simulated_arm', make_payload('tool0', 1.0))
+        assert replaced.message == "1 kg on 'link2', 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')"
 
 
 def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> None:
@@ -124,9 +122,7 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
 def test_mismatched_payload_parameters_end_the_start(
     changes: dict[str, Any], words: str,
 ) -> None:
-    node = NodeProcess(DYNAMICS, changes).launch()
-    assert node.wait() == 1
-    assert re.search(words, node.log), node.log
+    assert re.search(words, log_of_failed_start(DYNAMICS, changes))
 
 
 def test_a_transition_takes_the_time_of_the_joint_states(

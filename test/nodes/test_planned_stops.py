@@ -13,14 +13,13 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, nanoseconds_of, Q
+from fault_stimuli import follow, move_by_hand, wait_effort
 from fault_table import fault
 from interruption_bench import (
     check_held,
     ELSEWHERE,
-    follow,
     gravity,
     GROUP,
-    move_by_hand,
     trajectory_to,
 )
 from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
@@ -129,8 +128,7 @@ def test_stop_without_a_reference(arm: FaultBench) -> None:
     assert response.message == (
         'stopping from the measured state, then holding the position')
     arm.efforts.clear()
-    arm.efforts.wait_for(
-        lambda message: np.allclose(message.effort, gravity(ELSEWHERE), atol=1e-6))
+    wait_effort(arm, gravity(ELSEWHERE))
     with arm.client.collect(JointState, arm.name('reference')) as references:
         reference = references.wait_for()
     assert reference.position == pytest.approx(ELSEWHERE, abs=1e-9)

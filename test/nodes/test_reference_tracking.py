@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from ros_harness import DYNAMICS, NodeProcess, RosClient, TIMEOUT
+from simulated_arms import default_dynamics
 from std_msgs.msg import Float64MultiArray
 from topic_bench import Bench, make_bench, Q, TAU, V
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -34,7 +32,7 @@ def expected_torque(q: Any, v: Any, q_ref: Any, v_ref: Any = (0.0, 0.0),
     kp, kd = np.array([200.0, 100.0]), np.array([20.0, 10.0])
     q, v = np.array(q), np.array(v)
     a = np.array(a_ref) + kd * (np.array(v_ref) - v) + kp * (np.array(q_ref) - q)
-    tau = ArmDynamics(load_arm(default_arm_urdf())).inverse_dynamics(q, v, a)
+    tau = default_dynamics().inverse_dynamics(q, v, a)
     return [float(tau[1]), float(tau[0])]
 
 

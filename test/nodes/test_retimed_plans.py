@@ -9,10 +9,9 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper, robot_urdf
 from ros_harness import LONG, RosClient
 from sensor_msgs.msg import JointState
 from service_bench import Served
@@ -27,7 +26,7 @@ TOLERANCE = 0.05
 
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 def test_retimed_plans_succeed_also_after_a_preemption(client: RosClient, name: str) -> None:
-    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    arm = arm_without_gripper(name)
     names, n = list(arm.joint_names), arm.joint_count
     limit = arm.limits.effort
     rotors = np.where(np.isfinite(limit), limit / 500.0, 0.01).tolist()

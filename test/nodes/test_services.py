@@ -5,6 +5,7 @@
 
 from collections.abc import Iterator
 
+from disturbances import wrench
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel
@@ -15,7 +16,7 @@ from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 from service_bench import A, Q, Served, served, TAU, V
-from service_requests import SERVICES, wrench
+from service_requests import SERVICES
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 

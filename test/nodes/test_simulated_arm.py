@@ -88,10 +88,10 @@ def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) 
             again = paused.states.wait_count(len(paused.states.messages) + 1)[-1]
             assert stamp_from_ros(again.header.stamp) == PERIOD_NS
             assert list(again.position) == START
-        assert paused.set_parameter('paused', False).successful
+        client.set_parameters('/paused/simulated_arm', {'paused': False})
         paused.step([1.0, 1.0])
         assert list(paused.state.position) != START
-        assert paused.set_parameter('paused', True).successful
+        client.set_parameters('/paused/simulated_arm', {'paused': True})
 
 
 def test_without_a_pause_no_time_is_added_to_a_period() -> None:
@@ -102,9 +102,8 @@ def test_without_a_pause_no_time_is_added_to_a_period() -> None:
 
 def test_the_time_of_the_computer_cannot_be_paused(client: RosClient) -> None:
     with NodeProcess(SIMULATED_ARM, {'rate': 100.0}, namespace='/unpaused'):
-        result, = client.set_parameters('/unpaused/simulated_arm', {'paused': True})
-        assert not result.successful
-        assert 'expected false, or lock_step or publish_clock as well' in result.reason
+        reason = client.rejection('/unpaused/simulated_arm', 'paused', True)
+        assert 'expected false, or lock_step or publish_clock as well' in reason
 
 
 def test_efforts_are_matched_by_name(stepped: LockStepped) -> None:

@@ -20,7 +20,14 @@ import pytest
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM, TIMEOUT, write_parameters
+from ros_harness import (
+    DYNAMICS,
+    log_of_failed_start,
+    NodeProcess,
+    SIMULATED_ARM,
+    TIMEOUT,
+    write_parameters,
+)
 
 ROOT = Path(__file__).parents[2]
 ARM_JOINTS = ['joint1', 'joint2']
@@ -166,10 +173,8 @@ def test_a_node_that_cannot_start_logs_one_line(
 @pytest.mark.parametrize('name', ['a floating joint', 'wrong number of initial positions'])
 def test_its_process_ends_with_status_1(name: str) -> None:
     case = CASES[name]
-    node = NodeProcess(case.module, case.parameters).launch()
-    assert node.wait() == 1
-    assert len(node.log.splitlines()) == 1, node.log
-    assert re.search(case.words, node.log)
+    line, = log_of_failed_start(case.module, case.parameters).splitlines()
+    assert re.search(case.words, line)
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
@@ -183,9 +188,8 @@ def test_its_process_ends_with_status_1(name: str) -> None:
         (['-r', '__node:=a name'], "Couldn't parse remap rule: '-r __node:=a name'"),
         (['--scale', '1'], r"unknown ROS arguments \['--scale'"))])
 def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> None:
-    node = NodeProcess(DYNAMICS, arguments=['--ros-args', *arguments]).launch()
-    assert node.wait() == 1
-    line, = (line for line in node.log.splitlines() if '[rcl]' not in line)
+    log = log_of_failed_start(DYNAMICS, arguments=['--ros-args', *arguments])
+    line, = (line for line in log.splitlines() if '[rcl]' not in line)
     assert re.search(f'^robot_dynamics: .*{words}', line), line
 
 
@@ -269,12 +273,10 @@ def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
 def test_a_bad_xacro_file_is_reported(tmp_path: Path) -> None:
     file = tmp_path / 'arm.urdf.xacro'
     file.write_text(XACRO.replace('${mass}', '${no_such_property}'), encoding='utf-8')
-    node = NodeProcess(DYNAMICS, {'robot_description_file': str(file)}).launch()
-    assert node.wait() == 1
+    log = log_of_failed_start(DYNAMICS, {'robot_description_file': str(file)})
     assert re.search(
         r'^robot_dynamics: robot_description_file: xacro cannot expand .*no_such_property',
-        node.log, re.MULTILINE), node.log
-    assert 'Traceback' not in node.log
+        log, re.MULTILINE), log
 
 
 def test_an_interrupt_at_any_moment_leaves_in_order() -> None:

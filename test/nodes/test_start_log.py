@@ -8,12 +8,12 @@ import re
 
 from bounded_waits import wait_until
 from fault_bench import fault_bench, Q, STEADY
+from fault_stimuli import follow
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
-from ros_harness import DYNAMICS, LATCHED, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 MOST_LINES = 6
 NS = '/start_log'
@@ -120,16 +120,13 @@ def test_an_incomplete_state_names_the_remedy(client: RosClient) -> None:
 def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
     client: RosClient,
 ) -> None:
-    descriptions = client.publisher(String, f'{NS}/robot_description', LATCHED, 0)
-    with fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
-        bench.set_point(Q)
-        bench.wait_status('reference', lambda status: status.message == 'following')
-        descriptions.publish(String(data=default_arm_urdf().replace('planar_arm', 'other_arm')))
+    with client.describing(NS) as publish, \
+            fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
+        follow(bench, Q)
+        publish(default_arm_urdf().replace('planar_arm', 'other_arm'))
         bench.wait_status('reference', lambda status: (
             status.message == 'ended early: another model was loaded'))
         bench.efforts.clear()
         bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
-        bench.set_point(Q)
-        bench.wait_status('reference', lambda status: status.message == 'following')
+        follow(bench, Q)
         client.forget(NS)
-    client.node.destroy_publisher(descriptions)

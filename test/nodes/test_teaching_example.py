@@ -9,7 +9,7 @@ import sys
 
 from children import run, TIMEOUT
 from closed_loop import START
-from geometry_msgs.msg import WrenchStamped
+from disturbances import push, ZERO
 import numpy as np
 from robot_dynamics.recordings import Recording
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
@@ -20,11 +20,6 @@ RECORD = [sys.executable, '-m', 'robot_dynamics.tools.ros2_dynamics', 'record', 
 
 
 def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> None:
-    def push(z: float) -> None:
-        message = WrenchStamped()
-        message.header.frame_id, message.wrench.force.z = 'tool0', z
-        client.publisher(WrenchStamped, '/simulated_arm/external_wrench').publish(message)
-
     nodes = running(
         NodeProcess(DYNAMICS, {
             'command': 'hand_guiding', 'condition_references': True, 'scale_gains': True}),
@@ -36,14 +31,13 @@ def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> No
         recorder = subprocess.Popen([*RECORD, '--output', str(bag), '--duration', '6'])
         wait_until(lambda: bag.exists() and client.node.count_subscribers('/joint_states') > count,
                    'the recording', LONG)
-        push(3.0)
+        push(client, '/simulated_arm', (0.0, 0.0, 3.0))
         wait_until(lambda: np.abs(np.subtract(states.messages[-1].position, START)).max() > 0.3,
                    'a motion', LONG)
-        push(0.0)
+        push(client, '/simulated_arm', ZERO)
         assert recorder.wait(TIMEOUT) == 0
         last = states.messages[-1].position
-        result, = client.set_parameters('/dynamics', {'command': 'computed_torque'})
-        assert result.successful
+        client.set_parameters('/dynamics', {'command': 'computed_torque'})
         begin = len(states.messages)
         done = run([sys.executable, str(EXAMPLE), str(bag)], stdout=subprocess.PIPE,
                    stderr=subprocess.STDOUT, text=True, timeout=TIMEOUT)

@@ -11,42 +11,29 @@ the reason.
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-import struct
 import sys
-import time
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-import rclpy
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.live_residual import LiveResidual
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.state_log import MOST_ARRIVALS
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.efforts import efforts_along
-from sensor_msgs.msg import JointState
+from stepped_node import chain, JOINTS, NAMES, stepped_node, SteppedNode
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-JOINTS = 7
-NAMES = [f'joint{i + 1}' for i in range(JOINTS)]
 ALGORITHMS = (
     'rnea', 'computeGeneralizedGravity', 'nonLinearEffects', 'computeAllTerms', 'crba', 'aba',
     'computeCoriolisMatrix', 'computeKineticEnergy', 'computePotentialEnergy', 'rneaInParallel')
 CHECKS = {'check_vector', 'check_samples', 'check_states'}
-
-
-def chain(n: int) -> str:
-    ones = [1.0] * n
-    return planar_arm_urdf(ones, ones, [0.5] * n, [0.1] * n)
 
 
 def calls_of(work: Callable[[], object]) -> Counter[str]:
@@ -90,64 +77,24 @@ def pinocchio_calls(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 # ------------------------------------------------------------------------------ the control path
 
-class Node:
-    """A node whose control path is called in this thread instead of in a separate one."""
-
-    def __init__(self, urdf: str) -> None:
-        rclpy.init(args=['--ros-args', '-r', '__ns:=/counted', '-p', 'state_timeout:=60.0',
-                         '-p', 'state_max_age:=60.0',
-                         '-p', f'robot_description_file:={urdf}', '-p', 'effort_check:=false'])
-        self.node = DynamicsNode()
-        self._data = bytearray(serialize_message(
-            JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
-        self._stamp = time.time_ns()
-
-    def take_state(self) -> None:
-        """Answer a state 2 ms after the last one by its stamp, on a loaded machine too."""
-        self._stamp += 2_000_000
-        self._data[4:12] = struct.pack('<iI', *divmod(self._stamp, 1_000_000_000))
-        self.node._loop._deliver(bytes(self._data))
-
-    def follow(self) -> None:
-        """Follow a long trajectory from now on."""
-        message = JointTrajectory(joint_names=NAMES)
-        point = JointTrajectoryPoint(positions=[0.2] * JOINTS)
-        point.time_from_start.sec = 1000
-        message.points.append(point)
-        self.node._trajectories.take(message)
-
-    @property
-    def answered(self) -> int:
-        loop = self.node._path.loop
-        return 0 if loop is None else loop.states
-
-
 @pytest.fixture
-def node(tmp_path: Any) -> Iterator[Node]:
-    urdf = tmp_path / 'arm.urdf'
-    urdf.write_text(chain(JOINTS), encoding='utf-8')
-    one = Node(str(urdf))
-    try:
-        for _ in range(20):  # then the rate and the noise of the states are known
-            one.take_state()
+def node() -> Iterator[SteppedNode]:
+    with stepped_node() as one:
         yield one
-    finally:
-        one.node.destroy_node()
-        rclpy.try_shutdown()
 
 
 @pytest.mark.parametrize(('command', 'algorithm', 'most'), [
     ('gravity_compensation', 'computeGeneralizedGravity', 95), ('computed_torque', 'rnea', 120)])
 def test_the_calls_of_a_message(
-    node: Node, pinocchio_calls: Counter[str], command: str, algorithm: str, most: int,
+    node: SteppedNode, pinocchio_calls: Counter[str], command: str, algorithm: str, most: int,
 ) -> None:
     node.node.set_parameters([Parameter('command', value=command)])
     if command == 'computed_torque':
         node.follow()
-    for _ in range(2):
-        node.take_state()
+    node.take_states(2)
     pinocchio_calls.clear()
-    calls = calls_of(node.take_state)
+    state = node.next_state()
+    calls = calls_of(lambda: node.deliver(state))
     assert pinocchio_calls == {algorithm: 1}
     assert calls['filled'] == 0  # there are no subscribers
     assert calls['deserialize_message'] == calls['serialize_message'] == 0
@@ -155,17 +102,16 @@ def test_the_calls_of_a_message(
     assert calls.total() <= most, calls.most_common()
 
 
-def test_messages_leave_nothing_behind(node: Node) -> None:
+def test_messages_leave_nothing_behind(node: SteppedNode) -> None:
     node.follow()
-    for _ in range(MOST_ARRIVALS + 100):  # no report of the diagnostics takes the arrivals
-        node.take_state()
-    answered, growth = node.answered, []
+    node.take_states(MOST_ARRIVALS + 100)  # no report of the diagnostics takes the arrivals
+    loop, growth = node.node._path.loop, []
+    answered = loop.states
     for _ in range(4):  # other threads of the process may allocate during one of them
         before = sys.getallocatedblocks()
-        for _ in range(500):
-            node.take_state()
+        node.take_states(500)
         growth.append(sys.getallocatedblocks() - before)
-    assert node.answered == answered + 2000
+    assert loop.states == answered + 2000
     assert min(growth) < 25, growth
 
 

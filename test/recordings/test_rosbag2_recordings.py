@@ -17,11 +17,10 @@ pytest.importorskip('rosbags')
 pytest.importorskip('scipy')
 pytest.importorskip('matplotlib')
 from recordings import KnownMotion, MADE, recording_path, recordings_of  # noqa: E402
-from robot_dynamics.model.arm import load_arm  # noqa: E402
-from robot_dynamics.model.arm_dynamics import ArmDynamics  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recordings.reader import Recording  # noqa: E402
 from robot_dynamics.tools import analyze_bag, identify  # noqa: E402
+from simulated_arms import default_dynamics
 import yaml  # noqa: E402
 
 CONVERTED = ('mcap_chunks_zstd', 'mcap_split_zstd', 'sqlite3_zstd')
@@ -71,7 +70,7 @@ def test_conversions_have_the_same_messages(name, directory):
 
 @pytest.mark.parametrize('name', recordings_of(['made_mcap', 'mcap']))
 def test_the_library_computes_the_recorded_efforts(name, directory):
-    dynamics = ArmDynamics(load_arm(default_arm_urdf()))
+    dynamics = default_dynamics()
     with Recording(recording_path(name, directory)) as recording:
         states = recording.joint_series('/joint_states')
         gravity = recording.joint_series('/dynamics/gravity_compensation')

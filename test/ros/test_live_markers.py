@@ -3,12 +3,14 @@
 
 """`~/markers` of a real node: positions, meaning, and no cost without subscribers."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
+from disturbances import set_payload
+from geometry_msgs.msg import WrenchStamped
+from held_robot import HeldRobot
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
@@ -18,16 +20,12 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.markers import drawn, LiveMarkers
-from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
-from robot_dynamics_interfaces.srv import SetPayload
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
-from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
-NAMES, Q = ['joint1', 'joint2'], [0.7, 0.4]
-STEP = 10_000_000
-"""[ns] between two states."""
+Q = [0.7, 0.4]
 BODY = ArmDynamics(load_arm(default_arm_urdf())).rigid_body
 GRAVITY = BODY.gravity(np.array(Q))
 ELBOW = [np.sin(0.7), 0.0, np.cos(0.7)]
@@ -39,30 +37,17 @@ ROTATION = np.array([
 ZERO = np.zeros(3)
 
 
-class Robot:
-    """A robot at rest at Q that sends states on request."""
-
-    def __init__(self, client: RosClient) -> None:
-        self._client = client
-        self._states = client.publisher(JointState, '/marked/joint_states')
-        self._answers = client.collect(JointState, '/marked/dynamics/gravity_compensation')
-        self._answers.wait_matched()
-        self._stamp = 1_000_000_000
-
-    def stand_until(
-        self, markers: Collector, fits: Callable[[dict[tuple[str, int], Any]], bool],
-        effort: list[float],
-    ) -> MarkerArray:
-        """Send states with this effort until matching markers arrive; return them."""
-        for _ in range(round(TIMEOUT / 0.1)):
-            self._stamp += STEP
-            state = JointState(name=NAMES, position=Q, velocity=[0.0, 0.0], effort=effort)
-            state.header.stamp = stamp_to_ros(self._stamp)
-            self._client.answer_to(self._states, state, self._answers)
-            found = markers.find(lambda m: fits(by_name(m)), timeout=0.1)
-            if found is not None:
-                return found
-        raise AssertionError(f'no such markers; the last: {markers.messages[-1:]}')
+def stand_until(
+    robot: HeldRobot, markers: Collector, fits: Callable[[dict[tuple[str, int], Any]], bool],
+    effort: Sequence[float] = (),
+) -> MarkerArray:
+    """Send states with this effort until matching markers arrive; return them."""
+    for _ in range(round(TIMEOUT / 0.1)):
+        robot.say(effort=effort)
+        found = markers.find(lambda m: fits(by_name(m)), timeout=0.1)
+        if found is not None:
+            return found
+    raise AssertionError(f'no such markers; the last: {markers.messages[-1:]}')
 
 
 def by_name(message: MarkerArray) -> dict[tuple[str, int], Any]:
@@ -80,15 +65,15 @@ def node() -> Iterator[None]:
 
 
 @pytest.fixture(scope='module')
-def robot(client: RosClient) -> Robot:
-    return Robot(client)
+def robot(client: RosClient) -> HeldRobot:
+    return HeldRobot(client, '/marked', position=Q)
 
 
 def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
-    client: RosClient, robot: Robot,
+    client: RosClient, robot: HeldRobot,
 ) -> None:
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
-        message = robot.stand_until(markers, bool, [])
+        message = stand_until(robot, markers, bool)
     found = by_name(message)
     assert set(found) == {
         *((kind, i) for kind in ('effort', 'effort in numbers') for i in range(2)),
@@ -111,14 +96,14 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
     assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
 
 
-def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: Robot) -> None:
+def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: HeldRobot) -> None:
     def status(message: DiagnosticArray) -> DiagnosticStatus:
         return next(s for s in message.status if s.name.endswith(': estimates'))
 
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         diagnostics.wait_matched()
         with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
-            robot.stand_until(markers, bool, [])
+            stand_until(robot, markers, bool)
             diagnostics.wait_count(len(diagnostics.messages) + 2)
         diagnostics.wait_for(lambda message: status(message).message == 'no subscribers')
         assert {status(message).level for message in diagnostics.messages} == {
@@ -130,7 +115,7 @@ def ends_of(arrow: Marker) -> np.ndarray:
 
 
 def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
-    client: RosClient, robot: Robot,
+    client: RosClient, robot: HeldRobot,
 ) -> None:
     push = ExternalWrench('tool0', ROTATION.T @ FORCE, ZERO)
     external = -BODY.external(np.array(Q), [push])
@@ -143,7 +128,7 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers, \
             client.collect(WrenchStamped, '/marked/dynamics/external_wrench') as wrenches:
         wrenches.wait_matched()
-        message = robot.stand_until(markers, settled, (GRAVITY - external).tolist())
+        message = stand_until(robot, markers, settled, (GRAVITY - external).tolist())
         stamp = message.markers[0].header.stamp
         wrench = wrenches.wait_for(lambda wrench: wrench.header.stamp == stamp)
     assert wrench.header.frame_id == 'tool0'
@@ -160,19 +145,16 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
     assert {('external effort', 0), ('external effort', 1)} <= set(found)
 
 
-def test_a_payload_is_a_ball(client: RosClient, robot: Robot) -> None:
-    load = InertiaStamped()
-    load.header.frame_id, load.inertia.m = 'tool0', 2.0
+def test_a_payload_is_a_ball(client: RosClient, robot: HeldRobot) -> None:
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
-        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
-        found = by_name(robot.stand_until(
-            markers, lambda found: ('payload', 0) in found, []))
+        set_payload(client, '/marked/dynamics', make_payload('tool0', 2.0))
+        found = by_name(stand_until(
+            robot, markers, lambda found: ('payload', 0) in found))
         assert at(found['payload', 0].pose.position) == TOOL
         assert found['payload', 0].scale.x == found['payload', 0].scale.z > 0.05
-        load.inertia.m = 0.0
-        client.call(SetPayload, '/marked/dynamics/set_payload', SetPayload.Request(payload=load))
+        set_payload(client, '/marked/dynamics')
         markers.clear()
-        robot.stand_until(markers, lambda found: ('payload', 0) not in found, [])
+        stand_until(robot, markers, lambda found: ('payload', 0) not in found)
 
 
 def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight() -> None:

@@ -22,9 +22,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware import rclpy_internals
 from robot_dynamics.ros.middleware.answer_delivery import is_discovered
 from robot_dynamics.ros.middleware.rclpy_internals import (
@@ -45,11 +42,12 @@ from robot_dynamics.ros.middleware.rclpy_internals import (
 from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
-GRAVITY = ArmDynamics(load_arm(default_arm_urdf())).gravity(Q)
+GRAVITY = default_dynamics().gravity(Q)
 SECOND = 1_000_000_000
 MEMBERS = (
     'HANDLE', 'PUBLISH_RAW', 'SUBSCRIPTION_COUNT', 'TAKE_MESSAGE', 'TAKE_REQUEST', 'WAIT_SET',

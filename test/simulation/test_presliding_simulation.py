@@ -18,11 +18,11 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.bristles import DAMPING_RATIO
-from robots import robot_urdf
+from robots import arm_without_gripper
 from simulated_arms import block, released
 
 ARM = load_arm(default_arm_urdf())
-PANDA = load_arm(robot_urdf('panda'), [f'panda_joint{i}' for i in range(1, 8)])
+PANDA = arm_without_gripper('panda')
 POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
 
 

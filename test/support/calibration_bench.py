@@ -11,20 +11,13 @@ from recordings import encoded, START_NS, write_recording
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.gravity_calibration.holds import Hold
 from robot_dynamics.gravity_calibration.poses import select_poses
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
-from robots import robot_urdf
+from robots import effort_limit
 
 TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm7': 'link7'}
 """The arms of the tests, and the links of their tools."""
-
-
-def arm_of(name: str) -> ArmModel:
-    """Return an arm without its fingers."""
-    urdf = robot_urdf(name)
-    joints = [joint for joint in load_arm(urdf).joint_names if 'finger' not in joint]
-    return load_arm(urdf, joints)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +57,6 @@ class HiddenDrives:
                     start, start + 2.0, q, effort + self.noise * rng.normal(size=len(q)),
                     np.full(len(q), side)))
         return found
-
-
-def effort_limit(arm: ArmModel) -> FloatArray:
-    """Return the effort limits (n,) [N·m]; 50 N·m without a limit."""
-    return np.where(np.isfinite(arm.limits.effort), arm.limits.effort, 50.0)
 
 
 def exact_drives(arm: ArmModel, seed: int = 0) -> HiddenDrives:

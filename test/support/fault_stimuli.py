@@ -5,7 +5,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-import math
 import random
 import threading
 import time
@@ -94,23 +93,38 @@ class Swing:
         return message
 
 
-def move(bench: FaultBench, q: Sequence[float], duration: float = 0.5) -> None:
-    """Move the arm to q with velocities that agree; a jump can leave a velocity in doubt."""
-    start, goal, begin = np.array(bench.driver.q), np.array(q), time.time_ns()
-    rate = math.pi / duration
+def follow(bench: FaultBench, q: Sequence[float]) -> None:
+    """Make the node follow a set-point."""
+    bench.set_point(q)
+    bench.wait_status('reference', lambda status: status.message == 'following')
 
-    def glide(message: JointState) -> JointState:
-        t = (nanoseconds_of(message.header.stamp) - begin) / NANOSECONDS
-        if t < duration:
-            phase = rate * max(t, 0.0)
-            message.position = (start + 0.5 * (1.0 - math.cos(phase)) * (goal - start)).tolist()
-            message.velocity = (0.5 * rate * math.sin(phase) * (goal - start)).tolist()
+
+def move_by_hand(
+    bench: FaultBench, q: Sequence[float], has_velocity: bool = True, speed: float = 1.5,
+) -> None:
+    """Make the driver report a smooth motion to q, with its velocities or without, and a rest."""
+    begin, way = np.array(bench.driver.q), np.subtract(q, bench.driver.q)
+    start, duration = time.time_ns(), max(float(np.abs(way).max()) / speed, 0.02)
+
+    def moved(message: JointState) -> JointState:
+        t = min(max(1e-9 * (nanoseconds_of(message.header.stamp) - start) / duration, 0.0), 1.0)
+        message.position = (begin + (10.0 - 15.0 * t + 6.0 * t**2) * t**3 * way).tolist()
+        message.velocity = (
+            30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist() if has_velocity else []
         return message
 
-    bench.driver.stream_changed(glide)
-    bench.driver.q = goal.tolist()
-    wait_until(lambda: time.time_ns() - begin > NANOSECONDS * duration, f'at {q}')
-    bench.driver.go_on()
+    bench.driver.change = moved
+    wait_until(lambda: time.time_ns() - start > 1e9 * duration, 'the motion')
+    wait_states(bench, 2)
+    bench.driver.q = list(q)
+    if has_velocity:
+        bench.driver.change = lambda message: message
+    wait_states(bench, 2)
+
+
+def wait_effort(bench: FaultBench, effort: Any) -> None:
+    """Wait until this command has been published."""
+    bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
 
 
 def wait_agreement(bench: FaultBench) -> None:

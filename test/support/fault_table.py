@@ -8,9 +8,10 @@ Each test that injects a fault has a mark with the fault and the expected reacti
 `scripts/test -m fault --write-fault-table` runs these tests and writes the page from the results.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,6 +25,16 @@ HEAD = '| injected | expected | seen |\n| --- | --- | --- |\n'
 def fault(group: str, injected: str, expected: str) -> pytest.MarkDecorator:
     """Mark a test that injects a fault: section of the table, fault, expected reaction."""
     return pytest.mark.fault(group, injected, expected)
+
+
+def fault_cases(
+    names: str | tuple[str, ...], group: str, injected: str, expected: str,
+    rows: Iterable[tuple[Any, ...]],
+) -> pytest.MarkDecorator:
+    """Parametrize a test over faults: the first entry of each row replaces `{}` in `injected`."""
+    return pytest.mark.parametrize(names, [
+        pytest.param(*values, id=words, marks=fault(group, injected.format(words), expected))
+        for words, *values in rows])
 
 
 @dataclass

@@ -5,20 +5,18 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-import time
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, NAMES, nanoseconds_of, Q
-from fault_stimuli import wait_states
+from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
+from fault_stimuli import follow, move_by_hand
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient, wait_until
-from sensor_msgs.msg import JointState
+from ros_harness import RosClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'Reference interruptions'
@@ -60,35 +58,6 @@ def following(bench: FaultBench) -> Iterator[FaultBench]:
 def gravity(q: Sequence[float]) -> Any:
     """Return the gravity torque at q [N·m]."""
     return BODY.gravity(np.array(q))
-
-
-def follow(bench: FaultBench, q: Sequence[float]) -> None:
-    """Make the node follow a set-point."""
-    bench.set_point(q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
-
-
-def move_by_hand(
-    bench: FaultBench, q: Sequence[float], has_velocity: bool = True, speed: float = 1.5,
-) -> None:
-    """Make the driver report a smooth motion to q, with its velocities or without, and a rest."""
-    begin, way = np.array(bench.driver.q), np.subtract(q, bench.driver.q)
-    start, duration = time.time_ns(), max(float(np.abs(way).max()) / speed, 0.02)
-
-    def moved(message: JointState) -> JointState:
-        t = min(max(1e-9 * (nanoseconds_of(message.header.stamp) - start) / duration, 0.0), 1.0)
-        message.position = (begin + (10.0 - 15.0 * t + 6.0 * t**2) * t**3 * way).tolist()
-        message.velocity = (
-            30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist() if has_velocity else []
-        return message
-
-    bench.driver.change = moved
-    wait_until(lambda: time.time_ns() - start > 1e9 * duration, 'the motion')
-    wait_states(bench, 2)
-    bench.driver.q = list(q)
-    if has_velocity:
-        bench.driver.change = lambda message: message
-    wait_states(bench, 2)
 
 
 def trajectory_to(q: Sequence[float], seconds: int) -> JointTrajectory:

@@ -14,13 +14,11 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import WrenchStamped
+from disturbances import wrench
 import numpy as np
 from request_bench import answer_lines, ClientProcess
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import floats_to_ros
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics_interfaces.srv import (
     ForwardDynamics,
     InverseDynamics,
@@ -29,11 +27,12 @@ from robot_dynamics_interfaces.srv import (
     SetPayload,
 )
 from ros_harness import RosClient, TIMEOUT
+from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
 SAMPLES, POINTS, WRENCHES = 100_000, 5000, 2000
-DYNAMICS = ArmDynamics(load_arm(default_arm_urdf()))
+DYNAMICS = default_dynamics()
 STILL = [0.0, 0.0]
 
 Check = Callable[[Any], bool]
@@ -77,10 +76,8 @@ def one_name() -> Large:
 
 
 def link_name() -> Large:
-    request = SetPayload.Request()
-    request.payload.header.frame_id = 'x' * 10_000_000
-    request.payload.inertia.m = 1.0
-    return Large('set_payload', SetPayload, request)
+    return Large('set_payload', SetPayload, SetPayload.Request(
+        payload=payload_to_ros(make_payload('x' * 10_000_000, 1.0))))
 
 
 def points() -> Large:
@@ -97,11 +94,9 @@ def points() -> Large:
 
 
 def wrenches() -> Large:
-    one = WrenchStamped()
-    one.header.frame_id = 'tool0'
     return Large(
         'inverse_dynamics', InverseDynamics,
-        InverseDynamics.Request(position=STILL, external_wrenches=[one] * WRENCHES),
+        InverseDynamics.Request(position=STILL, external_wrenches=[wrench('tool0')] * WRENCHES),
         lambda response: np.allclose(response.effort, STILL))
 
 

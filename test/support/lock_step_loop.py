@@ -13,10 +13,10 @@ from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper
 
 MS = 1_000_000
 FIRST_STAMP = 1_790_000_000_000 * MS
@@ -35,7 +35,7 @@ Sensor = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 def smooth_arm(name: str) -> ArmModel:
     """Return an arm without friction; skip the test if its description is not installed."""
-    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    arm = arm_without_gripper(name)
     return arm.with_friction(make_friction(arm.joint_names))
 
 

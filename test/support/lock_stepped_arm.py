@@ -36,10 +36,6 @@ class LockStepped:
         self.states.clear()
         return self.state
 
-    def set_parameter(self, name: str, value: Any) -> Any:
-        """Set a parameter of the arm; return the result."""
-        return self.client.set_parameters(f'{self.namespace}/simulated_arm', {name: value})[0]
-
 
 @contextmanager
 def lock_stepped(

@@ -109,6 +109,12 @@ def printed_by(printed: list[tuple[str, str]], start: str, end: str = '') -> str
     return found
 
 
+def final_errors(out: str) -> list[float]:
+    """Return the column `error` of the output of `dynamics move` [rad], by joint."""
+    return [1e-3 * float(error)
+            for error in re.findall(r'^\w*joint\d .* (\S+)$', out, re.MULTILINE)]
+
+
 def write_files(files: dict[str, str], directory: Path) -> None:
     """Write the files of a page."""
     for name, text in files.items():

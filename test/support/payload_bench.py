@@ -9,13 +9,13 @@ from identification_bench import fourier_motion, series_of
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import load_parameters, LoadRegressor
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.recordings import add_motion
-from robots import robot_urdf
+from robots import arm_without_gripper, effort_limit
 
 LINKS = {'ur10': 'tool0', 'panda': 'panda_hand', 'xarm7': 'link7', 'default': 'tool0'}
 """The link that carries the load, by the name of the robot."""
@@ -55,10 +55,7 @@ class Samples(NamedTuple):
 
 def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
     """Return an arm with friction and a random load of up to 5 kg on its last link."""
-    arm = load_arm(robot_urdf(name))
-    joints = [one for one in arm.joint_names if 'finger' not in one]
-    if len(joints) < arm.joint_count:
-        arm = load_arm(robot_urdf(name), joints)
+    arm = arm_without_gripper(name)
     rng = np.random.default_rng(seed)
     limit = effort_limit(arm)
     arm = arm.with_friction(make_friction(
@@ -70,11 +67,6 @@ def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
     if name == 'default':  # whose motion is in a plane
         com[1] = 0.0
     return Case(arm, LINKS[name], make_payload(LINKS[name], mass, com, inertia), seed)
-
-
-def effort_limit(arm: ArmModel) -> np.ndarray:
-    limit = arm.limits.effort
-    return np.where(np.isfinite(limit) & (limit > 0.0), limit, 50.0)
 
 
 def poses(arm: ArmModel, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -15,7 +15,10 @@ import platform
 import sys
 from typing import Any, NoReturn
 
+import numpy as np
 import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.sample_robots import PACKAGE, robot_directories, SAMPLE_ROBOTS
 
@@ -88,6 +91,17 @@ def robot_path(name: str) -> Path:
 def is_installed() -> bool:
     """Return whether there is a directory with the robots."""
     return any(directory.is_dir() for directory in robot_directories())
+
+
+def arm_without_gripper(name: str) -> ArmModel:
+    """Return `default` or one of `ROBOTS`, without the joints of a gripper."""
+    return load_arm(robot_urdf(name), JOINTS.get(name, ()))
+
+
+def effort_limit(arm: ArmModel) -> FloatArray:
+    """Return the effort limits (n,) [N·m]; 50 N·m without a limit."""
+    limit = arm.limits.effort
+    return np.where(np.isfinite(limit) & (limit > 0.0), limit, 50.0)
 
 
 def robot_urdf(name: str) -> str:

@@ -32,6 +32,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 import yaml
 
 RESEND_PERIOD = 0.5
@@ -230,6 +231,16 @@ class NodeProcess:
             self._news.notify_all()
 
 
+def log_of_failed_start(
+    module: str, parameters: Mapping[str, Any] | None = None, **options: Any,
+) -> str:
+    """Return the log of a node that cannot start; it must end with status 1, as intended."""
+    node = NodeProcess(module, parameters, **options).launch()
+    assert node.wait() == 1, node.log
+    assert 'Traceback' not in node.log, node.log
+    return node.log
+
+
 @contextmanager
 def running(*nodes: NodeProcess) -> Iterator[None]:
     """Run several nodes, which start and stop simultaneously."""
@@ -308,14 +319,24 @@ class RosClient:
         for name in [name for name in self._clients if name.startswith(prefix)]:
             self.node.destroy_client(self._clients.pop(name))
 
+    def _setting(self, node: str, name: str, value: Any) -> Any:
+        """Set a parameter of a node; return the result."""
+        parameter = value if isinstance(value, Parameter) else Parameter(name, value=value)
+        result, = self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
+            parameters=[parameter.to_parameter_msg()])).results
+        return result
+
     def set_parameters(self, node: str, values: Mapping[str, Any]) -> list[Any]:
-        """Set parameters of a node, one by one; return the results."""
-        parameters = [
-            value if isinstance(value, Parameter) else Parameter(name, value=value)
-            for name, value in values.items()]
-        return list(self.call(
-            SetParameters, f'{node}/set_parameters', SetParameters.Request(
-                parameters=[p.to_parameter_msg() for p in parameters])).results)
+        """Set parameters of a node, one by one; return the results, which must be successes."""
+        results = [self._setting(node, name, value) for name, value in values.items()]
+        assert all(result.successful for result in results), results
+        return results
+
+    def rejection(self, node: str, name: str, value: Any) -> str:
+        """Return the reason for which a node rejects a value of a parameter."""
+        result = self._setting(node, name, value)
+        assert not result.successful, f'{node} accepted {name} {value}'
+        return str(result.reason)
 
     def get_parameter(self, node: str, name: str) -> Any:
         """Return the value of a parameter of a node, None if it is unset."""
@@ -335,6 +356,13 @@ class RosClient:
     def collect(self, message_type: type, topic: str, qos: Any = KEEP_MANY) -> Collector:
         """Record the messages of a topic from now on."""
         return Collector(self.node, message_type, topic, qos)
+
+    @contextmanager
+    def describing(self, namespace: str) -> Iterator[Callable[[str], None]]:
+        """Yield a function that publishes a URDF on the topic robot_description."""
+        topic = self.publisher(String, f'{namespace}/robot_description', LATCHED, subscribers=0)
+        yield lambda urdf: topic.publish(String(data=urdf))
+        self.node.destroy_publisher(topic)
 
     def wait_for(
         self, message_type: type, topic: str,

@@ -71,8 +71,11 @@ class Served:
 
 
 @contextmanager
-def served(client: RosClient, namespace: str, urdf: str | None = None) -> Iterator[Served]:
+def served(
+    client: RosClient, namespace: str, urdf: str | None = None, **parameters: Any,
+) -> Iterator[Served]:
     """Run a node on a robot, by default the embedded arm, and yield both."""
-    parameters = {'robot_description': urdf} if urdf else {}
+    if urdf:
+        parameters['robot_description'] = urdf
     with NodeProcess(DYNAMICS, parameters, namespace=namespace):
         yield Served(client, namespace, load_arm(urdf or default_arm_urdf()))

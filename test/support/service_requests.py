@@ -6,7 +6,8 @@
 import math
 from typing import Any
 
-from geometry_msgs.msg import Point, WrenchStamped
+from disturbances import wrench
+from geometry_msgs.msg import Point
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics_interfaces.srv import (
@@ -37,14 +38,6 @@ SERVICES: dict[str, Any] = {
 Q = (math.pi / 4, math.pi / 6)
 
 
-def wrench(link: str, force: tuple[float, ...], torque: tuple[float, ...]) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = link
-    f, t = message.wrench.force, message.wrench.torque
-    (f.x, f.y, f.z), (t.x, t.y, t.z) = force, torque
-    return message
-
-
 BAD_STATES: list[tuple[dict[str, Any], str]] = [
     ({}, 'position has 0 values, expected 2'),
     ({'position': [1.0]}, 'position has 1 values, expected 2'),
@@ -64,13 +57,13 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
     ('forward_dynamics', {'position': Q, 'effort': [NAN, 0.0]}, r'effort\[0\] \(joint1\) is nan'),
     ('inverse_dynamics', {'position': Q, 'acceleration': [0.0] * 3}, 'acceleration has 3 values'),
     ('inverse_dynamics',
-     {'position': Q, 'external_wrenches': [wrench('hand', (1, 0, 0), (0, 0, 0))]},
+     {'position': Q, 'external_wrenches': [wrench('hand')]},
      r"external_wrenches\[0\]\.header\.frame_id is 'hand', expected one of the links"),
     ('forward_dynamics',
-     {'position': Q, **WITH_EFFORT, 'external_wrenches': [wrench('', (1, 0, 0), (0, 0, 0))]},
+     {'position': Q, **WITH_EFFORT, 'external_wrenches': [wrench('')]},
      r"frame_id is '', expected one of the links"),
     ('inverse_dynamics',
-     {'position': Q, 'external_wrenches': [wrench('tool0', (NAN, 0, 0), (0, 0, 0))]},
+     {'position': Q, 'external_wrenches': [wrench('tool0', (NAN, 0, 0))]},
      r'external_wrenches\[0\]\.wrench\.force\[0\] \(x\) is nan'),
     ('inverse_dynamics_batch', {'position': [1.0] * 3}, 'position has 3 values, expected samples'),
     ('inverse_dynamics_batch', {'position': [1.0] * 4, 'velocity': [1.0] * 2},

@@ -9,6 +9,7 @@ from typing import Any
 from one_joint_arm import arm_of, inertial
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 
@@ -20,6 +21,11 @@ ABOUT_JOINT = INERTIA + MASS * COM**2
 def two_link() -> ArmModel:
     """Return the default arm."""
     return load_arm(default_arm_urdf())
+
+
+def default_dynamics() -> ArmDynamics:
+    """Return the dynamics of the default arm."""
+    return ArmDynamics(two_link())
 
 
 def one_link(viscous: float = 0.0, coulomb: float = 0.0) -> ArmModel:

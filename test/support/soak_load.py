@@ -14,31 +14,30 @@ import numpy as np
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from robot_dynamics.ros.middleware.conversions import floats_to_ros
-from robot_dynamics_interfaces.srv import (
-    ForwardDynamics,
-    InverseDynamics,
-    InverseDynamicsBatch,
-    InverseDynamicsTrajectory,
-    ManipulatorEquation,
-    SetPayload,
-)
 from ros_harness import RosClient, TIMEOUT
+from service_requests import NAN, SERVICES
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 SAMPLES, POINTS = 3000, 100
 """Samples of a batch, and points of a trajectory."""
-NAN = float('nan')
+TYPES: dict[str, Any] = {
+    **SERVICES, 'set_parameters': SetParameters, 'get_parameters': GetParameters,
+    'describe_parameters': DescribeParameters, 'list_parameters': ListParameters,
+    'reset_fault': Trigger, 'get_state': GetState, 'change_state': ChangeState}
 FRACTION = 'effort_limit_fraction'
 
 
 class Call(NamedTuple):
-    """A service, a request, and a check of the answer."""
+    """A service, the fields of a request, and a check of the answer."""
 
-    service_type: Any
     name: str
-    request: Any
+    fields: dict[str, Any]
     is_right: Callable[[Any], bool]
+
+    @property
+    def request(self) -> Any:
+        return TYPES[self.name].Request(**self.fields)
 
 
 def succeeds(response: Any) -> bool:
@@ -64,16 +63,18 @@ def trajectory(times: Sequence[float]) -> JointTrajectory:
     return message
 
 
-def payload(mass: float, link: str = 'tool0', transition_time: float = 0.3) -> Any:
-    """Return a request for a load."""
+def payload(
+    mass: float, link: str = 'tool0', transition_time: float = 0.3,
+) -> dict[str, Any]:
+    """Return the fields of a request for a load."""
     load = InertiaStamped()
     load.header.frame_id, load.inertia.m = link, mass
-    return SetPayload.Request(payload=load, transition_time=transition_time)
+    return {'payload': load, 'transition_time': transition_time}
 
 
-def setting(name: str, value: Any) -> Any:
-    """Return a request to set a parameter."""
-    return SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+def setting(name: str, value: Any) -> dict[str, Any]:
+    """Return the fields of a request to set a parameter."""
+    return {'parameters': [Parameter(name, value=value).to_parameter_msg()]}
 
 
 def set_is(successful: bool) -> Callable[[Any], bool]:
@@ -86,46 +87,37 @@ def calls() -> list[Call]:
     """Return one request of each kind."""
     many = floats_to_ros(np.tile(Q, SAMPLES))
     times = np.linspace(0.1, 3.0, POINTS)
-    request = InverseDynamicsTrajectory.Request
     parameters = [FRACTION, 'gains.natural_frequency', 'robot_description']
     return [
-        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(position=Q), succeeds),
-        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
-            position=Q, velocity=[0.0, NAN]), refuses),
-        Call(InverseDynamics, 'inverse_dynamics', InverseDynamics.Request(
-            joint_names=['elbow'], position=[0.0]), refuses),
-        Call(InverseDynamicsBatch, 'inverse_dynamics_batch', InverseDynamicsBatch.Request(
-            position=many, velocity=many, acceleration=many), succeeds),
-        Call(InverseDynamicsBatch, 'inverse_dynamics_batch', InverseDynamicsBatch.Request(
-            position=many, velocity=many[:-1]), refuses),
-        Call(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory',
-             request(trajectory=trajectory(times)), succeeds),
-        Call(InverseDynamicsTrajectory, 'inverse_dynamics_trajectory',
-             request(trajectory=trajectory(times[::-1])), refuses),
-        Call(ForwardDynamics, 'forward_dynamics', ForwardDynamics.Request(
-            position=Q, effort=[1.0, 1.0]), succeeds),
-        Call(ForwardDynamics, 'forward_dynamics', ForwardDynamics.Request(), refuses),
-        Call(ManipulatorEquation, 'manipulator_equation', ManipulatorEquation.Request(
-            position=Q, velocity=[1.0, -1.0], include_christoffel=True), succeeds),
-        Call(SetPayload, 'set_payload', payload(0.5), succeeds),
-        Call(SetPayload, 'set_payload', payload(0.5, 'no_link'), refuses),
-        Call(SetPayload, 'set_payload', payload(0.0, transition_time=0.0), succeeds),
-        Call(SetPayload, 'set_payload', payload(-1.0), refuses),
-        Call(SetParameters, 'set_parameters', setting(FRACTION, 0.9), set_is(True)),
-        Call(SetParameters, 'set_parameters', setting(FRACTION, NAN), set_is(False)),
-        Call(SetParameters, 'set_parameters', setting('gains.kp', [1.0] * 7), set_is(False)),
-        Call(SetParameters, 'set_parameters', setting('no_such', 1), set_is(False)),
-        Call(GetParameters, 'get_parameters', GetParameters.Request(names=parameters),
+        Call('inverse_dynamics', {'position': Q}, succeeds),
+        Call('inverse_dynamics', {'position': Q, 'velocity': [0.0, NAN]}, refuses),
+        Call('inverse_dynamics', {'joint_names': ['elbow'], 'position': [0.0]}, refuses),
+        Call('inverse_dynamics_batch', {
+            'position': many, 'velocity': many, 'acceleration': many}, succeeds),
+        Call('inverse_dynamics_batch', {'position': many, 'velocity': many[:-1]}, refuses),
+        Call('inverse_dynamics_trajectory', {'trajectory': trajectory(times)}, succeeds),
+        Call('inverse_dynamics_trajectory', {'trajectory': trajectory(times[::-1])}, refuses),
+        Call('forward_dynamics', {'position': Q, 'effort': [1.0, 1.0]}, succeeds),
+        Call('forward_dynamics', {}, refuses),
+        Call('manipulator_equation', {
+            'position': Q, 'velocity': [1.0, -1.0], 'include_christoffel': True}, succeeds),
+        Call('set_payload', payload(0.5), succeeds),
+        Call('set_payload', payload(0.5, 'no_link'), refuses),
+        Call('set_payload', payload(0.0, transition_time=0.0), succeeds),
+        Call('set_payload', payload(-1.0), refuses),
+        Call('set_parameters', setting(FRACTION, 0.9), set_is(True)),
+        Call('set_parameters', setting(FRACTION, NAN), set_is(False)),
+        Call('set_parameters', setting('gains.kp', [1.0] * 7), set_is(False)),
+        Call('set_parameters', setting('no_such', 1), set_is(False)),
+        Call('get_parameters', {'names': parameters},
              lambda response: len(response.values) == len(parameters)),
-        Call(DescribeParameters, 'describe_parameters', DescribeParameters.Request(
-            names=parameters), lambda response: len(response.descriptors) == len(parameters)),
-        Call(ListParameters, 'list_parameters', ListParameters.Request(),
+        Call('describe_parameters', {'names': parameters},
+             lambda response: len(response.descriptors) == len(parameters)),
+        Call('list_parameters', {},
              lambda response: set(parameters) <= set(response.result.names)),
-        Call(Trigger, 'reset_fault', Trigger.Request(), lambda response: bool(response.message)),
-        Call(GetState, 'get_state', GetState.Request(),
-             lambda response: response.current_state.label == 'active'),
-        Call(ChangeState, 'change_state', ChangeState.Request(),
-             lambda response: not response.success)]
+        Call('reset_fault', {}, lambda response: bool(response.message)),
+        Call('get_state', {}, lambda response: response.current_state.label == 'active'),
+        Call('change_state', {}, lambda response: not response.success)]
 
 
 class ServiceLoad:
@@ -141,7 +133,7 @@ class ServiceLoad:
         self._clients = {}
         for call in self._calls:
             if call.name not in self._clients:
-                service = client.node.create_client(call.service_type, f'{node}/{call.name}')
+                service = client.node.create_client(TYPES[call.name], f'{node}/{call.name}')
                 assert service.wait_for_service(TIMEOUT), call.name
                 self._clients[call.name] = service
         self._node = client.node

@@ -3,7 +3,7 @@
 
 """Verbs of `ros2 dynamics`, in this process with one client, or in separate processes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 import subprocess
 import sys
@@ -31,6 +31,13 @@ def asking(capsys: pytest.CaptureFixture[str], client: DynamicsClient) -> Ask:
         return status, *capsys.readouterr()
 
     return ask
+
+
+def assert_refused(ask: Ask, words: Iterable[object], *said: str) -> None:
+    """Check that a verb prints nothing, ends with 2, and says why in one line."""
+    status, out, err = ask(*words)
+    assert (status, out, err.count('\n')) == (2, '', 1)
+    assert all(one in err for one in said), err
 
 
 def start(*words: str, node: str = '/dynamics') -> 'subprocess.Popen[str]':

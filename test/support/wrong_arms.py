@@ -13,13 +13,13 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper
 
 ARMS = ('default', 'ur10', 'panda', 'z1', 'xarm7', 'kinova')
 RATE = 250.0
@@ -39,7 +39,7 @@ EFFORT = 50.0
 
 def model_arm(name: str) -> ArmModel:
     """Return the model: an arm with friction and the uncertainty of its masses and friction."""
-    arm = load_arm(robot_urdf(name), JOINTS.get(name, ()))
+    arm = arm_without_gripper(name)
     limit = np.where(np.isfinite(arm.limits.effort) & (arm.limits.effort > 0.0),
                      arm.limits.effort, EFFORT)
     speed = np.where(np.isfinite(arm.limits.velocity) & (arm.limits.velocity > 0.0),

@@ -16,6 +16,7 @@ from typing import Any
 
 from children import TIMEOUT
 from diagnostic_msgs.msg import DiagnosticArray
+from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
@@ -27,7 +28,6 @@ from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording
-from robot_dynamics.ros.middleware.conversions import payload_to_ros
 from robot_dynamics.tools.calibrate_gravity import main
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics.tools.gravity_motion.plan import MotionSettings, Move
@@ -36,7 +36,6 @@ from robot_dynamics.tools.gravity_motion.session import MotionRequest, record_ho
 from robot_dynamics.tools.gravity_motion.watch import ArmWatch, RecordingClient
 from robot_dynamics.tools.ros2_dynamics.client import NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.move import goal_publication
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -166,8 +165,7 @@ def test_the_tool_calibrates_with_a_weight(
     def operate() -> None:
         for bag, payload in zip(bags, (WEIGHT, None)):
             wait_until((bag / 'metadata.yaml').exists, f'the end of {bag.name}')
-            assert client.call(SetPayload, '/simulated_arm/set_payload', SetPayload.Request(
-                payload=payload_to_ros(payload))).success
+            set_payload(client, '/simulated_arm', payload)
             type_text('\n')
 
     with (standard_input(monkeypatch) as type_text, meanwhile(operate),
@@ -357,7 +355,7 @@ def test_an_interrupt_keeps_the_compensation_of_the_weight(
     try:
         wait_for_status(client, 'payload', "1.5 kg on 'link2'")
     finally:  # removes all payloads
-        assert client.call(SetPayload, '/dynamics/set_payload', SetPayload.Request()).success
+        set_payload(client, '/dynamics')
     assert capsys.readouterr().err.splitlines()[-4:] == [
         f'Recorded 2 of 2 holds: {first}', f'Recorded 2 of 2 holds: {second}',
         "The node still compensates 1.5 kg on 'link2', because the weight is attached. Remove the "

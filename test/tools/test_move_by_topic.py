@@ -7,16 +7,12 @@ import json
 import os
 from pathlib import Path
 import subprocess
-import sys
 
 from children import run, TIMEOUT
 import numpy as np
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-
-VERB = [sys.executable, '-c',
-        'import sys; from robot_dynamics.tools.ros2_dynamics.verbs import main; '
-        'sys.exit(main(sys.argv[1:]))']
+from verb_bench import PROGRAM
 
 
 @pytest.fixture
@@ -38,7 +34,7 @@ def test_move_without_the_action(without_control_msgs: dict[str, str], side: str
     with running(node, NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace=namespace)):
         def verb(*words: str) -> 'subprocess.CompletedProcess[str]':
             return run(
-                [*VERB, *words, '--node', f'{namespace}/dynamics', '--timeout',
+                [*PROGRAM, *words, '--node', f'{namespace}/dynamics', '--timeout',
                  str(TIMEOUT)],
                 env=without_control_msgs if side == 'tool' else None, text=True,
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE)

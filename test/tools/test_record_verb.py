@@ -16,7 +16,7 @@ from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-from verb_bench import Ask, finish, first_line, start
+from verb_bench import Ask, assert_refused, finish, first_line, start
 
 TOPICS = {
     '/joint_states', '/effort_command', '/dynamics/terms', '/dynamics/computed_torque',
@@ -101,16 +101,12 @@ def test_invalid_arguments_of_record(
     assert dynamics_client.name == '/dynamics'
     monkeypatch.setattr(dynamics_client, 'timeout', 2.0)
     bag = tmp_path / 'bag'
-    status, out, err = ask('record', '-o', str(bag), *words)
-    assert (status, out) == (2, '')
-    assert said in err
-    assert err.count('\n') == 1
+    assert_refused(ask, ['record', '-o', bag, *words], said)
     assert not bag.exists()
 
 
 def test_a_directory_is_not_overwritten(ask: Ask, tmp_path: Path) -> None:
     (tmp_path / 'notes').write_text('keep')
-    status, _, err = ask('record', '-o', str(tmp_path))
-    assert status == 2
-    assert f'--output is {str(tmp_path)!r}, which exists; expected a new directory' in err
+    assert_refused(ask, ['record', '-o', tmp_path],
+                   f'--output is {str(tmp_path)!r}, which exists; expected a new directory')
     assert os.listdir(tmp_path) == ['notes']

@@ -9,9 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories import (
     efforts_along,
     make_trajectory,
@@ -21,10 +18,11 @@ from robot_dynamics.trajectories import (
 )
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import DYNAMICS, NodeProcess
-from verb_bench import Ask
+from simulated_arms import default_dynamics
+from verb_bench import Ask, assert_refused
 
 NAMES = ('joint1', 'joint2')
-ARM = ArmDynamics(load_arm(default_arm_urdf()))
+ARM = default_dynamics()
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -80,16 +78,12 @@ def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
 def test_bad_arguments_are_rejected_by_name(
     ask: Ask, motion: Path, words: tuple[str, ...], message: str,
 ) -> None:
-    status, out, err = ask('retime', motion, *words)
-    assert (status, out) == (2, '')
-    assert message in err
+    assert_refused(ask, ['retime', motion, *words], message)
 
 
 def test_bad_files_are_rejected_by_name(ask: Ask, tmp_path: Path) -> None:
-    assert 'cannot be read' in ask('retime', tmp_path / 'absent.yaml')[2]
+    assert_refused(ask, ['retime', tmp_path / 'absent.yaml'], 'cannot be read')
     corner = tmp_path / 'corner.yaml'
     write_trajectory(corner, make_trajectory(NAMES, [0, 1, 2], [[0, 0], [1, 0], [1, 1]]))
-    status, _, err = ask('retime', corner)
-    assert status == 2
-    assert 'points[1].positions is a corner' in err
+    assert_refused(ask, ['retime', corner], 'points[1].positions is a corner')
     assert ask('retime', corner, '--corner-tolerance', '0.05')[0] == 0

@@ -14,9 +14,8 @@ import rclpy
 from rclpy.context import Context
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robots import must_have_everything, robot_path
-from ros_harness import DYNAMICS, LATCHED, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
@@ -66,14 +65,6 @@ def watched(namespace, robot=None):
             rclpy.shutdown(context=context)
 
 
-@contextmanager
-def described(client, namespace):
-    """Yield a function that publishes a URDF on the topic robot_description."""
-    topic = client.publisher(String, f'{namespace}/robot_description', LATCHED, 0)
-    yield lambda xml: topic.publish(String(data=xml))
-    client.node.destroy_publisher(topic)
-
-
 def one_link(name):
     return planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name=name)
 
@@ -118,7 +109,7 @@ def test_diagnostics_of_another_namespace_are_skipped(client):
 
 
 def test_without_dynamics_the_arm_is_that_of_the_topic(client):
-    with described(client, '/topical') as publish:
+    with client.describing('/topical') as publish:
         publish(one_link('first'))
         with watched('/topical') as page:
             page.wait_for(
@@ -132,7 +123,7 @@ def test_without_dynamics_the_arm_is_that_of_the_topic(client):
 
 
 def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
-    with described(client, '/corrected') as publish, watched('/corrected') as page:
+    with client.describing('/corrected') as publish, watched('/corrected') as page:
         for xml, words in ((one_link('first'), '**first**'), ('<robot', 'not well-formed XML')):
             publish(xml)
             page.wait_for(words)
@@ -143,7 +134,7 @@ def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(
 def test_a_description_that_is_none_is_reported_while_states_come(client):
     states = client.publisher(JointState, '/broken/joint_states', subscribers=0)
     state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
-    with described(client, '/broken') as publish, \
+    with client.describing('/broken') as publish, \
             NodeProcess(DYNAMICS, namespace='/broken'), watched('/broken') as page:
         page.wait_for('**planar_arm**', without=['no joint states'],
                       meanwhile=lambda: states.publish(state))
@@ -156,7 +147,7 @@ def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(clie
     file = tmp_path / 'arm.urdf'
     file.write_text(one_link('elsewhere'))
     parameters = {'robot_description_file': str(file)}
-    with described(client, '/remote') as publish, \
+    with client.describing('/remote') as publish, \
             NodeProcess(DYNAMICS, parameters, namespace='/remote'):
         file.unlink()
         with watched('/remote') as page:
@@ -168,7 +159,7 @@ def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(clie
 def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
     (tmp_path / 'arm.urdf').write_text(one_link('named'))
     other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
-    with described(client, '/named') as publish, \
+    with client.describing('/named') as publish, \
             watched('/named', str(tmp_path / 'arm.urdf')) as page:
         publish(one_link('topical'))
         page.wait_for('**named**', 'no node dynamics')

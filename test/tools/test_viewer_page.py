@@ -12,6 +12,7 @@ import sys
 
 from browser import Page
 import children
+from disturbances import wrench
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
@@ -216,14 +217,14 @@ def test_a_push_is_a_force_in_the_frame_of_the_link_and_ends(default_arm, client
     with client.collect(WrenchStamped, topic, KEEP_MANY) as wrenches:
         wrenches.wait_matched()
         page.press('Push')
-        wrenches.wait_for(lambda wrench: size_of(wrench) == 0.0)
-        pushes = [wrench for wrench in wrenches.messages if size_of(wrench) > 0.0]
-    assert {wrench.header.frame_id for wrench in pushes} == {'tool0'}
-    np.testing.assert_allclose([size_of(wrench) for wrench in pushes], 30.0)
+        wrenches.wait_for(lambda message: size_of(message) == 0.0)
+        pushes = [message for message in wrenches.messages if size_of(message) > 0.0]
+    assert {message.header.frame_id for message in pushes} == {'tool0'}
+    np.testing.assert_allclose([size_of(message) for message in pushes], 30.0)
 
 
-def size_of(wrench):
-    force = wrench.wrench.force
+def size_of(message):
+    force = message.wrench.force
     return float(np.linalg.norm((force.x, force.y, force.z)))
 
 
@@ -233,15 +234,12 @@ def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(default_arm, clie
         'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
         'manipulability/0')}
     pushes = client.publisher(WrenchStamped, '/default_arm/simulated_arm/external_wrench')
-    push = WrenchStamped()
-    push.header.frame_id, push.wrench.force.x, push.wrench.torque.y = 'tool0', 10.0, 1.0
     before = page.picture()
-    pushes.publish(push)
+    pushes.publish(wrench('tool0', (10.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     wait_until(lambda: drawn <= set(page.tab.evaluate(
         'Object.keys(window.__viserMutable.nodeRefFromName)')), 'the marks of the wrench')
     assert page.differs_from(before, 0.01)
-    push.wrench.force.x = push.wrench.torque.y = 0.0
-    pushes.publish(push)
+    pushes.publish(wrench('tool0'))
 
 
 def test_a_reset_puts_the_simulated_arm_back(default_arm, client):

@@ -42,16 +42,12 @@ from robot_dynamics.trajectories import (
 )
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robot_dynamics.trajectories.segments import TrajectorySegments
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper
 
 laws = settings(max_examples=25)
 PLANAR = ArmDynamics(load_arm(default_arm_urdf()))
 CORNER = [[0.0, 0.0], [0.8, 0.5], [0.2, 1.0]]
 TWO = CORNER[:2]
-
-
-def robot(name: str) -> ArmModel:
-    return load_arm(robot_urdf(name), JOINTS.get(name, ()))
 
 
 def distance_from(request: JointTrajectory, result: JointTrajectory) -> float:
@@ -106,7 +102,7 @@ def check(dynamics: ArmDynamics, request: JointTrajectory, share: float = 1.0) -
 @given(st.integers(0, 2**32), st.sampled_from(['quintics', 'cubics', 'rests']))
 def test_limits_hold_on_robots(name: str, kind: str, seed: int, form: str) -> None:
     rng = np.random.default_rng(seed)
-    arm = robot(name)
+    arm = arm_without_gripper(name)
     q = poses(arm, rng.integers(2, 5), rng, 0.5)
     gravity = np.abs(ArmDynamics(frictionless(arm)).gravity_batch(q)).max(axis=0)
     limit = np.where(np.isfinite(arm.limits.effort), arm.limits.effort, 50.0)
@@ -138,7 +134,7 @@ def test_limits_hold_on_random_arms(seed: int, form: str) -> None:
 
 
 def test_a_payload_takes_time() -> None:
-    arm = frictionless(robot('panda'))
+    arm = frictionless(arm_without_gripper('panda'))
     path = quintic_via_points(arm.joint_names, [0, 1, 2], poses(arm, 3, np.random.default_rng(0)))
     loaded = arm.with_payloads([make_payload(arm.link_names[-1], 2.0, (0.0, 0.0, 0.1))])
     without, with_load = (check(ArmDynamics(one), path) for one in (arm, loaded))

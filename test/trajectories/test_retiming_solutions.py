@@ -18,7 +18,7 @@ from retimed import (
 )
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories import (
     efforts_along,
@@ -26,7 +26,7 @@ from robot_dynamics.trajectories import (
     retime,
 )
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from robots import JOINTS, robot_urdf
+from robots import arm_without_gripper
 
 
 @pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
@@ -103,7 +103,7 @@ def test_the_voltage_of_a_motor_limits_its_speed() -> None:
 def test_durations_are_those_of_toppra(name: str) -> None:
     toppra = pytest.importorskip('toppra', reason='the oracle has wheels for x86-64 only')
     toppra.setup_logging('ERROR')
-    arm = frictionless(load_arm(robot_urdf(name), JOINTS.get(name, ())))
+    arm = frictionless(arm_without_gripper(name))
     dynamics = ArmDynamics(arm)
     spline = toppra.SplineInterpolator(
         np.linspace(0.0, 1.0, 6), poses(arm, 6, np.random.default_rng(1)))

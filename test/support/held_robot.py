@@ -1,0 +1,36 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The joint states of a robot of two joints that is held at rest."""
+
+from typing import Any
+
+from robot_dynamics.ros.middleware.conversions import stamp_to_ros
+from ros_harness import RosClient
+from sensor_msgs.msg import JointState
+
+STEP = 0.01
+"""[s] between two states."""
+
+
+class HeldRobot:
+    """A robot at rest that sends states on request; a node answers each of them."""
+
+    def __init__(self, client: RosClient, namespace: str, **fields: Any) -> None:
+        """`fields` are those of its joint states."""
+        self._fields = {'name': ['joint1', 'joint2'], 'velocity': [0.0, 0.0], **fields}
+        self._client = client
+        self._states = client.publisher(JointState, f'{namespace}/joint_states')
+        self._answers = client.collect(
+            JointState, f'{namespace}/dynamics/gravity_compensation')
+        self._answers.wait_matched()
+        self.stamp = round(1e9)
+
+    def say(self, count: int = 1, step: float = STEP, **fields: Any) -> int:
+        """Publish `count` states, each `step` [s] after the previous; return the last stamp."""
+        for _ in range(count):
+            self.stamp += round(1e9 * step)
+            message = JointState(**{**self._fields, **fields})
+            message.header.stamp = stamp_to_ros(self.stamp)
+            self._client.answer_to(self._states, message, self._answers)
+        return self.stamp
