@@ -116,7 +116,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
     'the limits; ends automatically; after the third, references wait for `~/reset_fault`', (
         ('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
-                     ('-20 and 20 rad/s', [-20.0, 20.0])))
+        ('-20 and 20 rad/s', [-20.0, 20.0])))
 def test_overspeed(arm: FaultBench, v: list[float]) -> None:
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()
