@@ -226,7 +226,7 @@ class NodeUnderTest:
                 accelerations=[0.0] * JOINTS)
             point.time_from_start.sec = seconds
             message.points.append(point)
-        self._node._trajectories.take(message)
+        self._node._trajectories.take(message, {})
 
     def close(self) -> None:
         """Check that the node answered every state, ramp the command to zero, destroy the node."""

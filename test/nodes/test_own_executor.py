@@ -15,11 +15,13 @@ from typing import Any
 from children import TIMEOUT
 from own_process import answer, own_process, OwnProcess, PATIENT, stamps_of
 import pytest
+from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from ros_harness import NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
 GRAVITY = default_dynamics().gravity(Q)
@@ -165,3 +167,32 @@ def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) 
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith('all done\n')  # the middleware may log there as well
     assert 'Traceback' not in done.stderr
+
+
+def test_a_stop_ends_the_trajectories_that_wait_for_a_busy_executor(
+    client: RosClient, process: OwnProcess,
+) -> None:
+    node, busy, released = process.dynamics(), threading.Event(), threading.Event()
+
+    def work() -> None:
+        timer.cancel()
+        busy.set()
+        assert released.wait(TIMEOUT)
+
+    timer = process.other('neighbour').create_timer(0.0, work)
+    timer.cancel()
+    trajectories = client.publisher(
+        JointTrajectory, f'{process.namespace}/dynamics/joint_trajectory')
+    goal = JointTrajectory(joint_names=NAMES, points=[JointTrajectoryPoint(positions=[0.9, 0.6])])
+    with process.spun(SingleThreadedExecutor):
+        answer(client, process, NAMES, Q)
+        timer.reset()
+        assert busy.wait(TIMEOUT)
+        trajectories.publish(goal)
+        assert trajectories.wait_for_all_acked(Duration(seconds=TIMEOUT))
+        assert client.call(Trigger, f'{process.namespace}/dynamics/stop').success
+        released.set()
+        wait_until(lambda: node._trajectories.refusal, 'the rejection')
+        assert node._trajectories.refusal == '~/stop was called'
+        trajectories.publish(goal)
+        wait_until(lambda: not node._trajectories.refusal, 'a trajectory that is followed')

@@ -68,7 +68,7 @@ class SteppedNode:
                 accelerations=[0.0] * JOINTS)
             point.time_from_start.sec = seconds
             message.points.append(point)
-        self.node._trajectories.take(message)
+        self.node._trajectories.take(message, {})
 
 
 @contextmanager

@@ -136,8 +136,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self, lambda: self._settings.values, self._payloads,
             lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
-        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._trajectories = TrajectoryInput(self, self._path)
+        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._teleoperation = Teleoperation(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(
             self, self._path, self._trajectories, lambda: self._settings.values)
@@ -238,6 +238,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         loop = self._path.loop
+        self._trajectories.stop()
         response.success = True
         response.message = 'nothing to stop: no model yet' if loop is None else loop.stop()
         self.get_logger().info(f'~/stop: {response.message}')

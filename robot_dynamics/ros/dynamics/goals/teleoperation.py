@@ -3,7 +3,7 @@
 
 """What two arms of a teleoperation send each other: set-points, and the force of the follower."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -39,15 +39,14 @@ class Teleoperation:
                 ('~/force_feedback_deviation', self._take_deviation, self._refuse)):
             node.create_subscription(JointState, topic, callback, NEWEST_ONLY, refuse=refuse)
 
-    def _follow(self, message: JointState) -> None:
-        """Follow a set-point, or count and log why it is rejected."""
+    def _follow(self, message: JointState, info: Mapping[str, int]) -> None:
         def read(controller: Controller) -> JointTrajectory:
             names = controller.arm.joint_names
             return make_trajectory(
                 names, [0.0], [_values(names, message, 'position')],
                 [_values(names, message, 'velocity')] if len(message.velocity) else [], [], names)
 
-        self._trajectories.follow('set-point', read)
+        self._trajectories.follow('set-point', read, info)
 
     def _feel(self, message: JointState) -> None:
         effort = self._efforts(message)

@@ -3,17 +3,18 @@
 
 """The trajectories and poses that `dynamics` receives, and the status `reference`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import math
 import re
+import time
 
 from geometry_msgs.msg import PoseStamped
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
-from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.loop import ControlLoop, STOPPED
 from robot_dynamics.control.pose_reference import pose_set_point
 from robot_dynamics.control.shortfall import shortfall
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_from_ros
@@ -43,6 +44,8 @@ class TrajectoryInput:
         self._refused, self.refusal = 0, ''
         """Number of rejected messages, and why the latest was rejected; '' if it was accepted."""
         self._accepted, self._goal = 0, list[float]()
+        self._stopped = -math.inf
+        """Time [s] of the steady clock of the last ~/stop."""
         self._reported = 0
         """Number of accepted goals that is published at once; a stream does not change it."""
         node.create_subscription(
@@ -50,21 +53,34 @@ class TrajectoryInput:
         node.create_subscription(
             PoseStamped, '~/pose_reference', self._take_pose, 1, refuse=self.refuse)
 
-    def take(self, message: JointTrajectoryMsg) -> None:
-        """Follow a trajectory, or count and log why it is rejected."""
-        self.follow('trajectory', lambda controller: trajectory_from_ros(
-            message, controller.arm.joint_names), stamp_from_ros(message.header.stamp))
+    def stop(self) -> None:
+        """Reject the messages that have been received until now and are not yet taken."""
+        self._stopped = time.monotonic()
 
-    def _take_pose(self, message: PoseStamped) -> None:
+    def take(self, message: JointTrajectoryMsg, info: Mapping[str, int]) -> None:
+        """Follow a trajectory; raise RobotDynamicsError."""
+        self.follow('trajectory', lambda controller: trajectory_from_ros(
+            message, controller.arm.joint_names), info, stamp_from_ros(message.header.stamp))
+
+    def _take_pose(self, message: PoseStamped, info: Mapping[str, int]) -> None:
         p, turn = message.pose.position, message.pose.orientation
         self.follow('pose', lambda controller: pose_set_point(
             controller, message.header.frame_id, [p.x, p.y, p.z],
-            [turn.x, turn.y, turn.z, turn.w]))
+            [turn.x, turn.y, turn.z, turn.w]), info)
 
     def follow(
-        self, kind: str, read: Callable[[Controller], JointTrajectory], stamp_ns: int = 0,
+        self, kind: str, read: Callable[[Controller], JointTrajectory], info: Mapping[str, int],
+        stamp_ns: int = 0,
     ) -> None:
-        """Follow what `read` returns from `stamp_ns` on; raise RobotDynamicsError."""
+        """
+        Follow what `read` returns from `stamp_ns` on; raise RobotDynamicsError.
+
+        `info` is what rclpy knows of the message, of which the time of its reception is used.
+        """
+        received_ns = info.get('received_timestamp', 0)
+        age = 1e-9 * (time.time_ns() - received_ns) if received_ns else 0.0
+        if time.monotonic() - age < self._stopped:
+            raise TrajectoryError(STOPPED)
         loop = self._path.loop
         if loop is None:
             raise InvalidInputError(f'no model yet: no {kind} can be followed')
