@@ -12,7 +12,9 @@ import sys
 import threading
 from typing import Any
 
+from action_clients import Client
 from children import TIMEOUT
+from control_msgs.action import FollowJointTrajectory
 from own_process import answer, own_process, OwnProcess, PATIENT, stamps_of
 import pytest
 from rclpy.duration import Duration
@@ -169,7 +171,7 @@ def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) 
     assert 'Traceback' not in done.stderr
 
 
-def test_a_stop_ends_the_trajectories_that_wait_for_a_busy_executor(
+def test_a_stop_ends_what_waits_for_a_busy_executor(
     client: RosClient, process: OwnProcess,
 ) -> None:
     node, busy, released = process.dynamics(), threading.Event(), threading.Event()
@@ -183,16 +185,25 @@ def test_a_stop_ends_the_trajectories_that_wait_for_a_busy_executor(
     timer.cancel()
     trajectories = client.publisher(
         JointTrajectory, f'{process.namespace}/dynamics/joint_trajectory')
-    goal = JointTrajectory(joint_names=NAMES, points=[JointTrajectoryPoint(positions=[0.9, 0.6])])
+    trajectory = JointTrajectory(
+        joint_names=NAMES, points=[JointTrajectoryPoint(positions=[0.9, 0.6])])
+    goal = FollowJointTrajectory.Goal(trajectory=trajectory)
     with process.spun(SingleThreadedExecutor):
         answer(client, process, NAMES, Q)
+        action = Client(client, process.namespace)
+        assert action.send(FollowJointTrajectory.Goal()).result()[2].startswith('joint_names is empty')
         timer.reset()
         assert busy.wait(TIMEOUT)
-        trajectories.publish(goal)
+        sent = action.in_executor(lambda: action.action.send_goal_async(goal))
+        trajectories.publish(trajectory)
         assert trajectories.wait_for_all_acked(Duration(seconds=TIMEOUT))
         assert client.call(Trigger, f'{process.namespace}/dynamics/stop').success
+        assert not node._trajectories.refusal.startswith('~/stop')
         released.set()
-        wait_until(lambda: node._trajectories.refusal, 'the rejection')
+        handle = action.answer(lambda: sent)
+        found = action.answer(handle.get_result_async).result.error_string
+        assert found == '~/stop was called'
+        wait_until(lambda: node._trajectories.status().values['refused'] == 3, 'the rejections')
         assert node._trajectories.refusal == '~/stop was called'
-        trajectories.publish(goal)
+        trajectories.publish(trajectory)
         wait_until(lambda: not node._trajectories.refusal, 'a trajectory that is followed')

@@ -137,10 +137,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             lambda: self._path.command.is_commanding, self._use_model)
         self.create_service(Trigger, '~/reset_fault', self._reset_fault)
         self._trajectories = TrajectoryInput(self, self._path)
-        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._teleoperation = Teleoperation(self, self._path, self._trajectories)
         self._action = FollowJointTrajectoryServer(
             self, self._path, self._trajectories, lambda: self._settings.values)
+        self._stop_service = UrgentService(self, Trigger, '~/stop', self._stop)
         self._report = StateReport(self._path.counters, lambda: self._path.loop)
         self._loop = MessageLoop(
             self, JointState, 'joint_states', STATES, JointStateDecoder().decode,
@@ -239,6 +239,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     def _stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         loop = self._path.loop
         self._trajectories.stop()
+        self._action.stop()
         response.success = True
         response.message = 'nothing to stop: no model yet' if loop is None else loop.stop()
         self.get_logger().info(f'~/stop: {response.message}')

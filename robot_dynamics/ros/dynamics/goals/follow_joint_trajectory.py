@@ -78,8 +78,10 @@ class FollowJointTrajectoryServer:
         self._running: list[tuple[ServerGoalHandle, TrajectoryGoal, Future]] = []
         self._open, self._ended_at = dict[int, object](), -math.inf
         """Of each open request its epoch (`GoalExecution`), by its identity."""
+        self._turns = 0
+        """Of the executor, in which it takes requests that were sent before a stop."""
         self._lock = threading.Lock()
-        """Protects the three above: an executor may have several threads."""
+        """Protects the four above: an executor may have several threads."""
         self._type = action_type()
         self._server: _GuardedServer | None = None
         if self._type is None:
@@ -94,6 +96,7 @@ class FollowJointTrajectoryServer:
             clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._feedback.cancel()
         self._ended = node.create_guard_condition(self._look, group)
+        self._turned = node.create_guard_condition(self._count_turn, group)
         self._server = _GuardedServer(
             node, self._type, '~/follow_joint_trajectory', self._execute,
             callback_group=group, goal_callback=self._take, cancel_callback=self._cancel,
@@ -103,6 +106,19 @@ class FollowJointTrajectoryServer:
     def is_busy(self) -> bool:
         """Whether a goal awaits its result, or its client may still ask for it."""
         return bool(self._open) or time.monotonic() < self._ended_at + LAST_REQUEST
+
+    def stop(self) -> None:
+        """Let the requests end that wait for a busy executor: it takes them in its next turn."""
+        if self._server is not None:
+            with self._lock:
+                self._turns = 2
+            self._turned.trigger()
+
+    def _count_turn(self) -> None:
+        with self._lock:
+            self._turns -= 1
+            if self._turns > 0:
+                self._turned.trigger()
 
     def close(self) -> None:
         """End the action, before the node is destroyed."""
@@ -117,7 +133,8 @@ class FollowJointTrajectoryServer:
         """Accept a goal, as soon as its client can receive all answers (`answer_delivery`)."""
         loop = self._path.loop
         with self._lock:
-            self._open[id(request)] = None if loop is None else loop.goals.epoch
+            self._open[id(request)] = object() if self._turns > 0 else (
+                None if loop is None else loop.goals.epoch)
         self._feedback.reset()  # lets the executor look again
         until = time.monotonic() + LONGEST_WAIT
         while time.monotonic() < until and not self._is_client_discovered():
