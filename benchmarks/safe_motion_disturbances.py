@@ -37,6 +37,7 @@ from benchmarks.safe_motion_gearbox import GEARBOX, gearbox, given_friction
 from benchmarks.safe_motion_scene import AT_GOAL, Scene
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.braking import FAULT_DAMPING
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.model.arm import ArmModel
@@ -235,6 +236,8 @@ def _load(scene: Scene, scale: float, is_known: bool) -> Payload:
     """
     Return a load that the arm can bear, and with which an unaware loop holds the arm.
 
+    Without feedback of the position (hand guiding), an unknown load moves an arm without friction:
+    the damping in a fault then bounds its velocity to KICK_SHARE of the velocity limits.
     In the time until the loop reacts, the load accelerates the arm to KICK_SHARE of its velocity
     limits at most. Some descriptions of light wrists have hardly any inertia.
     """
@@ -245,17 +248,20 @@ def _load(scene: Scene, scale: float, is_known: bool) -> Payload:
     poses = q, scene.motion.start, scene.motion.goal
     shifts = np.random.default_rng(0).uniform(-NEAR, NEAR, (TRIES, len(q)))
     near = [*poses, *(each + shift for each in poses for shift in shifts)]
-    kp, lag = scale**2 * controller.options.gains.kp, 1e-3 * (scene.period + scene.case.delay)
-    error = ERROR_SHARE * controller.options.largest_error(arm.limits.velocity)
+    gains, lag = controller.options.gains, 1e-3 * (scene.period + scene.case.delay)
+    gain, most = scale**2 * gains.kp, (
+        ERROR_SHARE * controller.options.largest_error(arm.limits.velocity))
+    if not controller.laws.follows:
+        gain, most = scale * FAULT_DAMPING * gains.kd, KICK_SHARE * arm.limits.velocity
     for _ in range(3 * TRIES):
         load = make_payload(link, mass, (0.0, 0.0, LOAD_OFFSET))
         loaded = arm.with_payloads([load])
         sag, kick = (
             factor * np.max(np.abs([
                 _acceleration(moved, arm, loaded, each) for each in near]), axis=0)
-            for factor, moved in ((1.0 / kp, arm), (lag, loaded)))
+            for factor, moved in ((1.0 / gain, arm), (lag, loaded)))
         if is_held(loaded, *poses) and (kick <= KICK_SHARE * arm.limits.velocity).all() and (
-                is_known or (sag <= error).all()):
+                is_known or (sag <= most).all()):
             break
         mass *= 0.75
     return load
