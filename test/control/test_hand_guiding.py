@@ -198,3 +198,18 @@ def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint() -> None:
 def test_illegal_options_are_named(arguments: tuple[Any, ...], words: str) -> None:
     with pytest.raises(InvalidInputError, match=words):
         make_guiding(smooth_arm('default'), *arguments)
+
+
+@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
+@pytest.mark.parametrize('signs', [1.0, -1.0])
+def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(
+    name: str, signs: float,
+) -> None:
+    """It is limited by one factor: limits of each joint by itself threw an elbow to 13 rad/s."""
+    arm = smooth_arm(name)
+    n = arm.joint_count
+    v = 0.27 * arm.limits.velocity * np.where(np.arange(n) % 2, signs, 1.0)
+    one = LockStep(arm, q=middle(arm, 0.4), v=v, rate=250.0, command='hand_guiding')
+    trace = one.run(1.0)
+    assert (np.abs(trace.v) < 0.6 * arm.limits.velocity).all()
+    assert one.loop.supervisor.fault is None

@@ -33,6 +33,7 @@ from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
+from robot_dynamics.control.laws.rate_limited_feedback import REVERSAL_TIME
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import EffortTerms
@@ -47,6 +48,8 @@ DAMPING = 1.0
 WALL_PUSH, LARGEST_WALL = 10.0, 0.1
 """A push at this acceleration of the joint [rad/s²] is held within a position limit, if the effort
 begins less than this distance [rad] before it."""
+LEAST_FREE = 0.1
+"""Share of the effort limit with which a joint is braked although gravity needs its limit."""
 FEEDBACK_TIME_NS = 50_000_000
 """[ns] for which a force feedback is felt without a newer one."""
 LONGEST_STEP = 0.1
@@ -67,6 +70,7 @@ class HandGuiding(ControlLaw):
         self._feedback = ForceFeedback(self._guiding.feedback_gain, self._guiding.feedback_limit)
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(len(self._gains.kp))
+        self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
         self._z = self._v = self._external = self._zero
         self._felt_until_ns = 0
 
@@ -95,7 +99,9 @@ class HandGuiding(ControlLaw):
         a = self._braking(state, v, *allowed)
         effort = gravity + friction
         if a.any():
-            effort = effort + dynamics.rigid_body.mass_matrix(state.q) @ a
+            brake = dynamics.rigid_body.mass_matrix(state.q) @ a
+            share = self._share(brake, effort, dynamics.arm.limits.effort)
+            a, effort = share * a, effort + share * brake
         if state.stamp_ns > self._felt_until_ns:
             self._feedback.restart()
         else:
@@ -142,6 +148,18 @@ class HandGuiding(ControlLaw):
         allowed = np.minimum(np.maximum(v, least), most)
         damping = np.where(state.dynamics.friction.at_rest.static > 0.0, 0.0, DAMPING)
         return np.asarray(self.scale * self._gains.kd * (allowed - v) - damping * v)
+
+    def _share(self, brake: FloatArray, effort: FloatArray, limit: FloatArray) -> float:
+        """
+        Return the share of the effort `brake` (n,) that limits and rates permit at all joints.
+
+        A part of it at each joint would accelerate others. As in `rate_limited_feedback`, the rate
+        limit can reverse the effort in REVERSAL_TIME. LEAST_FREE is used beyond a limit.
+        """
+        free = np.maximum(limit - np.where(brake > 0.0, effort, -effort), LEAST_FREE * limit)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            return float(np.min(
+                np.minimum(free, self._reversible) / np.abs(brake), initial=1.0))
 
     def _allowed(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest allowed velocity (n,) at q."""
