@@ -325,9 +325,11 @@ def stream_end(scene: Scene) -> None:
 
 
 def push(scene: Scene) -> None:
-    """Push one joint as in the motion `push`."""
+    """Push one joint as in the motion `push`; a guided arm not stronger than its person."""
     pushed = push_of(scene.arm, scene.plant.q, int(scene.rng.integers(8)), scene.case.rate)
-    scene.push = Push(scene.time, scene.time + pushed.end - pushed.begin, pushed.effort)
+    effort = pushed.effort if scene.hand is None else (
+        scene.hand.bearable(pushed.effort, scene.plant))
+    scene.push = Push(scene.time, scene.time + pushed.end - pushed.begin, effort)
 
 
 def start(scene: Scene) -> None:

@@ -82,8 +82,16 @@ class Hand:
         push = M @ np.clip(STIFFNESS * ahead, -STRENGTH, STRENGTH)
         coupling = np.abs(np.linalg.inv(M + self.rotors)) @ grip
         hold = grip * ahead / (1.0 + STEP * (STEP + lead) * coupling)
-        push = push + np.clip(hold, -self.dry, self.dry)
-        gravity = plant.body.gravity(q)
+        return self.held(push + np.clip(hold, -self.dry, self.dry), plant)
+
+    def bearable(self, push: FloatArray, plant: Plant) -> FloatArray:
+        """Return the share of a push (n,) of others that is not stronger than a person."""
+        a = np.linalg.solve(plant.body.mass_matrix(plant.q) + self.rotors, push)
+        return self.held(push * min(1.0, STRENGTH / float(np.abs(a).max())), plant)
+
+    def held(self, push: FloatArray, plant: Plant) -> FloatArray:
+        """Return the share of a push (n,) that the arm can hold when it has stopped."""
+        gravity = plant.body.gravity(plant.q)
         spare = HELD * self._effort - np.where(push > 0.0, -gravity, gravity)
         return np.asarray(push * min(1.0, max(0.0, np.min(
             spare / np.maximum(np.abs(push), 1e-9)))))
