@@ -3,7 +3,6 @@
 
 """Trajectories with tolerances and a result, in lock-step with an arm."""
 
-from collections.abc import Callable
 import math
 from typing import Any
 
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TOLERANCE,
@@ -238,39 +236,6 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str
     code, message, is_canceled = result_of(goal)
     assert (code, is_canceled) == (ResultCode.INVALID_GOAL, False)
     assert words in message
-
-
-@pytest.mark.parametrize(('end', 'words'), [
-    (lambda loop: loop.stop(), '~/stop was called'),
-    (lambda loop: loop.fail(1.0, Fault('broken', 'words')), 'fault broken: words'),
-    (lambda loop: loop.goals.interrupt('restarted'), 'restarted')])
-@pytest.mark.parametrize('is_goal', [True, False])
-def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(
-    end: Callable[[ControlLoop], object], words: str, is_goal: bool,
-) -> None:
-    """It comes while the trajectory is prepared, or before its goal is executed."""
-    bench = held(arm_of('two_link'))
-    loop, trajectory, sent = bench.loop, plan(bench), bench.loop.goals.epoch
-    end(loop)
-    bench.run(0.1)  # the fault has ended
-    if is_goal:
-        def begin() -> object:
-            return loop.goals.execute(trajectory, 0, None, lambda: None, sent)
-    else:
-        def begin() -> object:
-            return loop.follow(trajectory)
-        prepare = loop.controller.prepare
-
-        def prepare_while_it_ends(trajectory: JointTrajectory) -> Any:
-            prepared = prepare(trajectory)
-            end(loop)
-            bench.run(0.1)
-            return prepared
-        loop.controller.prepare = prepare_while_it_ends
-    with pytest.raises(TrajectoryError, match=words):
-        begin()
-    assert loop.goals.goal is None
-    assert np.ptp(bench.run(0.5).q, axis=0).max() < 1e-3
 
 
 def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:

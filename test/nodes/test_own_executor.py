@@ -191,7 +191,7 @@ def test_a_stop_ends_what_waits_for_a_busy_executor(
     with process.spun(SingleThreadedExecutor):
         answer(client, process, NAMES, Q)
         action = Client(client, process.namespace)
-        assert action.send(FollowJointTrajectory.Goal()).result()[2].startswith('joint_names is empty')
+        assert 'joint_names is empty' in action.send(FollowJointTrajectory.Goal()).result()[2]
         timer.reset()
         assert busy.wait(TIMEOUT)
         sent = action.in_executor(lambda: action.action.send_goal_async(goal))

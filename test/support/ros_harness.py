@@ -322,9 +322,8 @@ class RosClient:
     def _setting(self, node: str, name: str, value: Any) -> Any:
         """Set a parameter of a node; return the result."""
         parameter = value if isinstance(value, Parameter) else Parameter(name, value=value)
-        result, = self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
-            parameters=[parameter.to_parameter_msg()])).results
-        return result
+        return self.call(SetParameters, f'{node}/set_parameters', SetParameters.Request(
+            parameters=[parameter.to_parameter_msg()])).results[0]
 
     def set_parameters(self, node: str, values: Mapping[str, Any]) -> list[Any]:
         """Set parameters of a node, one by one; return the results, which must be successes."""
@@ -346,12 +345,9 @@ class RosClient:
 
     def describe_parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
         """Return the descriptors of a node's parameters by name."""
-        descriptors = self.call(
+        return {descriptor.name: descriptor for descriptor in self.call(
             DescribeParameters, f'{node}/describe_parameters',
-            DescribeParameters.Request(names=list(names))).descriptors
-        return {descriptor.name: descriptor for descriptor in descriptors}
-
-    # ------------------------------------------------------------------ topics
+            DescribeParameters.Request(names=list(names))).descriptors}
 
     def collect(self, message_type: type, topic: str, qos: Any = KEEP_MANY) -> Collector:
         """Record the messages of a topic from now on."""
