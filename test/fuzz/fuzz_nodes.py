@@ -111,7 +111,8 @@ class RunningNodes:
         counters = node._path.counters
         answered, node._trajectories.refusal, counters.last_drop = node._path.loop.states, '', ''
         failures = counters.dropped['internal error']
-        callback_of(node, topic)(serialize_message(message))
+        info = ({},) if topic == 'joint_trajectory' else ()
+        callback_of(node, topic)(serialize_message(message), *info)
         assert counters.dropped['internal error'] == failures, counters.last_drop
         words = node._trajectories.refusal if topic == 'joint_trajectory' else counters.last_drop
         if words:
