@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.payload_transition import PayloadTransition
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.payload_transition import PayloadTransition
 from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 LONGEST_STEP = 0.1
@@ -44,6 +44,7 @@ class LoadedArm:
         self.workspace = self._planned_workspace = WorkspaceInertia(self.planning)
         self._payloads: tuple[Payload, ...] = ()
         self._transition: PayloadTransition | None = None
+        self._when_done: Callable[[tuple[Payload, ...]], None] = lambda _: None
         self._stamp_ns: int | None = None
         self.changes = False
         """Whether loads or gravity are in a transition, so that `advance` is needed."""
@@ -81,9 +82,9 @@ class LoadedArm:
         Until the next exchange, `workspace` is that of the heavier loads.
         """
         self._plan(load)
-        self._payloads = load.payloads
+        self._payloads, self._when_done = load.payloads, when_done
         self._transition = PayloadTransition(
-            self.dynamics.arm.payloads, load.payloads, transition_time, when_done)
+            self.dynamics.arm.payloads, load.payloads, transition_time)
         self.changes = True
 
     def begin_gravity_change(self, load: PreparedLoad, rate: float) -> None:
@@ -116,7 +117,7 @@ class LoadedArm:
         if not self.changes:
             self._stamp_ns = None
         if transition is not None and self._transition is None:
-            transition.when_done(transition.target)
+            self._when_done(transition.target)
 
     def _change_gravity(self, most: float) -> None:
         """Bring the active gravity nearer to that of `planning`, at most by `most` [m/s²]."""

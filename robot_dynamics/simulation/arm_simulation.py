@@ -14,12 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.payload_transition import PayloadTransition
 from robot_dynamics.simulation.backlash import Backlash
 from robot_dynamics.simulation.bristles import Bristles
 from robot_dynamics.simulation.current_loop import CurrentLoop
@@ -70,6 +71,9 @@ class ArmSimulation:
                 check_vector('initial_velocity', velocity, n, names)))
         self._max_step = check_scalar('max_step', max_step, 0.0, exclusive_minimum=True)
         self._bare_arm = arm
+        self._transition: PayloadTransition | None = None
+        self._transition_ns = 0
+        """Since the transition began."""
         self._use(arm)
         self.reset()
 
@@ -139,13 +143,32 @@ class ArmSimulation:
             v=np.zeros_like(self._now.v), omega=np.zeros_like(self._now.omega))
         self._hold()
 
-    def set_payloads(self, payloads: Sequence[Payload]) -> None:
-        """
-        Replace the payloads, which take on the velocity of their links; raise InvalidInputError.
+    @property
+    def payloads(self) -> tuple[Payload, ...]:
+        """The payloads after the transition, if there is one."""
+        return self.arm.payloads if self._transition is None else self._transition.target
 
-        The change of energy counts as work.
+    def set_payloads(self, payloads: Sequence[Payload], transition_time: float = 0.0) -> None:
         """
-        self._change(self._bare_arm.with_payloads(payloads))
+        Replace the payloads over transition_time [s] of motion; raise InvalidInputError.
+
+        They take on the velocity of their links. The change of energy counts as work. An arm that
+        the brakes hold takes them at once.
+        """
+        arm = self._bare_arm.with_payloads(payloads)
+        if transition_time > 0.0 and not self.braked:
+            self._transition = PayloadTransition(self.arm.payloads, payloads, transition_time)
+            self._transition.payloads(0)
+            self._transition_ns = 0
+        else:
+            self._transition = None
+            self._change(arm)
+
+    def _continue(self, transition: PayloadTransition, duration: float) -> None:
+        self._transition_ns += round(duration * NANOSECONDS_PER_SECOND)
+        self._change(self._bare_arm.with_payloads(transition.payloads(self._transition_ns)))
+        if transition.done:
+            self._transition = None
 
     def set_gravity(self, gravity: FloatArray) -> None:
         """Change gravity (3,) [m/s²] at once; the change of energy counts as work."""
@@ -205,6 +228,8 @@ class ArmSimulation:
         state is then kept.
         """
         check_released(self.braked)
+        if self._transition is not None:
+            self._continue(self._transition, duration)
         try:
             with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
                 return self._step(tau, duration, wrenches)

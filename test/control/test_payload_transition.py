@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.loaded_arm import LoadedArm
-from robot_dynamics.control.payload_transition import PayloadTransition, scaled
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload, merged, Payload
+from robot_dynamics.model.payload_transition import PayloadTransition, scaled
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import WorkspaceInertia
 
@@ -26,7 +26,7 @@ NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
 def transition(
     old: list[Payload], target: list[Payload], seconds: float = 2.0,
 ) -> PayloadTransition:
-    return PayloadTransition(old, target, seconds, lambda _: None)
+    return PayloadTransition(old, target, seconds)
 
 
 def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:

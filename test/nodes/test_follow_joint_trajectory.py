@@ -99,7 +99,8 @@ def test_an_invalid_goal_is_aborted_with_its_reason(
 
 
 def test_a_goal_of_the_past_is_refused(arm: Client) -> None:
-    goal = goal_of((0.0, START), (0.1, START))
+    """It ends before the first state of the simulated time, which is at 2 ms."""
+    goal = goal_of((0.0, START), (0.001, START))
     goal.trajectory.header.stamp.nanosec = 1
     status, code, message = arm.send(goal).result()
     assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.OLD_HEADER_TIMESTAMP)

@@ -176,7 +176,7 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
     assert state.position == pytest.approx(START, abs=1e-9)
     for fields, words in (
             ({'payload': payload_to_ros(make_payload('hand', 1.0))}, "frame_id is 'hand'"),
-            ({'transition_time': 1.0}, 'transition_time is 1, expected 0')):
+            ({'transition_time': -1.0}, 'transition_time is -1, expected')):
         refusal = set_payload(stepped, **fields)
         assert not refusal.success
         assert words in refusal.message

@@ -151,6 +151,30 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
     assert np.abs(simulation.q - q0).max() > 0.05
 
 
+def test_a_load_comes_and_goes_linearly_within_its_transition_time() -> None:
+    """The arm holds under the effort for the part of the load that acts; energy is balanced."""
+    arm, q0 = two_link(), np.array([1.0, 0.5])
+    payload = make_payload('tool0', 2.0, (0.1, 0.0, 0.05))
+    simulation = released(arm, q0)
+    empty, full = (ArmDynamics(arm.with_payloads(loads)).rigid_body.gravity(q0)
+                   for loads in ([], [payload]))
+    for target, begin, end in (([payload], empty, full), ([], full, empty)):
+        at_start = sum(simulation.energy) - simulation.work
+        simulation.set_payloads(target, 0.4)
+        assert simulation.payloads == tuple(target)
+        for i in range(1, 11):
+            simulation.step(begin + min(i / 8, 1.0) * (end - begin), 0.05)
+            assert simulation.q == pytest.approx(q0, abs=1e-9)
+        assert simulation.arm.payloads == tuple(target)
+        assert sum(simulation.energy) - simulation.work == pytest.approx(at_start, abs=1e-9)
+
+
+def test_an_arm_that_the_brakes_hold_takes_its_load_at_once() -> None:
+    simulation = ArmSimulation(two_link())
+    simulation.set_payloads([make_payload('tool0', 2.0)], 1.0)
+    assert [load.mass for load in simulation.arm.payloads] == [2.0]
+
+
 @pytest.mark.parametrize('brakes', [False, True])
 def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
     """A point mass at the tool adds ½ m |ẋ|² + m g z; its removal subtracts the same."""

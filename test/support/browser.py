@@ -139,6 +139,12 @@ class Page:
         """Click the button with this text."""
         self.tab.get_by_role('button', name=button, exact=True).click()
 
+    def place_of(self, button: str) -> Mapping[str, float]:
+        """Return the box of the button with this text [pixel]."""
+        box: Mapping[str, float] = self.tab.get_by_role(
+            'button', name=button, exact=True).bounding_box()
+        return box
+
     def wait_for_words(self, words: str) -> None:
         """Wait until the page contains this text."""
         self.tab.get_by_text(words).first.wait_for()

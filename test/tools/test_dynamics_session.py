@@ -214,8 +214,8 @@ def test_a_load_of_model_and_simulated_arm_leaves_no_error() -> None:
                         namespace='/loaded')):
         for goal, loads in ((('1.0', '0.5'), False), (('0.5', '0.3'), True)):
             if loads:
-                status, out, err = finish(
-                    start('payload', 'tool0', '1.5', '--simulated', node=node))
+                status, out, err = finish(start(
+                    'payload', 'tool0', '1.5', '--simulated', '--transition', '0.5', node=node))
                 assert (status, err) == (0, '')
                 assert "/loaded/simulated_arm: 1.5 kg on 'tool0'" in out
             status, out, err = finish(start('move', *goal, '--json', node=node))

@@ -202,10 +202,12 @@ def test_the_plots_draw_what_the_arm_does(default_arm):
 def test_a_load_is_attached_and_taken_off(default_arm, client):
     page, _ = default_arm
     with client.collect(InertiaStamped, '/default_arm/dynamics/payload', LATCHED) as payloads:
+        place = page.place_of('Detach')
         page.press('Attach')
         attached = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
         assert attached.header.frame_id == 'tool0'
         page.wait_for_words('payload of the controller: 1 kg on tool0')
+        assert page.place_of('Detach') == place, 'the button moves under the pointer'
         payloads.clear()
         page.press('Detach')
         payloads.wait_for(lambda payload: payload.inertia.m == 0.0)

@@ -36,6 +36,7 @@ from robot_dynamics.ros.simulated_arm import plant_node
 from robot_dynamics.simulation.arm_simulation import ArmSimulation, DEFAULT_MAX_STEP
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
+from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.srv import SetPayload
 
 DRIVE_LOOP_SPECS = (
@@ -146,14 +147,11 @@ class SimulatedArmNode(plant_node.PlantNode):
     def _set_payload(
         self, request: SetPayload.Request, response: SetPayload.Response,
     ) -> SetPayload.Response:
-        before = self._simulation.arm.payloads
+        seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
+        before = self._simulation.payloads
         payloads = changed_payloads(self._arm, before, request.payload, self._settings.values)
-        if request.transition_time != 0.0:
-            raise InvalidInputError(
-                f'transition_time is {request.transition_time:g}, expected 0: the simulated arm '
-                'changes its load at once')
         with self._lock:
-            self._simulation.set_payloads(payloads)
+            self._simulation.set_payloads(payloads, seconds)
         response.success = True
         response.message = describe_change(before, payloads)
         response.warnings = payload_warnings(self._arm, payloads, self._settings.values)

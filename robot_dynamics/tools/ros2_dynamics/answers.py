@@ -190,9 +190,9 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
     if arguments.link and arguments.mass is None:
         raise InvalidInputError(f'LINK is {arguments.link!r} without a MASS, expected both')
     if arguments.link or arguments.clear:
-        payload = _payload_to_ros(arguments)
-        response = client.call(SetPayload, 'set_payload', SetPayload.Request(
-            payload=payload, transition_time=arguments.transition))
+        request = SetPayload.Request(
+            payload=_payload_to_ros(arguments), transition_time=arguments.transition)
+        response = client.call(SetPayload, 'set_payload', request)
         data = {'node': client.name, 'message': response.message,
                 'transition_time': arguments.transition, 'warnings': list(response.warnings)}
         lines = [f'{client.name}: {response.message}' + (
@@ -201,7 +201,7 @@ def answer_payload(client: DynamicsClient, arguments: Namespace) -> Answer:
         if arguments.simulated:
             arm = client.resolve('simulated_arm')
             data['simulated'] = client.call(
-                SetPayload, f'{arm}/set_payload', SetPayload.Request(payload=payload)).message
+                SetPayload, f'{arm}/set_payload', request).message
             lines.append(f'{arm}: {data["simulated"]}')
         return Answer(data, '\n'.join(lines))
     payloads = _payloads_in_force(client)

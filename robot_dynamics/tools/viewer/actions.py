@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory
 SEND_PERIOD = 0.1
 """[s] between two references while a slider is moved."""
 LOAD_TIME = 0.5
-"""Transition time [s] of a load in the controller, to avoid a step of the effort."""
+"""Transition time [s] of a load: the arm hardly moves if one node gets it later."""
 
 
 class Shown(NamedTuple):
@@ -130,11 +130,10 @@ class PageActions:
 
     def _set_load(self, load: InertiaStamped) -> None:
         is_for_controller, is_carried = self._shown.panel.load_is_for
-        if is_for_controller:  # without a ramp if the simulated arm gets the load, too
-            self._node.set_payload(
-                self._node.dynamics, load, 0.0 if is_carried else LOAD_TIME, self._take_answer)
-        if is_carried:
-            self._node.set_payload(self._node.simulated_arm, load, 0.0, self._take_answer)
+        for is_for, name in ((is_for_controller, self._node.dynamics),
+                             (is_carried, self._node.simulated_arm)):
+            if is_for:
+                self._node.set_payload(name, load, LOAD_TIME, self._take_answer)
 
     def _take_answer(self, words: str) -> None:
         self.answer = words

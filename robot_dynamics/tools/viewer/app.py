@@ -9,6 +9,7 @@ queue.
 """
 
 from collections.abc import Callable, Sequence
+from html import escape
 import math
 from pathlib import Path
 import queue
@@ -40,6 +41,8 @@ SILENCE = 1.0
 """[s] without a message after which its content is outdated."""
 LARGEST_LAG = 0.01
 """Longest time [s] between a reference and the compared state; it is extrapolated."""
+TEXT_STYLE = 'height: 130px; overflow-y: auto; font-size: 13px; padding: 2px 10px'
+"""Of the text above the controls: a fixed height, so that no button moves under a pointer."""
 
 
 class Viewer:
@@ -56,7 +59,7 @@ class Viewer:
         """
         self._server, self._node, self._cameras = server, node, Cameras(server)
         self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._words = server.gui.add_markdown('Waiting for an arm …')
+        self._words = server.gui.add_html(text_box(['Waiting for an arm …']))
         self._shown: Shown | None = None
         self._actions: PageActions | None = None
         self._arm_problem = self._state_problem = ''
@@ -108,7 +111,7 @@ class Viewer:
             self.close()
             self._shown.scene.close()
             self._shown.panel.close()
-        self._words.content = f'Drawing {arm.name} …'
+        self._words.content = text_box([f'Drawing {arm.name} …'])
         scene = ArmScene(self._server, arm, xml, directory, self._mesh_paths)
         panel = ArmPanel(self._server.gui, arm, self._asked.put)
         self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
@@ -199,7 +202,7 @@ class Viewer:
         if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
             shown.panel.follow(self._q)
         joints = counted(shown.arm.joint_count, 'joint')
-        self._say([f'**{shown.arm.name}**, {joints}'], actions.answer)
+        self._say([f'{shown.arm.name}, {joints}'], actions.answer)
 
     def _say(self, lines: list[str], answer: str = '') -> None:
         now, node = time.monotonic(), self._node
@@ -224,9 +227,15 @@ class Viewer:
             if words]
         if answer:
             lines.append(answer)
-        words = '\n'.join(f'- {_plain(line)}' for line in lines)
+        words = text_box(lines)
         if self._words.content != words:
             self._words.content = words
+
+
+def text_box(lines: Sequence[str]) -> str:
+    """Return HTML of these lines, as a list whose height does not depend on them."""
+    items = ''.join(f'<div>{escape(line)}</div>' for line in lines)
+    return f'<div style="{TEXT_STYLE}">{items}</div>'
 
 
 def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> FloatArray | None:
@@ -246,8 +255,3 @@ def lacking(arm: ArmModel, state: JointState) -> str:
         return f'joint_states lack {missing}, expected a position of every joint of the arm'
     wrong = [name for name in arm.joint_names if not math.isfinite(given[name])]
     return f'joint_states have no finite position of {wrong}'
-
-
-def _plain(line: str) -> str:
-    """Return a line without characters that Markdown or HTML would interpret."""
-    return line.replace('<', '‹').replace('>', '›')

@@ -3,7 +3,7 @@
 
 """Gradual replacement of payloads, so that efforts do not step."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from robot_dynamics.model.payload import merged, Payload
@@ -19,15 +19,10 @@ class PayloadTransition:
     """
 
     def __init__(
-        self,
-        old: Sequence[Payload],
-        target: Sequence[Payload],
-        transition_time: float,
-        when_done: Callable[[tuple[Payload, ...]], None],
+        self, old: Sequence[Payload], target: Sequence[Payload], transition_time: float,
     ) -> None:
         """Take the active loads, the loads to reach and the duration of the transition [s]."""
         self.target = tuple(target)
-        self.when_done = when_done
         self._old = merged(old)  # otherwise interrupted transitions would accumulate loads
         self._duration = transition_time
         self._start_ns: int | None = None
