@@ -213,3 +213,13 @@ def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(
     trace = one.run(1.0)
     assert (np.abs(trace.v) < 0.6 * arm.limits.velocity).all()
     assert one.loop.supervisor.fault is None
+
+
+def test_a_joint_whose_gravity_takes_its_whole_limit_leaves_a_brake_to_the_others() -> None:
+    """The brake is shared by all joints, and the elbow turns at half its limit."""
+    arm = smooth_arm('default').with_payloads([make_payload('link2', 20.0)])
+    q, v = np.array([1.4, -1.3]), np.array([0.0, 5.0])
+    gravity = ArmDynamics(arm).gravity(q + 0.5 * (0.01 + LOOP_DELAY) * v)
+    effort = effort_in_motion(arm, q, v)
+    assert effort[0] == -arm.limits.effort[0] > gravity[0]
+    assert effort[1] < gravity[1] - 0.1 * arm.limits.effort[1]
