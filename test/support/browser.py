@@ -30,7 +30,7 @@ OPTIONS = (
 SIZE = {'width': 1000, 'height': 600}
 PATIENCE = 1000.0 * LONG
 """Timeout [ms]; rendering many triangles at low priority takes seconds."""
-CLOSE = 0.08
+CLOSE = 0.12
 """Tolerance per colour component between the specified and the rendered colour of a line."""
 FEWEST_PIXELS = 12
 NARROW = {'width': 400, 'height': 800}
