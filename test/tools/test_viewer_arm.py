@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
-from robot_dynamics.tools.viewer.app import Viewer
+from robot_dynamics.tools.viewer import app
 from robot_dynamics.tools.viewer.node import ViewerNode
 from viewer_bench import served
 
@@ -53,7 +53,7 @@ def watched(namespace, robot=None):
     node = ViewerNode(rclpy.create_node('viewer', context=context, namespace=namespace),
                       'dynamics', 'simulated_arm')
     with served() as server, ThreadPoolExecutor(1) as pool:
-        viewer = Viewer(server, node, robot)
+        viewer = app.Viewer(server, node, robot)
         work = pool.submit(viewer.run, over.is_set)
         try:
             yield Watched(viewer, work)
@@ -76,13 +76,21 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
             'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
             namespace='/viewed')
         with running(NodeProcess(DYNAMICS, namespace='/viewed'), simulated):
-            page.wait_for('**planar_arm**, 2 joints', 'follows a reference',
+            page.wait_for('planar_arm, 2 joints', 'follows a reference',
                           without=('no node', 'no joint states'))
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
-        page.wait_for('**planar_arm**', 'no node dynamics', 'joint_states has no publisher')
+        page.wait_for('planar_arm, 2 joints', 'no node dynamics', 'joint_states has no publisher')
         parameters = {'robot_description_file': str(robot_path('ur10'))}
         with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
-            page.wait_for('**ur10**, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+            page.wait_for('ur10, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+
+
+def test_a_viewer_that_is_always_late_performs_the_requests_of_its_page(monkeypatch):
+    monkeypatch.setattr(app, 'PERIOD', 0.0)
+    performed = threading.Event()
+    with watched('/late') as page:
+        page.viewer._asked.put(performed.set)
+        assert performed.wait(TIMEOUT)
 
 
 def test_diagnostics_of_another_namespace_are_skipped(client):
@@ -113,22 +121,23 @@ def test_without_dynamics_the_arm_is_that_of_the_topic(client):
         publish(one_link('first'))
         with watched('/topical') as page:
             page.wait_for(
-                '**first**, 1 joint', 'no node dynamics', 'joint_states has no publisher')
+                'first, 1 joint', 'no node dynamics', 'joint_states has no publisher')
             publish(one_link('second'))
-            page.wait_for('**second**', without=['first'])
+            page.wait_for('second, 1 joint', without=['first'])
             publish('<robot name="broken"')
-            page.wait_for('**second**', 'robot_description is not well-formed XML')
+            page.wait_for('second, 1 joint', 'robot_description is not well-formed XML')
             publish(default_arm_urdf())
-            page.wait_for('**planar_arm**', without=['well-formed'])
+            page.wait_for('planar_arm, 2 joints', without=['well-formed'])
 
 
 def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
     with client.describing('/corrected') as publish, watched('/corrected') as page:
-        for xml, words in ((one_link('first'), '**first**'), ('<robot', 'not well-formed XML')):
+        for xml, words in (
+                (one_link('first'), 'first, 1 joint'), ('<robot', 'not well-formed XML')):
             publish(xml)
             page.wait_for(words)
         publish(one_link('first'))
-        page.wait_for('**first**', without=['well-formed'])
+        page.wait_for('first, 1 joint', without=['well-formed'])
 
 
 def test_a_description_that_is_none_is_reported_while_states_come(client):
@@ -136,10 +145,10 @@ def test_a_description_that_is_none_is_reported_while_states_come(client):
     state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
     with client.describing('/broken') as publish, \
             NodeProcess(DYNAMICS, namespace='/broken'), watched('/broken') as page:
-        page.wait_for('**planar_arm**', without=['no joint states'],
+        page.wait_for('planar_arm, 2 joints', without=['no joint states'],
                       meanwhile=lambda: states.publish(state))
         publish('<robot name="broken"')
-        page.wait_for('**planar_arm**', 'robot_description is not well-formed XML',
+        page.wait_for('planar_arm, 2 joints', 'robot_description is not well-formed XML',
                       meanwhile=lambda: states.publish(state))
 
 
@@ -153,7 +162,7 @@ def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(clie
         with watched('/remote') as page:
             page.wait_for('no arm yet', str(file), 'or on the topic robot_description')
             publish(one_link('elsewhere'))
-            page.wait_for('**elsewhere**', without=[str(file)])
+            page.wait_for('elsewhere, 1 joint', without=[str(file)])
 
 
 def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
@@ -162,11 +171,11 @@ def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
     with client.describing('/named') as publish, \
             watched('/named', str(tmp_path / 'arm.urdf')) as page:
         publish(one_link('topical'))
-        page.wait_for('**named**', 'no node dynamics')
+        page.wait_for('named, 1 joint', 'no node dynamics')
         with other:
             source = page.viewer._source
             wait_until(lambda: source._described and source._topic_xml, 'what both say')
-            page.wait_for('**named**', 'follows no reference', without=['other', 'topical'])
+            page.wait_for('named, 1 joint', 'follows no reference', without=['other', 'topical'])
 
 
 @pytest.mark.parametrize(('names', 'position', 'words'), [

@@ -76,18 +76,22 @@ class Viewer:
     def run(self, is_over: Callable[[], bool]) -> None:
         """Update the page until the end."""
         while not is_over():
-            began = time.monotonic()
+            due = time.monotonic() + PERIOD
             self._take(self._node.receive())
             self._turn()
-            while (left := began + PERIOD - time.monotonic()) > 0.0:
-                try:
-                    asked = self._asked.get(timeout=left)
-                except queue.Empty:
-                    break
-                try:
-                    asked()
-                except RobotDynamicsError as error:
-                    self._arm_problem = str(error)
+            self._perform_requests(due)
+
+    def _perform_requests(self, due: float) -> None:
+        """Perform the requests of the page that wait, and those until `due` [s]."""
+        while True:
+            try:
+                asked = self._asked.get(timeout=max(due - time.monotonic(), 0.0))
+            except queue.Empty:
+                return
+            try:
+                asked()
+            except RobotDynamicsError as error:
+                self._arm_problem = str(error)
 
     def close(self) -> None:
         """End all actions on the arm."""
@@ -234,7 +238,7 @@ class Viewer:
 
 def text_box(lines: Sequence[str]) -> str:
     """Return HTML of these lines, as a list whose height does not depend on them."""
-    items = ''.join(f'<div>{escape(line)}</div>' for line in lines)
+    items = ''.join(f'<div>{escape(line, quote=False)}</div>' for line in lines)
     return f'<div style="{TEXT_STYLE}">{items}</div>'
 
 
