@@ -57,6 +57,8 @@ COVERED = 0.9
 """Largest gravity error, by the dry friction, of a pose in which friction covers it."""
 CREEP_TIME, CALM_TIME = 10.0, 20.0
 """[s]"""
+BORNE = 0.9
+"""Largest gravity of a pose, by the effort limit."""
 WALL_WAY, WALLS = 0.08, (500.0, 10000.0)
 """[rad] to the wall of the follower, and its stiffness [N·m/rad]."""
 THROW = (0.2, 0.7)
@@ -117,10 +119,13 @@ class Setting(NamedTuple):
     def random(cls, name: str, seed: int) -> 'Setting':
         arm, rng = arm_of(name), np.random.default_rng(seed)
         lower, upper = np.clip((arm.limits.lower, arm.limits.upper), -2.8, 2.8)
-        period = int(rng.choice(PERIODS))
+        dynamics, period = ArmDynamics(arm), int(rng.choice(PERIODS))
+        while True:
+            q = lower + rng.uniform(0.3, 0.7, len(lower)) * (upper - lower)
+            if (MASS_ERROR * np.abs(dynamics.gravity(q)) <= BORNE * arm.limits.effort).all():
+                break
         return cls(
-            name, lower + rng.uniform(0.3, 0.7, len(lower)) * (upper - lower),
-            int(rng.integers(min(arm.joint_count, 7))), period,
+            name, q, int(rng.integers(min(arm.joint_count, 7))), period,
             int(rng.integers(2 * period + 1)),
             float(np.exp(rng.uniform(*np.log(DISTANCES)))) if rng.uniform() < 0.7 else 0.0, rng)
 
