@@ -294,9 +294,7 @@ def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
 
 # --- the hold in a fault -------------------------------------------------------------------------
 
-def damping(
-    v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q,
-) -> np.ndarray:
+def damping(v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q) -> np.ndarray:
     body = ArmDynamics(ARM.with_payloads(list(loads))).rigid_body  # type: ignore[arg-type]
     return np.asarray(FAULT_DAMPING * body.mass_matrix(q) @ (GAINS.kd * v))
 

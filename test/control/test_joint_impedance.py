@@ -5,15 +5,7 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step_loop import (
-    directions,
-    FIRST_STAMP,
-    frozen,
-    LockStep,
-    middle,
-    MS,
-    smooth_arm,
-)
+from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.laws.error_feedback import LEAST_RATIO

@@ -107,9 +107,7 @@ def test_the_terms_sum_to_the_command(
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
-    arm: ArmModel, name: str,
-) -> None:
+def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(arm: ArmModel, name: str) -> None:
     one = make(arm, name, scales_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)

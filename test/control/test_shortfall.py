@@ -47,9 +47,7 @@ def test_a_joint_in_motion_is_not_named() -> None:
     (0.03, 1.5, 'dry friction can hold it'),
     (0.03, 0.0, 'dry friction, which the model lacks, can hold it'),
     (0.15, 0.0, 'a load that the model does not contain')])
-def test_a_joint_that_does_not_arrive_is_named(
-    missing: float, coulomb: float, cause: str,
-) -> None:
+def test_a_joint_that_does_not_arrive_is_named(missing: float, coulomb: float, cause: str) -> None:
     words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
     assert words.startswith(
         f"'joint2' rests {1e3 * missing:.3g} mrad from its goal, expected at most 10 mrad")

@@ -135,9 +135,7 @@ def test_if_both_are_noisy_the_gains_are_lowered() -> None:
 @given(
     st.sampled_from([30.0, 100.0, 125.0, 500.0]), st.floats(0.3, 1.5), st.floats(0.0, 2.0),
     st.floats(-3.0, 3.0))
-def test_a_motion_is_no_noise(
-    rate: float, frequency: float, speed: float, phase: float,
-) -> None:
+def test_a_motion_is_no_noise(rate: float, frequency: float, speed: float, phase: float) -> None:
     """At 30 Hz the second difference of such a velocity is up to 0.19 rad/s."""
     one, w = observing(DEFAULT, RATE), 2.0 * math.pi * frequency
     for k in range(200):

@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import (
-    FRICTION_FIELDS,
-    JointFriction,
-    make_friction,
-)
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf

@@ -342,9 +342,7 @@ def test_no_motion_takes_longer_than_that_of_the_oracle(
 
 
 @counts
-def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(
-    oracle: Oracle, count: int,
-) -> None:
+def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(oracle: Oracle, count: int) -> None:
     for problem in problems(count, symmetric=False):
         v_end, v, a, bounds = problem
         T = oracle.plan('Velocity', v_end, problem).duration

@@ -40,9 +40,7 @@ def exact_motion(
     pytest.param(  # with an initial velocity
         (np.pi - 0.5, 1.0), (6.0, -4.0), marks=pytest.mark.soak),
 ])
-def test_a_free_arm_keeps_its_energy(
-    q0: tuple[float, float], v0: tuple[float, float],
-) -> None:
+def test_a_free_arm_keeps_its_energy(q0: tuple[float, float], v0: tuple[float, float]) -> None:
     """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
     arm = two_link()
     simulation = released(arm, q0, v0)

@@ -61,8 +61,7 @@ def test_below_it_the_joint_does_not_move_at_all(series: JointSeries) -> None:
     assert (v[1:][rests & ~holds] != 0.0).all()
 
 
-def test_while_it_slips_the_effort_falls_below_what_it_takes_to_slide(
-        series: JointSeries) -> None:
+def test_while_it_slips_the_effort_falls_below_what_it_takes_to_slide(series: JointSeries) -> None:
     for first in departures(series):
         slip = first + np.flatnonzero(series.velocity[first:, 0] == 0.0)[:1]
         assert slip.size == 0 or np.abs(series.effort[slip, 0]) < COULOMB

@@ -83,9 +83,7 @@ def random_path(random: np.random.Generator, points: int, fields: int) -> JointT
 @pytest.mark.parametrize('fields', [1, 2, 3, 4])
 @pytest.mark.parametrize('points', [2, 3, 8])
 @pytest.mark.parametrize('dry', [0.0, 5.0])
-def test_the_worst_place_is_that_of_the_whole_motion(
-    fields: int, points: int, dry: float,
-) -> None:
+def test_the_worst_place_is_that_of_the_whole_motion(fields: int, points: int, dry: float) -> None:
     random = np.random.default_rng(10 * points + fields)
     dynamics = ArmDynamics(DYNAMICS.arm.with_friction(
         make_friction(NAMES, [1.0, 0.5], [dry, 0.5 * dry])))
