@@ -58,7 +58,6 @@ def run(
         measured = v + velocity_noise * random.standard_normal(2)
         output = controller.update(
             1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured)
-        assert output.command is not None
         rows.append(
             (output.reference.position - q, output.command, output.terms.friction, measured, v))
         simulation.step(output.command, PERIOD)

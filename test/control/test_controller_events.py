@@ -3,38 +3,28 @@
 
 """Events of the controller between two states: stops, lost states, faults, shifted time."""
 
+from controller_bench import ARM, LIMIT, LOAD, make_controller, NAMES, NOW, Q, SECOND, V, ZERO
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import braked, FAULT_DAMPING
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions, default_options
+from robot_dynamics.control.options import default_options
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
-LIMIT = ARM.limits.effort
 GAINS = make_gains(NAMES)
-MS = 1_000_000
-SECOND = 1000 * MS
-NOW = 1_790_000_000 * SECOND
-Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
+MS = SECOND // 1000
 NO_STATE = 'no joint state with velocities has been received'
 NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
-LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 
 
 def make(**options: object) -> Controller:
     """Return a controller whose references have limits of velocity, acceleration and jerk."""
-    return Controller(ARM, ControllerOptions(
-        GAINS, conditions_references=True, **options))  # type: ignore[arg-type]
+    return make_controller(conditions_references=True, **options)
 
 
 def moving(**options: object) -> Controller:

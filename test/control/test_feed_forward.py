@@ -50,7 +50,6 @@ class Bench:
             stamp = FIRST_STAMP + 2 * (self.k + 1) * MS
             q, v, _ = self.loop.controller.trajectory.sample(stamp)
             command = self.take(q + rng.uniform(-noise, noise, len(q)), v)
-            assert command is not None
             found.append(command)
         return found
 
@@ -102,7 +101,6 @@ def test_gravity_compensation_lets_the_drives_damp_only() -> None:
     for k in range(50):
         q = Q + 0.01 * k
         command = bench.take(q, np.full(2, 5.0))
-        assert command is not None
         assert command.position == pytest.approx(q)
         assert not command.velocity.any()
         assert command.effort == pytest.approx(
@@ -119,7 +117,6 @@ def test_a_fault_holds_the_position_at_which_it_began() -> None:
     here = bench.loop.controller.state[1]
     found = [bench.take(here + 1e-4 * k) for k in range(50)]
     for command in found:
-        assert command is not None
         assert command.position == pytest.approx(here)
         assert not command.velocity.any()
 

@@ -67,7 +67,6 @@ def case_at(
     stamp = FIRST_STAMP + one.k * MS
     frozen = FrozenJoints(
         mask, np.full(n, stamp - 10 * MS), controller, stamp, DT, one.q, one.v)
-    assert controller.trajectory is not None
     reference = controller.trajectory.sample(stamp)
     output = controller.update(stamp, reference.position - e, reference.velocity - e_dot)
     return Case(frozen, controller, mask, output)
@@ -86,7 +85,6 @@ def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks: list[in
     for _ in range(2):  # ë = 0: the disturbance is steady
         effort = frozen.stopping_effort(output, DT, output.state.q, output.state.v, np.zeros(6))
         M, _ = controller.motion_equation(output, output.state.q, output.state.v)
-        assert output.command is not None
         missing = np.linalg.solve(M, output.command - effort)
         assert missing[~mask] == pytest.approx(np.zeros((~mask).sum()), abs=1e-9)
         expected = np.linalg.solve(M[np.ix_(mask, mask)], (M @ d)[mask])
@@ -100,14 +98,12 @@ def test_an_acceleration_that_happens_is_no_disturbance() -> None:
     frozen, controller, mask, first = case_at([2], e, e_dot)
     K_p, K_d = controller.feedback_gains
     state = first.state
-    assert state.trajectory is not None
     reference = state.trajectory.sample(state.stamp_ns)
     largest = []
     for _ in range(round(6.0 * DISTURBANCE_TIME / DT)):
         state = first.state._replace(
             q=reference.position - e, v=reference.velocity - e_dot)
         output = controller.update(state.stamp_ns, state.q, state.v)
-        assert output.command is not None
         effort = frozen.stopping_effort(output, DT, state.q, state.v, np.zeros(6))
         largest.append(np.abs(output.command - effort).max())
         before = e_dot
@@ -141,10 +137,8 @@ class Predictions(NamedTuple):
     def predict(self, dt: float, command: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Predict at the next stamp."""
         state = self.case.output.state
-        assert state.v is not None
         stamp = self.first + len(self.states) * 2 * MS
         q, v = self.case.frozen.predict(stamp, dt, state.q, state.v, command)
-        assert v is not None
         self.states.append((q, v))
         return q, v
 
@@ -155,12 +149,10 @@ def predictions(scale: float = 1.0) -> Predictions:
     case = case_at([1], E, E_DOT, make_effort_calibration(
         names, np.full(6, scale), np.zeros(6), limit))
     state = case.output.state
-    assert state.v is not None
     command = case.controller.dynamics.rigid_body.nonlinear(state.q, state.v) / scale
     first = case.frozen.predict(state.stamp_ns, DT, state.q, state.v, command)
     assert first[1] is not None
     observer = case.frozen._observer
-    assert observer is not None
     observer._weight = 1.0  # as after FILTER_TIME
     found = Predictions(
         case, [(first[0], first[1])], observer, state.stamp_ns, command)
@@ -173,7 +165,6 @@ def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid()
     q, v = found.states[-1]
     assert (q[1], v[1]) == (found.observer.q[1], found.observer.v[1])
     used = found.case.output.state.v
-    assert used is not None
     assert found.observer.v[[0, 2, 3, 4, 5]].tolist() == used[[0, 2, 3, 4, 5]].tolist()
     found.observer.is_valid = False
     further = found.predict(DT, found.command)
@@ -216,7 +207,6 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
         one.run(DT)
     for share in (0.2, 0.5):
         used = loop.controller.state
-        assert used is not None
         moved = abs(one.q[joint] - q)
         assert used[1][joint] == pytest.approx(one.q[joint], abs=0.004 + 0.2 * moved)
         assert used[2][joint] == pytest.approx(one.v[joint], abs=share * abs(v))
@@ -273,7 +263,6 @@ def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
     assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     frozen.predict(stamp, DT, output.state.q, still, None)
     observer = frozen._observer
-    assert observer is not None
     assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     observer._weight = 1.0  # as after FILTER_TIME
     assert not frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)

@@ -15,11 +15,9 @@ from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TOLERANCE,
     default_tolerances,
-    GoalResult,
     MOVED,
     ResultCode,
     Tolerances,
-    TrajectoryGoal,
     with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
@@ -66,11 +64,6 @@ def tight(bench: LockStep, **changes: Any) -> Tolerances:
         'goal': np.full(n, 0.005), 'goal_velocity': np.full(n, np.nan), **changes})
 
 
-def result_of(goal: TrajectoryGoal) -> GoalResult:
-    assert goal.result is not None
-    return goal.result
-
-
 # ---------------------------------------------------------------------- results
 
 def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
@@ -80,7 +73,7 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
     bench.run(1.4)
     assert goal.result is None
     bench.run(0.4)
-    assert result_of(goal) == (ResultCode.SUCCESSFUL, '', False)
+    assert goal.result == (ResultCode.SUCCESSFUL, '', False)
     assert len(ends) == 1
     assert bench.q == pytest.approx(trajectory.points[-1].position, abs=0.005)
     assert bench.loop.goals.goal is None
@@ -89,7 +82,6 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
 def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
     goal = bench.loop.execute(plan(bench))
     trace = bench.run(0.75)
-    assert goal.progress is not None
     k = (goal.progress.stamp_ns - FIRST_STAMP) // MS - round(1e3 * trace.t[0])
     assert goal.progress.position == pytest.approx(trace.q[k - 1], abs=1e-12)  # after its step
     assert goal.progress.desired.position == pytest.approx(trace.q[k], abs=0.01)
@@ -102,7 +94,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
     push[0] = 0.05 * min(bench.arm.limits.effort[0], 100.0)
     bench.push = lambda t: push
     bench.run(1.0)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert 'expected at most 1 mrad' in message
     assert any(name in message for name in bench.arm.joint_names)
@@ -124,7 +116,7 @@ def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
     bench.run(1.9)
     assert goal.result is None
     bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
     assert message.startswith('goal tolerance, 0.5 s after the end: ')
     assert bench.loop.controller.trajectory is not None  # the goal is held all the same
@@ -143,7 +135,7 @@ def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
     bench.run(1.7)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
     assert 'the velocity of ' in message
 
@@ -158,11 +150,10 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
     bench.run(share)
     bench.loop.goals.cancel(goal)
     active = bench.loop.controller.trajectory
-    assert active is not None
     stop = 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k
     assert goal.result is None
     trace = bench.run(stop + 0.05)
-    assert result_of(goal).is_canceled
+    assert goal.result.is_canceled
     assert trace.speed[-1] < 0.03
     assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
 
@@ -179,9 +170,8 @@ def test_slow_states_and_commands_delay_the_rest_little(
         bench.run(share)
         bench.loop.goals.cancel(goal)
         active = bench.loop.controller.trajectory
-        assert active is not None
         bench.run(1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k + 0.05)
-        assert result_of(goal).is_canceled
+        assert goal.result.is_canceled
         assert np.abs(bench.v).max() < 0.05
 
 
@@ -197,7 +187,6 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     bench.run(0.2)
     bench.loop.goals.cancel(goal)
     active = bench.loop.controller.trajectory
-    assert active is not None
     rate = max(rate, 250.0) if vibrates else rate
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
@@ -206,7 +195,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     if vibrates or speed > 1.01 * MOVED / 0.02:
         assert goal.result is None
     elif speed < 0.99 * MOVED / 0.02:
-        assert result_of(goal).is_canceled
+        assert goal.result.is_canceled
 
 
 def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
@@ -215,10 +204,10 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     back = plan(bench, 2.0, 0.0)
     second = bench.loop.execute(JointTrajectory(back.joint_names, back.points[1:]))
     goal = back.points[-1].position.round(4).tolist()
-    assert result_of(first) == (
+    assert first.result == (
         ResultCode.INVALID_GOAL, f'another goal has replaced this one: {goal}', False)
     bench.run(3.0)
-    assert result_of(second).code is ResultCode.SUCCESSFUL
+    assert second.result.code is ResultCode.SUCCESSFUL
 
 
 @pytest.mark.parametrize(('end', 'words'), [
@@ -233,7 +222,7 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str
     bench.run(0.5)
     end(bench)
     bench.run(0.1)
-    code, message, is_canceled = result_of(goal)
+    code, message, is_canceled = goal.result
     assert (code, is_canceled) == (ResultCode.INVALID_GOAL, False)
     assert words in message
 
@@ -243,7 +232,7 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
     goal = bench.loop.execute(plan(bench))
     bench.push = lambda t: np.array([0.0, 8.0])
     bench.run(1.0)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert message.startswith('fault following_error')
 
@@ -256,7 +245,7 @@ def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCo
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
-    assert result_of(goal)[:2] == (
+    assert goal.result[:2] == (
         code, f'fault {name}: unlike following_error, a message has any words')
     assert bench.loop.goals.goal is None
 
@@ -268,7 +257,7 @@ def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> Non
     bench.run(0.042)
     bench.sensor = sensor
     bench.run(1.4)
-    assert result_of(goal).code is ResultCode.SUCCESSFUL
+    assert goal.result.code is ResultCode.SUCCESSFUL
 
 
 # ---------------------------------------------------------------------- refusals
@@ -282,7 +271,7 @@ def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
     with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
         bench.loop.execute(path)
     bench.run(1.9)
-    assert result_of(first).code is ResultCode.SUCCESSFUL
+    assert first.result.code is ResultCode.SUCCESSFUL
 
 
 def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
@@ -296,7 +285,7 @@ def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
             names, [0.0, 4.0], [q + way, q], zero, zero, names))
     assert bench.loop.goals.goal is first
     bench.run(4.2)
-    assert result_of(first).code is ResultCode.SUCCESSFUL
+    assert first.result.code is ResultCode.SUCCESSFUL
 
 
 # ---------------------------------------------------------------------- tolerances
@@ -356,8 +345,8 @@ def test_preempted_plans_keep_the_limits(name: str) -> None:
         sent = trace.effort[~np.isnan(trace.effort).any(axis=1)]
         assert (np.abs(np.diff(sent, axis=0)) <= 1.001 * 2e-3 * rates + 1e-9).all()
     bench.run(3.0)
-    assert result_of(goals[-1]).code is ResultCode.SUCCESSFUL
-    assert {result_of(goal).code for goal in goals[:-1]} <= {
+    assert goals[-1].result.code is ResultCode.SUCCESSFUL
+    assert {goal.result.code for goal in goals[:-1]} <= {
         ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
 
 
@@ -379,10 +368,9 @@ def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> 
         bench.run(0.5 * fast.duration)
         bench.loop.goals.cancel(goal)
         active = bench.loop.controller.trajectory
-        assert active is not None
         assert 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k < longest
         trace = bench.run(3.0)
-        assert result_of(goal).is_canceled
+        assert goal.result.is_canceled
         assert (trace.q >= arm.limits.lower).all()
         assert (trace.q <= arm.limits.upper).all()
         assert (np.abs(trace.v) <= 1.05 * arm.limits.velocity).all()

@@ -206,7 +206,6 @@ def test_jerks_of_smooth_motions_are_linear_in_the_start(count: int) -> None:
         jerks = []
         for start in (first, second, [x + y for x, y in zip(first, second)]):
             phases = smooth_to_rest(*start, wide, T)
-            assert phases is not None
             jerks.append([j for _, j in phases])
         for one, other, both in zip(*jerks):
             assert one + other == pytest.approx(both, abs=1e-9 * max(abs(one), abs(other), 1.0))
@@ -232,7 +231,6 @@ WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
 def test_a_smooth_motion_from_rest_can_be_the_shortest_one() -> None:
     shortest = to_rest(1.0, *REST, WIDE)
     slower = smooth_to_rest(1.0, *REST, WIDE, 1.001 * duration(shortest))
-    assert slower is not None
     assert max(abs(j) for _, j in slower) == pytest.approx(4.0, rel=1e-2)
     assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 

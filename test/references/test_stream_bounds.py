@@ -118,7 +118,6 @@ def walk(
         goals.append(point.position)
         now_ns = NOW + nanoseconds(point.time)
         one.start(point.message(has_velocity, has_acceleration), now_ns, start, 0.0 * start)
-        assert one.active is not None
         until = point.time + SILENCE if following is None else following.time
         for j, found, jerk in checked.along(one.active, now_ns, NOW + nanoseconds(until)):
             yield j, found, jerk, np.array(goals)[:, j]
