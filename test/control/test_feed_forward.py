@@ -59,16 +59,21 @@ class Bench:
             [0.5 * (Q + goal), goal], [1.5 * (goal - Q) / duration, 0.0 * goal]))
 
 
+def moving(arm: ArmModel, **options: object) -> Bench:
+    """Return a loop that begins a motion of all joints."""
+    bench = Bench(arm, **options)
+    bench.take(Q)
+    bench.take(Q)
+    bench.move(Q + 0.6, 1.0)
+    return bench
+
+
 @pytest.mark.parametrize('friction', ['reference', 'none'])
 def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction: str) -> None:
     """The oracle is Pinocchio's model, with q̈_r by differences of the velocity."""
     arm = rubbing()
-    benches = [Bench(arm, friction_compensation=friction) for _ in range(2)]
-    for bench in benches:
-        bench.take(Q)
-        bench.take(Q)
-        bench.move(Q + 0.6, 1.0)
-    found, noisy = benches[0].track(450), benches[1].track(450, noise=1e-3)
+    found, noisy = (moving(arm, friction_compensation=friction).track(450, noise)
+                    for noise in (0.0, 1e-3))
     assert all(np.array_equal(one, other) for one, other in zip(found, noisy))
     model = arm.pinocchio_model
     data = model.createData()
@@ -108,10 +113,7 @@ def test_gravity_compensation_lets_the_drives_damp_only() -> None:
 
 
 def test_a_fault_holds_the_position_at_which_it_began() -> None:
-    bench = Bench(rubbing())
-    bench.take(Q)
-    bench.take(Q)
-    bench.move(Q + 0.6, 1.0)
+    bench = moving(rubbing())
     bench.track(200)
     bench.loop.fail(bench.loop._steady, Fault('external_effort', 'a test', recovery=100))
     here = bench.loop.controller.state[1]
@@ -125,11 +127,7 @@ def test_what_the_robot_compensates_is_not_commanded() -> None:
     arm = rubbing()
     convention = make_effort_convention('joint_torque', ('gravity', 'friction'), False)
     plain, other = (
-        Bench(arm, friction_compensation='none'), Bench(arm, effort_convention=convention))
-    for bench in (plain, other):
-        bench.take(Q)
-        bench.take(Q)
-        bench.move(Q + 0.6, 1.0)
+        moving(arm, friction_compensation='none'), moving(arm, effort_convention=convention))
     model = arm.pinocchio_model
     data = model.createData()
     for one, less in zip(plain.track(100), other.track(100)):

@@ -51,10 +51,9 @@ def held(arm: ArmModel, **options: Any) -> LockStep:
 
 def plan(bench: LockStep, seconds: float = 1.5, way: float = WAY) -> JointTrajectory:
     """Return a motion from rest to rest, as a planner sends it: velocities and accelerations."""
-    q, names = bench.q, bench.arm.joint_names
-    goal = q + way * directions(len(q))
-    zero = [[0.0] * len(q)] * 2
-    return make_trajectory(names, [0.0, seconds], [q, goal], zero, zero, names)
+    q, zero = bench.q, [0.0 * bench.q] * 2
+    return make_trajectory(
+        bench.arm.joint_names, [0.0, seconds], [q, q + way * directions(len(q))], zero, zero)
 
 
 def tight(bench: LockStep, **changes: Any) -> Tolerances:
@@ -62,6 +61,12 @@ def tight(bench: LockStep, **changes: Any) -> Tolerances:
     return Tolerances(**{
         'path': np.full(n, 0.02), 'path_velocity': np.full(n, np.inf),
         'goal': np.full(n, 0.005), 'goal_velocity': np.full(n, np.nan), **changes})
+
+
+def cancel(bench: LockStep, goal: Any) -> float:
+    """Cancel a goal; return the time [s] until the end of the planned stop."""
+    bench.loop.goals.cancel(goal)
+    return 1e-9 * (bench.loop.controller.trajectory.end_ns - FIRST_STAMP) - 1e-3 * bench.k
 
 
 # ---------------------------------------------------------------------- results
@@ -148,9 +153,7 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 ) -> None:
     goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(share)
-    bench.loop.goals.cancel(goal)
-    active = bench.loop.controller.trajectory
-    stop = 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k
+    stop = cancel(bench, goal)
     assert goal.result is None
     trace = bench.run(stop + 0.05)
     assert goal.result.is_canceled
@@ -168,9 +171,7 @@ def test_slow_states_and_commands_delay_the_rest_little(
         bench.run(1.0)
         goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
         bench.run(share)
-        bench.loop.goals.cancel(goal)
-        active = bench.loop.controller.trajectory
-        bench.run(1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k + 0.05)
+        bench.run(cancel(bench, goal) + 0.05)
         assert goal.result.is_canceled
         assert np.abs(bench.v).max() < 0.05
 
@@ -185,13 +186,12 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     bench = held(arm_of('two_link'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.2)
-    bench.loop.goals.cancel(goal)
-    active = bench.loop.controller.trajectory
+    end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
     rate = max(rate, 250.0) if vibrates else rate
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
     for t, one in zip(times, q):
-        goal.judge(active.end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
+        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
     if vibrates or speed > 1.01 * MOVED / 0.02:
         assert goal.result is None
     elif speed < 0.99 * MOVED / 0.02:
@@ -264,10 +264,9 @@ def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> Non
 
 def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
     q, names = bench.q, bench.arm.joint_names
-    goal = q + WAY * directions(len(q))
     first = bench.loop.execute(plan(bench))
     bench.run(0.1)
-    path = make_trajectory(names, [0.0, 0.01], [q, goal], expected_joints=names)
+    path = make_trajectory(names, [0.0, 0.01], [q, q + WAY * directions(len(q))])
     with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
         bench.loop.execute(path)
     bench.run(1.9)
@@ -281,8 +280,7 @@ def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
     first = bench.loop.execute(plan(bench, 4.0))
     bench.run(0.1)
     with pytest.raises(TrajectoryError, match='s late, expected at most 0.5 s'):
-        bench.loop.execute(make_trajectory(
-            names, [0.0, 4.0], [q + way, q], zero, zero, names))
+        bench.loop.execute(make_trajectory(names, [0.0, 4.0], [q + way, q], zero, zero))
     assert bench.loop.goals.goal is first
     bench.run(4.2)
     assert first.result.code is ResultCode.SUCCESSFUL
@@ -339,7 +337,7 @@ def test_preempted_plans_keep_the_limits(name: str) -> None:
     for _ in range(67):
         goal = start + rng.uniform(-0.3, 0.3, n)
         goals.append(bench.loop.execute(make_trajectory(
-            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal], expected_joints=arm.joint_names)))
+            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal])))
         trace = bench.run(rng.uniform(0.05, 0.6))
         assert (np.abs(trace.v) <= 1.05 * limit).all()
         sent = trace.effort[~np.isnan(trace.effort).any(axis=1)]
@@ -366,9 +364,7 @@ def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> 
         bench = held(arm, q=ends[0])
         goal = bench.loop.execute(fast)
         bench.run(0.5 * fast.duration)
-        bench.loop.goals.cancel(goal)
-        active = bench.loop.controller.trajectory
-        assert 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k < longest
+        assert cancel(bench, goal) < longest
         trace = bench.run(3.0)
         assert goal.result.is_canceled
         assert (trace.q >= arm.limits.lower).all()
