@@ -79,8 +79,7 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
     q = middle + rng.uniform(-0.3, 0.3, n)
     one.update(START, q, np.zeros(n))
     if with_reference:
-        one.follow(make_trajectory(
-            arm.joint_names, [1.0], [q + 0.1], (), (), arm.joint_names), 0)
+        one.follow(make_trajectory(arm.joint_names, [1.0], [q + 0.1]), 0)
     unlimited = 0
     for k in range(1, STATES):
         q = q + rng.normal(scale=1e-3, size=n)

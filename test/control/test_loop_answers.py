@@ -95,8 +95,7 @@ def test_the_pause_of_a_stream_is_measured_by_the_steady_clock() -> None:
     names, loop = one.arm.joint_names, one.loop
 
     def send(k: int) -> None:
-        loop.follow(make_trajectory(
-            names, [0.0], [(Q + 0.004 * k).tolist()], [[0.2, 0.2]], (), names))
+        loop.follow(make_trajectory(names, [0.0], [Q + 0.004 * k], [[0.2, 0.2]]))
 
     stamp = FIRST_STAMP + 100 * MS
     for k in range(1, 11):

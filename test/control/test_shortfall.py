@@ -23,8 +23,7 @@ def rests_at(position: np.ndarray, seconds: float = 3.0, coulomb: float = 0.0) -
     # A motion of the arm that stops short; its sensors have noise.
     for k in range(0, 2 + round(1000 * seconds), 2):
         if k == 200:
-            loop.follow(make_trajectory(
-                arm.joint_names, [0.0], [GOAL.tolist()], (), (), arm.joint_names))
+            loop.follow(make_trajectory(arm.joint_names, [0.0], [GOAL]))
         reference = loop.reference
         q = START if reference is None else reference.position
         way = np.minimum(np.abs(q - START), np.abs(position - START))

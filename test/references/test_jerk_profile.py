@@ -235,12 +235,8 @@ def test_a_smooth_motion_from_rest_can_be_the_shortest_one() -> None:
     assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 
 
-def test_a_short_motion_from_rest_has_the_known_duration() -> None:
-    phases = to_rest(1.0, *REST, WIDE)
-    assert duration(phases) == pytest.approx((32.0 * 1.0 / 4.0) ** (1.0 / 3.0))
-
-
-def test_a_long_motion_from_rest_has_the_known_duration() -> None:
+def test_short_and_long_motions_from_rest_have_the_known_durations() -> None:
+    assert duration(to_rest(1.0, *REST, WIDE)) == pytest.approx((32.0 * 1.0 / 4.0)**(1.0 / 3.0))
     phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
     assert len(phases) == 7
     assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
