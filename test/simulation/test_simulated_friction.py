@@ -13,7 +13,6 @@ from robots import robot_urdf
 from scipy.integrate import solve_ivp
 from simulated_arms import COM, INERTIA, LENGTH, MASS, released
 
-
 # --- viscous and dry friction --------------------------------------------------------------------
 
 
