@@ -40,8 +40,11 @@ def moving(**options: object) -> Controller:
 
 def test_without_a_state_or_a_command_there_is_nothing_to_stop() -> None:
     one = make()
+    assert one.has_stopped
     assert one.stop() == NOTHING_TO_STOP
     assert one.trajectory is None
+    one.update(NOW, Q, V)
+    assert one.has_stopped
     one = make(command='none')
     one.update(NOW, Q, V)
     assert one.stop() == NOTHING_TO_STOP
@@ -71,31 +74,19 @@ def test_a_stop_that_was_requested_holds_the_position_with_any_command(command: 
         assert one.update(NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
 
 
-def test_a_stop_of_a_motion_begins_on_its_path() -> None:
+def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time() -> None:
     one = moving()
     before = one.update(NOW + SECOND, Q, V).reference
+    assert not one.has_stopped
     assert one.stop() == 'stopping along the reference, then holding the position'
+    assert not one.has_stopped
     after = one.update(NOW + SECOND, Q, V).reference
     assert after.position == pytest.approx(before.position)
     assert after.velocity == pytest.approx(before.velocity)
-
-
-def test_a_stop_ends_before_the_goal_and_not_before_its_time() -> None:
-    one = moving()
-    assert not one.has_stopped
-    one.stop()
-    assert not one.has_stopped
     end = one.update(NOW + 20 * SECOND, Q, V).reference
     assert one.has_stopped
     assert not end.velocity.any()
     assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
-
-
-def test_without_a_reference_the_arm_has_stopped() -> None:
-    one = make()
-    assert one.has_stopped
-    one.update(NOW, Q, V)
-    assert one.has_stopped
 
 
 @pytest.mark.parametrize('holds', [True, False])

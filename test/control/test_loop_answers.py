@@ -30,14 +30,11 @@ def at_rest() -> LockStep:
     return one
 
 
-def test_an_effort_that_no_limit_changes_has_no_limits() -> None:
-    answer = state(at_rest())
+def test_an_effort_has_limits_with_the_joints_if_one_changes_it() -> None:
+    one = at_rest()
+    answer = state(one)
     assert answer.limits is None
     assert answer.verdict.dt == pytest.approx(0.002)
-
-
-def test_an_effort_whose_rate_is_limited_names_the_joints() -> None:
-    one = at_rest()
     one.loop.supervisor.limiter.last = np.array([100.0, -11.0])
     answer = state(one)
     position, velocity, rate = answer.limits

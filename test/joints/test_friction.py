@@ -80,6 +80,12 @@ def test_the_sigmoid_of_identification() -> None:
     ('offset', [0.0, -1.5], "friction.offset of 'joint2' is -1.5, expected at most"),
     ('viscous', [1.0, 2.0, 3.0], 'friction.viscous has 3 values, expected 2'),
     ('offset', [float('nan')], r'friction.offset\[0\] is nan, expected a finite number'),
+    ('sigmoid', [-1.0], "friction.sigmoid of 'joint1' is -1, expected a number >= 0"),
+    ('sigmoid_velocity', [0.1, 0.0], "friction.sigmoid_velocity of 'joint2' is 0, expected"),
+    ('load_coefficient', [0.96],
+     r"friction.load_coefficient of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
+    ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
+    ('effort_bias', [1.0, 2.0, 3.0], 'friction.effort_bias has 3 values, expected 2'),
 ])
 def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     parameters = {'coulomb': [1.0], field: value}

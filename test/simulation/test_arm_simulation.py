@@ -106,23 +106,16 @@ def test_brakes_hold_until_they_are_released() -> None:
     assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
 
 
-def test_reset_goes_back_and_brakes() -> None:
+def test_reset_goes_back_and_brakes_and_a_state_is_a_copy() -> None:
     simulation = released(two_link(), (1.0, 0.5), (0.1, 0.2))
+    simulation.state.position[:] = 9.0
+    assert simulation.q.tolist() == [1.0, 0.5]
     simulation.step(np.zeros(2), 0.5)
     assert simulation.q.tolist() != [1.0, 0.5]
     simulation.reset()
     assert simulation.braked
     assert simulation.q.tolist() == [1.0, 0.5]
     assert simulation.v.tolist() == [0.1, 0.2]
-
-
-def test_a_state_is_a_copy() -> None:
-    simulation = released(two_link(), (1.0, 0.5))
-    state = simulation.state
-    state.position[:] = 9.0
-    simulation.step(np.zeros(2), 0.1)
-    simulation.reset()
-    assert simulation.q.tolist() == [1.0, 0.5]
 
 
 def test_the_home_pose_is_within_the_limits() -> None:
