@@ -114,10 +114,6 @@ def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle: float
     assert abs(turns - round(turns)) < 1e-12
 
 
-def test_half_a_turn_is_positive() -> None:
-    assert wrap_to_pi(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]
-
-
 def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
     feedback = ErrorFeedback(
         make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
@@ -226,6 +222,8 @@ def test_another_trajectory_is_followed_at_once() -> None:
 
 @pytest.mark.parametrize('size', [1e-3, 1.0, 3.0, math.pi, 4.0, 30.0, 1e6])
 def test_one_angle_is_wrapped_as_many_are(size: float) -> None:
+    """Half a turn is positive."""
+    assert wrap_to_pi(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]
     for angle in (size, -size):
         assert wrap_angle(angle) == pytest.approx(float(wrap_to_pi(np.array(angle))), abs=1e-9)
 
