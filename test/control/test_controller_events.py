@@ -262,17 +262,6 @@ def test_terms_that_are_not_finite_are_not_reported() -> None:
     assert one.update(NOW + MS, Q, V).terms is not None
 
 
-def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
-    one = make(following_error=np.array([0.5, 0.1]))
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, Q, 2.0), 0)
-    q = Q + [0.4, -0.2]
-    state = one.update(NOW, q, ZERO).state
-    assert state.feedback.worst_error(state.reference.position, q, NAMES) == (
-        "position of 'joint2' is 0.2 from its reference, expected at most 0.1 "
-        '(following_error_limit)')
-
-
 # --- the hold in a fault -------------------------------------------------------------------------
 
 def damping(v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q) -> np.ndarray:

@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from controller_bench import ARM, LIMIT, make_controller, NAMES, NOW, Q, SECOND, ZERO
+from controller_bench import ARM, LIMIT, make_controller, NAMES, NOW, Q, SECOND, set_point, ZERO
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -15,33 +15,14 @@ from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 COMPENSATES_GRAVITY = EffortConvention(robot_compensates=('gravity',))
 
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
-speeds = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
-
-
-def set_point(q: np.ndarray) -> JointTrajectory:
-    return make_trajectory(NAMES, [0.0], [q])
 
 
 # --- the hold ------------------------------------------------------------------------------------
-
-@given(angles, speeds, angles)
-def test_the_hold_is_the_gravity_torque_for_any_reference(
-    q: np.ndarray, v: np.ndarray, goal: np.ndarray,
-) -> None:
-    one, gravity = make_controller(), ArmDynamics(ARM).rigid_body.gravity(q)
-    assert one.update(NOW, q, v).holding_effort() == pytest.approx(gravity)
-    one.follow(set_point(goal), 0)
-    output = one.update(NOW, q, v)
-    assert output.computed_torque is not None
-    assert output.holding_effort() == pytest.approx(gravity)
-
 
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
@@ -92,33 +73,6 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
     assert output.computed_torque == pytest.approx(effort)
     assert (output.clamped is not None) == is_scaled
     assert output.command == pytest.approx(-LIMIT if is_scaled else 0.25 * gravity)
-
-
-def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gains() -> None:
-    one, v = make_controller(), np.array([0.2, -0.1])
-    one.set_payloads([LOAD], 0.0, lambda _: None)
-    bare = ArmDynamics(ARM).rigid_body.gravity(Q)
-    for _ in range(2):
-        output = one.update(NOW, Q, v)
-        assert output.robot_gravity.tolist() == bare.tolist()
-        assert output.scale == 1.0
-        assert output.velocity.tolist() == v.tolist()
-        one.follow(set_point(Q), 0)  # and with one
-    assert output.reference is not None
-
-
-# --- a discarded reference -----------------------------------------------------------------------
-
-
-def test_the_next_one_begins_where_the_arm_is() -> None:
-    one, away = make_controller(), Q + [0.5, -0.3]
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    one.update(NOW + SECOND, away, ZERO)
-    one.followed.end()
-    one.follow(make_trajectory(NAMES, [1.0], [ZERO]), 0)
-    reference = one.update(NOW + SECOND, away, ZERO).reference
-    assert reference.position == pytest.approx(away)
 
 
 # --- non-finite numbers --------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -23,12 +23,12 @@ Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
 LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 
 
-def options(arm: ArmModel, **changes: object) -> ControllerOptions:
-    return ControllerOptions(make_gains(arm.joint_names), **changes)  # type: ignore[arg-type]
+def options(**changes: object) -> ControllerOptions:
+    return ControllerOptions(make_gains(NAMES), **changes)  # type: ignore[arg-type]
 
 
-def make_controller(arm: ArmModel = ARM, **changes: object) -> Controller:
-    return Controller(arm, options(arm, **changes))
+def make_controller(**changes: object) -> Controller:
+    return Controller(ARM, options(**changes))
 
 
 def set_point(
