@@ -28,7 +28,7 @@ class End(NamedTuple):
     The last second: largest speed, change of effort by F_c, error [rad] or [m].
 
     `farthest` is the largest distance from the reference in the whole motion [rad] or [m], and
-    `adaptation` says what was lowered.
+    `adaptation` lists gains and compensations that were lowered.
     """
 
     speed: float
