@@ -170,15 +170,6 @@ def test_other_processes_get_the_same_friction() -> None:
 
 # --- sticking ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('fraction', [0.0, 0.9, 0.9999, -0.9999])
-def test_no_creep_in_ten_minutes(fraction: float) -> None:
-    simulation = released(one_link(coulomb=1.0, static=1.5), (0.4,))
-    for _ in range(10):
-        simulation.step(np.array([fraction * 1.5]), 60.0)
-    assert simulation.q.tolist() == [0.4]
-    assert simulation.v.tolist() == [0.0]
-
-
 def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
     torque = MASS * 9.81 * COM * np.sin(0.1)
     holds = one_link(gravity=9.81, coulomb=0.9 * torque, static=1.01 * torque)
