@@ -21,25 +21,20 @@ from robot_dynamics.control.trajectory_goal import (
     with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.retiming import retime
 
-ARMS = ('two_link', 'ur10', 'panda')
+ARMS = ('default', 'ur10', 'panda')
 WAY = 0.3
 """[rad] of the motions."""
 
 
-def arm_of(name: str) -> ArmModel:
-    return load_arm(default_arm_urdf()) if name == 'two_link' else smooth_arm(name)
-
-
 @pytest.fixture(params=ARMS)
 def bench(request: pytest.FixtureRequest) -> LockStep:
-    return held(arm_of(request.param))
+    return held(smooth_arm(request.param))
 
 
 def held(arm: ArmModel, **options: Any) -> LockStep:
@@ -110,7 +105,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
 
 
 def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
-    arm = arm_of('two_link')
+    arm = smooth_arm('default')
     loaded = arm.with_payloads([make_payload(
         'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
     bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3))
@@ -128,7 +123,7 @@ def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
 
 
 def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal=np.full(2, 1e-15), goal_time=math.inf))
     bench.run(10.0)
@@ -136,7 +131,7 @@ def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
 
 
 def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
     bench.run(1.7)
@@ -166,7 +161,7 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 def test_slow_states_and_commands_delay_the_rest_little(
     name: str, rate: float, delay: int,
 ) -> None:
-    bench = held(arm_of(name), rate=rate, delay=delay)
+    bench = held(smooth_arm(name), rate=rate, delay=delay)
     for share in (0.2, 0.5, 0.8):
         bench.run(1.0)
         goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
@@ -183,7 +178,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     rate: float, speed: float, phase: float, vibrates: bool,
 ) -> None:
     """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.2)
     end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
@@ -217,7 +212,7 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
     (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
 def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str) -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     end(bench)
@@ -228,7 +223,7 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str
 
 
 def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
-    bench = held(arm_of('two_link'), following_error=[0.01, 0.01])
+    bench = held(smooth_arm('default'), following_error=[0.01, 0.01])
     goal = bench.loop.execute(plan(bench))
     bench.push = lambda t: np.array([0.0, 8.0])
     bench.run(1.0)
@@ -241,7 +236,7 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
     ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
     ('position_limit', ResultCode.INVALID_GOAL)])
 def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCode) -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
@@ -329,7 +324,7 @@ def test_default_tolerances_are_those_of_the_goal_only() -> None:
 def test_preempted_plans_keep_the_limits(name: str) -> None:
     """200 goals on three arms, each replaced at a random time by one to a random position."""
     rng = np.random.default_rng(7)
-    arm = arm_of(name)
+    arm = smooth_arm(name)
     bench, n = held(arm), arm.joint_count
     start, limit = bench.q, arm.limits.velocity
     rates = bench.loop.supervisor.limiter.limits.rate
