@@ -135,7 +135,6 @@ def final_error(
     for _ in range(round(seconds / period)):
         now += round(1e9 * period)
         output = one.update(now, q, v)
-        assert output.command is not None
         effort = guard.apply(output.command, output.holding_effort, q, v, period)
         for _ in range(2):  # the effort for the previous state acts
             v = v + 0.5 * period * plant.forward_dynamics(q, v, acts)

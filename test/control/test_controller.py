@@ -9,7 +9,6 @@ import time
 
 from children import LONG
 from controller_bench import (
-    command,
     gravity_with,
     LOAD,
     make_controller,
@@ -28,8 +27,6 @@ from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 # --- the mode of the command ---------------------------------------------------------------------
 
@@ -70,11 +67,11 @@ def test_another_command_ends_the_reference(mode: str) -> None:
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([1.0, 0.2]), 0)
-    controller.set_options(options(controller.arm, command=mode))
-    controller.set_options(options(controller.arm))
+    controller.set_options(options(command=mode))
+    controller.set_options(options())
     output = controller.update(NOW, Q, ZERO)
     assert output.reference is None
-    assert command(output).tolist() == output.holding_effort().tolist()
+    assert output.command.tolist() == output.holding_effort().tolist()
 
 
 # --- limits --------------------------------------------------------------------------------------
@@ -90,33 +87,8 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
     limit = scale * np.array([150.0, 60.0])  # extended to the gravity torque
     holding = output.holding_effort()
     low, high = np.minimum(-limit, holding), np.maximum(limit, holding)
-    assert command(output).tolist() == np.clip(output.computed_torque, low, high).tolist()
+    assert output.command.tolist() == np.clip(output.computed_torque, low, high).tolist()
     assert output.holding_effort().tolist() == output.gravity_compensation.tolist()
-
-
-@pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
-def test_a_joint_without_a_limit_is_never_clamped(scale: float) -> None:
-    urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
-    controller = make_controller(urdf, effort_limit_fraction=scale)
-    q = np.array([1.0])
-    output = controller.update(NOW, q, np.zeros(1))
-    assert output.clamped is None
-    assert command(output).tolist() == output.gravity_compensation.tolist()
-    assert output.gravity_compensation[0] < -20.0
-
-
-# --- the reference -------------------------------------------------------------------------------
-
-
-def test_an_ended_trajectory_is_rejected_and_the_active_one_continues() -> None:
-    controller = make_controller()
-    controller.update(NOW, Q, ZERO)
-    controller.follow(set_point([1.0, 0.2]), 0)
-    with pytest.raises(TrajectoryError, match='expected an end in the future'):
-        controller.follow(
-            quintic_point_to_point(NAMES, Q, [1.2, 0.1], 1.0), NOW - 5 * SECOND)
-    reference = controller.update(NOW, Q, ZERO).reference
-    assert reference.position.tolist() == [1.0, 0.2]
 
 
 # --- terms ---------------------------------------------------------------------------------------
@@ -153,9 +125,9 @@ def test_changes_from_another_thread_never_mix() -> None:
     def change() -> None:
         while not stop.is_set():
             controller.set_payloads([LOAD], 0.0, lambda _: None)
-            controller.set_options(options(controller.arm, command='gravity_compensation'))
+            controller.set_options(options(command='gravity_compensation'))
             controller.set_payloads([], 0.0, lambda _: None)
-            controller.set_options(options(controller.arm))
+            controller.set_options(options())
 
     thread = threading.Thread(target=change)
     thread.start()
@@ -163,7 +135,7 @@ def test_changes_from_another_thread_never_mix() -> None:
     deadline = time.monotonic() + LONG
     try:
         while min(seen[0], seen[1]) < 500 and time.monotonic() < deadline:
-            effort = command(controller.update(NOW + seen.total(), Q, ZERO))
+            effort = controller.update(NOW + seen.total(), Q, ZERO).command
             far = [np.abs(effort - one).max() for one in allowed]
             assert min(far) < 1e-9
             seen[int(np.argmin(far))] += 1

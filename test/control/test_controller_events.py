@@ -3,38 +3,28 @@
 
 """Events of the controller between two states: stops, lost states, faults, shifted time."""
 
+from controller_bench import ARM, LIMIT, LOAD, make_controller, NAMES, NOW, Q, SECOND, V, ZERO
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import braked, FAULT_DAMPING
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions, default_options
+from robot_dynamics.control.options import default_options
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
-ARM = load_arm(default_arm_urdf())
-NAMES = ARM.joint_names
-LIMIT = ARM.limits.effort
 GAINS = make_gains(NAMES)
-MS = 1_000_000
-SECOND = 1000 * MS
-NOW = 1_790_000_000 * SECOND
-Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.zeros(2)
+MS = SECOND // 1000
 NO_STATE = 'no joint state with velocities has been received'
 NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
-LOAD = make_payload('tool0', 2.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 
 
 def make(**options: object) -> Controller:
     """Return a controller whose references have limits of velocity, acceleration and jerk."""
-    return Controller(ARM, ControllerOptions(
-        GAINS, conditions_references=True, **options))  # type: ignore[arg-type]
+    return make_controller(conditions_references=True, **options)
 
 
 def moving(**options: object) -> Controller:
@@ -50,8 +40,11 @@ def moving(**options: object) -> Controller:
 
 def test_without_a_state_or_a_command_there_is_nothing_to_stop() -> None:
     one = make()
+    assert one.has_stopped
     assert one.stop() == NOTHING_TO_STOP
     assert one.trajectory is None
+    one.update(NOW, Q, V)
+    assert one.has_stopped
     one = make(command='none')
     one.update(NOW, Q, V)
     assert one.stop() == NOTHING_TO_STOP
@@ -81,31 +74,19 @@ def test_a_stop_that_was_requested_holds_the_position_with_any_command(command: 
         assert one.update(NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
 
 
-def test_a_stop_of_a_motion_begins_on_its_path() -> None:
+def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time() -> None:
     one = moving()
     before = one.update(NOW + SECOND, Q, V).reference
+    assert not one.has_stopped
     assert one.stop() == 'stopping along the reference, then holding the position'
+    assert not one.has_stopped
     after = one.update(NOW + SECOND, Q, V).reference
     assert after.position == pytest.approx(before.position)
     assert after.velocity == pytest.approx(before.velocity)
-
-
-def test_a_stop_ends_before_the_goal_and_not_before_its_time() -> None:
-    one = moving()
-    assert not one.has_stopped
-    one.stop()
-    assert not one.has_stopped
     end = one.update(NOW + 20 * SECOND, Q, V).reference
     assert one.has_stopped
     assert not end.velocity.any()
     assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
-
-
-def test_without_a_reference_the_arm_has_stopped() -> None:
-    one = make()
-    assert one.has_stopped
-    one.update(NOW, Q, V)
-    assert one.has_stopped
 
 
 @pytest.mark.parametrize('holds', [True, False])
@@ -281,22 +262,9 @@ def test_terms_that_are_not_finite_are_not_reported() -> None:
     assert one.update(NOW + MS, Q, V).terms is not None
 
 
-def test_the_words_for_a_following_error_name_the_worst_joint() -> None:
-    one = make(following_error=np.array([0.5, 0.1]))
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, Q, 2.0), 0)
-    q = Q + [0.4, -0.2]
-    state = one.update(NOW, q, ZERO).state
-    assert state.feedback.worst_error(state.reference.position, q, NAMES) == (
-        "position of 'joint2' is 0.2 from its reference, expected at most 0.1 "
-        '(following_error_limit)')
-
-
 # --- the hold in a fault -------------------------------------------------------------------------
 
-def damping(
-    v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q,
-) -> np.ndarray:
+def damping(v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q) -> np.ndarray:
     body = ArmDynamics(ARM.with_payloads(list(loads))).rigid_body  # type: ignore[arg-type]
     return np.asarray(FAULT_DAMPING * body.mass_matrix(q) @ (GAINS.kd * v))
 

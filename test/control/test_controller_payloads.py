@@ -3,7 +3,7 @@
 
 """Payloads of the controller: at once, and with a transition."""
 
-from controller_bench import command, gravity_with, LOAD, make_controller, NOW, Q, SECOND, ZERO
+from controller_bench import gravity_with, LOAD, make_controller, NOW, Q, SECOND, ZERO
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload, Payload
@@ -26,13 +26,13 @@ def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     done: list[tuple[Payload, ...]] = []
     controller.set_payloads([LOAD], 2.0, done.append)
     controller.update(NOW, Q, ZERO)
-    midway = command(controller.update(NOW + SECOND, Q, ZERO))
+    midway = controller.update(NOW + SECOND, Q, ZERO).command
     controller.set_payloads([], 1.0, done.append)
-    assert command(controller.update(NOW + SECOND, Q, ZERO)) == pytest.approx(midway, abs=1e-9)
-    assert command(controller.update(NOW + 3 * SECOND // 2, Q, ZERO)) == pytest.approx(
-        0.5 * (midway + gravity_with([])), abs=1e-9)
-    assert command(controller.update(NOW + 2 * SECOND, Q, ZERO)).tolist() == (
-        gravity_with([]).tolist())
+    bare = gravity_with([])
+    for seconds, expected in ((1.0, midway), (1.5, 0.5 * (midway + bare)), (2.0, bare)):
+        output = controller.update(NOW + round(seconds * SECOND), Q, ZERO)
+        assert output.command == pytest.approx(expected, abs=1e-9)
+    assert output.command.tolist() == bare.tolist()
     assert done == [()]  # the first load was never completely active
 
 

@@ -5,63 +5,31 @@
 
 from typing import Any
 
+from controller_bench import ARM, LIMIT, make_controller, NAMES, NOW, Q, SECOND, set_point, ZERO
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.control_output import NonFiniteEffortError
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
-NAMES = ('joint1', 'joint2')
-LIMIT = np.array([150.0, 60.0])
-SECOND = 1_000_000_000
-NOW = 1_790_000_000 * SECOND
-Q, ZERO = np.array([0.8, 0.5]), np.zeros(2)
-ARM = load_arm(default_arm_urdf())
 LOAD = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), np.diag((0.01, 0.02, 0.02)))
 COMPENSATES_GRAVITY = EffortConvention(robot_compensates=('gravity',))
 
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array)
-speeds = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
-
-
-def controller(**options: Any) -> Controller:
-    return Controller(ARM, ControllerOptions(make_gains(NAMES), **options))
-
-
-def set_point(q: np.ndarray) -> JointTrajectory:
-    return make_trajectory(NAMES, [0.0], [q.tolist()], (), (), NAMES)
 
 
 # --- the hold ------------------------------------------------------------------------------------
-
-@given(angles, speeds, angles)
-def test_the_hold_is_the_gravity_torque_for_any_reference(
-    q: np.ndarray, v: np.ndarray, goal: np.ndarray,
-) -> None:
-    one, gravity = controller(), ArmDynamics(ARM).rigid_body.gravity(q)
-    assert one.update(NOW, q, v).holding_effort() == pytest.approx(gravity)
-    one.follow(set_point(goal), 0)
-    output = one.update(NOW, q, v)
-    assert output.computed_torque is not None
-    assert output.holding_effort() == pytest.approx(gravity)
-
 
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_the_hold(
     q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
 ) -> None:
-    one = controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
+    one = make_controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
     output = one.update(NOW, q, ZERO)
     assert output.command.tolist() == output.holding_effort().tolist()
 
@@ -70,7 +38,7 @@ def test_without_a_reference_the_command_is_the_hold(
 def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
     q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,
 ) -> None:
-    one = controller(
+    one = make_controller(
         effort_limit_fraction=scale,
         effort_convention=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
     one.set_payloads([] if load is None else [load], 0.0, lambda _: None)
@@ -94,7 +62,7 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
     gravity = body.gravity(Q)
     assert (np.abs(gravity) > LIMIT).all()
     goal = Q + np.linalg.solve(body.mass_matrix(Q), -0.75 * gravity) / make_gains(NAMES).kp
-    one = controller(scales_gains=True)
+    one = make_controller(scales_gains=True)
     one.set_payloads([load], 0.0, lambda _: None)
     for k in range(21):
         one.update(NOW + round(k * period * SECOND), Q, ZERO)
@@ -107,38 +75,11 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
     assert output.command == pytest.approx(-LIMIT if is_scaled else 0.25 * gravity)
 
 
-def test_without_a_reference_the_output_states_gravity_of_the_robot_and_full_gains() -> None:
-    one, v = controller(), np.array([0.2, -0.1])
-    one.set_payloads([LOAD], 0.0, lambda _: None)
-    bare = ArmDynamics(ARM).rigid_body.gravity(Q)
-    for _ in range(2):
-        output = one.update(NOW, Q, v)
-        assert output.robot_gravity.tolist() == bare.tolist()
-        assert output.scale == 1.0
-        assert output.velocity.tolist() == v.tolist()
-        one.follow(set_point(Q), 0)  # and with one
-    assert output.reference is not None
-
-
-# --- a discarded reference -----------------------------------------------------------------------
-
-
-def test_the_next_one_begins_where_the_arm_is() -> None:
-    one, away = controller(), Q + [0.5, -0.3]
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    one.update(NOW + SECOND, away, ZERO)
-    one.followed.end()
-    one.follow(make_trajectory(NAMES, [1.0], [[0.0, 0.0]], (), (), NAMES), 0)
-    reference = one.update(NOW + SECOND, away, ZERO).reference
-    assert reference.position == pytest.approx(away)
-
-
 # --- non-finite numbers --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
 def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> None:
-    one = controller()
+    one = make_controller()
     before = one.update(NOW, Q, ZERO)
     one.follow(set_point(Q), 0)
     with np.errstate(all='ignore'), pytest.raises(NonFiniteEffortError) as caught:

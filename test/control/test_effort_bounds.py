@@ -9,11 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_bounds import (
-    EffortBounds,
-    NOTHING,
-    RobotEffort,
-)
+from robot_dynamics.control.safety.effort_bounds import EffortBounds, NOTHING, RobotEffort
 
 LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
@@ -61,9 +57,7 @@ def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(
 
 @laws
 @given(vectors(200.0), vectors(100.0))
-def test_what_is_within_the_bounds_is_unchanged(
-    command: np.ndarray, gravity: np.ndarray,
-) -> None:
+def test_what_is_within_the_bounds_is_unchanged(command: np.ndarray, gravity: np.ndarray) -> None:
     bounds, robot = EffortBounds(LIMIT), compensating(gravity)
     bounded, clamped = bounds.bounded(command, robot)
     again, none = bounds.bounded(bounded, robot)

@@ -50,7 +50,6 @@ class Bench:
             stamp = FIRST_STAMP + 2 * (self.k + 1) * MS
             q, v, _ = self.loop.controller.trajectory.sample(stamp)
             command = self.take(q + rng.uniform(-noise, noise, len(q)), v)
-            assert command is not None
             found.append(command)
         return found
 
@@ -60,16 +59,21 @@ class Bench:
             [0.5 * (Q + goal), goal], [1.5 * (goal - Q) / duration, 0.0 * goal]))
 
 
+def moving(arm: ArmModel, **options: object) -> Bench:
+    """Return a loop that begins a motion of all joints."""
+    bench = Bench(arm, **options)
+    bench.take(Q)
+    bench.take(Q)
+    bench.move(Q + 0.6, 1.0)
+    return bench
+
+
 @pytest.mark.parametrize('friction', ['reference', 'none'])
 def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction: str) -> None:
     """The oracle is Pinocchio's model, with q̈_r by differences of the velocity."""
     arm = rubbing()
-    benches = [Bench(arm, friction_compensation=friction) for _ in range(2)]
-    for bench in benches:
-        bench.take(Q)
-        bench.take(Q)
-        bench.move(Q + 0.6, 1.0)
-    found, noisy = benches[0].track(450), benches[1].track(450, noise=1e-3)
+    found, noisy = (moving(arm, friction_compensation=friction).track(450, noise)
+                    for noise in (0.0, 1e-3))
     assert all(np.array_equal(one, other) for one, other in zip(found, noisy))
     model = arm.pinocchio_model
     data = model.createData()
@@ -102,7 +106,6 @@ def test_gravity_compensation_lets_the_drives_damp_only() -> None:
     for k in range(50):
         q = Q + 0.01 * k
         command = bench.take(q, np.full(2, 5.0))
-        assert command is not None
         assert command.position == pytest.approx(q)
         assert not command.velocity.any()
         assert command.effort == pytest.approx(
@@ -110,16 +113,12 @@ def test_gravity_compensation_lets_the_drives_damp_only() -> None:
 
 
 def test_a_fault_holds_the_position_at_which_it_began() -> None:
-    bench = Bench(rubbing())
-    bench.take(Q)
-    bench.take(Q)
-    bench.move(Q + 0.6, 1.0)
+    bench = moving(rubbing())
     bench.track(200)
     bench.loop.fail(bench.loop._steady, Fault('external_effort', 'a test', recovery=100))
     here = bench.loop.controller.state[1]
     found = [bench.take(here + 1e-4 * k) for k in range(50)]
     for command in found:
-        assert command is not None
         assert command.position == pytest.approx(here)
         assert not command.velocity.any()
 
@@ -128,11 +127,7 @@ def test_what_the_robot_compensates_is_not_commanded() -> None:
     arm = rubbing()
     convention = make_effort_convention('joint_torque', ('gravity', 'friction'), False)
     plain, other = (
-        Bench(arm, friction_compensation='none'), Bench(arm, effort_convention=convention))
-    for bench in (plain, other):
-        bench.take(Q)
-        bench.take(Q)
-        bench.move(Q + 0.6, 1.0)
+        moving(arm, friction_compensation='none'), moving(arm, effort_convention=convention))
     model = arm.pinocchio_model
     data = model.createData()
     for one, less in zip(plain.track(100), other.track(100)):

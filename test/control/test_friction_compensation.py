@@ -6,6 +6,7 @@
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
@@ -27,19 +28,14 @@ def compensated(mode: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         ARM.with_friction(friction), ControllerOptions(GAINS, friction_compensation=mode))
     one.update(SECOND, np.zeros(2), np.zeros(2))
     one.follow(make_trajectory(NAMES, (0.001,), [STILL], [[0.0, 0.0]], [[0.0, 0.0]]), 0)
-    terms = one.update(2 * SECOND, q, v).terms
-    assert terms is not None
-    return terms.friction
-
-
-def test_no_friction_is_compensated() -> None:
-    friction = compensated('none', np.array([0.5, -0.2]), np.array([-0.7, 1.1]))
-    assert friction.tolist() == [0.0, 0.0]
+    return one.update(2 * SECOND, q, v).terms.friction
 
 
 def test_around_rest_friction_of_the_reference_has_no_step() -> None:
     speed = 1e-5
     q = STILL - speed * GAINS.kd / GAINS.kp  # the velocity v_r at which it is compensated
-    steps = [np.abs(compensated(mode, q, np.full(2, speed))) for mode in ('reference', 'measured')]
-    assert (steps[0] < 0.01 * COULOMB).all()
-    assert (steps[1] >= COULOMB).all()
+    reference, measured, none = (
+        np.abs(compensated(mode, q, np.full(2, speed))) for mode in FRICTION_MODES)
+    assert (reference < 0.01 * COULOMB).all()
+    assert (measured >= COULOMB).all()
+    assert none.tolist() == [0.0, 0.0]

@@ -156,7 +156,6 @@ def test_the_speed_of_a_joint_that_catches_up_is_bounded_although_its_rotor_is_u
         effort = loop.answer(FIRST_STAMP + k * MS, np.array([q]), np.array([v])).effort
         if k == 10:
             loop.follow(make_trajectory(ONE.joint_names, [0.0], [[1.5]]))
-        assert effort is not None
         v += STEP * float(effort[0]) / (MASS + ROTOR)
         v = np.sign(v) * max(abs(v) - STEP * TRUE / (MASS + ROTOR), 0.0)
         v = 0.0 if k < 500 else v  # something holds the joint until it is behind

@@ -6,10 +6,7 @@
 from lock_step_loop import directions, frozen, LockStep, middle, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.frozen_joint_observer import (
-    FrozenJointObserver,
-    UNKNOWN_EFFORT,
-)
+from robot_dynamics.control.safety.frozen_joint_observer import FrozenJointObserver, UNKNOWN_EFFORT
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel

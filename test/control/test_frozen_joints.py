@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from copy import copy
 from typing import NamedTuple
 
-from lock_step_loop import FIRST_STAMP, LockStep, MS
+from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, MS
 import numpy as np
 import pytest
 from robot_dynamics.arrays import BoolArray, FloatArray
@@ -42,7 +42,7 @@ def in_motion(
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=coulomb))
     one = LockStep(arm, q=np.array([0.0, -1.0, 1.0, 0.0, 1.0, 0.0]), rate=rate)
     one.run(0.2)
-    one.follow(one.q + np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
+    one.follow(one.q - directions(6))
     one.run(seconds)
     return one
 
@@ -67,7 +67,6 @@ def case_at(
     stamp = FIRST_STAMP + one.k * MS
     frozen = FrozenJoints(
         mask, np.full(n, stamp - 10 * MS), controller, stamp, DT, one.q, one.v)
-    assert controller.trajectory is not None
     reference = controller.trajectory.sample(stamp)
     output = controller.update(stamp, reference.position - e, reference.velocity - e_dot)
     return Case(frozen, controller, mask, output)
@@ -86,7 +85,6 @@ def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks: list[in
     for _ in range(2):  # ë = 0: the disturbance is steady
         effort = frozen.stopping_effort(output, DT, output.state.q, output.state.v, np.zeros(6))
         M, _ = controller.motion_equation(output, output.state.q, output.state.v)
-        assert output.command is not None
         missing = np.linalg.solve(M, output.command - effort)
         assert missing[~mask] == pytest.approx(np.zeros((~mask).sum()), abs=1e-9)
         expected = np.linalg.solve(M[np.ix_(mask, mask)], (M @ d)[mask])
@@ -100,14 +98,12 @@ def test_an_acceleration_that_happens_is_no_disturbance() -> None:
     frozen, controller, mask, first = case_at([2], e, e_dot)
     K_p, K_d = controller.feedback_gains
     state = first.state
-    assert state.trajectory is not None
     reference = state.trajectory.sample(state.stamp_ns)
     largest = []
     for _ in range(round(6.0 * DISTURBANCE_TIME / DT)):
         state = first.state._replace(
             q=reference.position - e, v=reference.velocity - e_dot)
         output = controller.update(state.stamp_ns, state.q, state.v)
-        assert output.command is not None
         effort = frozen.stopping_effort(output, DT, state.q, state.v, np.zeros(6))
         largest.append(np.abs(output.command - effort).max())
         before = e_dot
@@ -128,52 +124,35 @@ def test_the_effort_without_a_command_holds_the_arm() -> None:
     assert effort is resting.command
 
 
-class Predictions(NamedTuple):
-    """The states that `predict` returned, 2 ms apart, and the observer."""
+class Predictions:
+    """The predicted states of an arm with one frozen joint, 2 ms apart; two at first."""
 
-    case: Case
-    states: list[tuple[FloatArray, FloatArray]]
-    observer: FrozenJointObserver
-    first: int
-    """[ns]"""
-    command: FloatArray
+    def __init__(self, scale: float = 1.0) -> None:
+        """Drives deliver `scale` times their command."""
+        arm = load_arm(robot_urdf('ur10'))
+        self.case = case_at([1], E, E_DOT, make_effort_calibration(
+            arm.joint_names, [scale], (), arm.limits.effort))
+        state, body = self.case.output.state, self.case.controller.dynamics.rigid_body
+        self.command = body.nonlinear(state.q, state.v) / scale
+        self.states: list[tuple[FloatArray, FloatArray]] = []
+        self.predict(DT, self.command)
+        self.observer = self.case.frozen._observer
+        self.observer._weight = 1.0  # as after FILTER_TIME
+        self.predict(DT, self.command)
 
     def predict(self, dt: float, command: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Predict at the next stamp."""
         state = self.case.output.state
-        assert state.v is not None
-        stamp = self.first + len(self.states) * 2 * MS
-        q, v = self.case.frozen.predict(stamp, dt, state.q, state.v, command)
-        assert v is not None
-        self.states.append((q, v))
-        return q, v
-
-
-def predictions(scale: float = 1.0) -> Predictions:
-    """Return those of an arm with one frozen joint after two states; drives deliver `scale`."""
-    names, limit = in_motion().arm.joint_names, in_motion().arm.limits.effort
-    case = case_at([1], E, E_DOT, make_effort_calibration(
-        names, np.full(6, scale), np.zeros(6), limit))
-    state = case.output.state
-    assert state.v is not None
-    command = case.controller.dynamics.rigid_body.nonlinear(state.q, state.v) / scale
-    first = case.frozen.predict(state.stamp_ns, DT, state.q, state.v, command)
-    assert first[1] is not None
-    observer = case.frozen._observer
-    assert observer is not None
-    observer._weight = 1.0  # as after FILTER_TIME
-    found = Predictions(
-        case, [(first[0], first[1])], observer, state.stamp_ns, command)
-    found.predict(DT, command)
-    return found
+        stamp = state.stamp_ns + len(self.states) * 2 * MS
+        self.states.append(self.case.frozen.predict(stamp, dt, state.q, state.v, command))
+        return self.states[-1]
 
 
 def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid() -> None:
-    found = predictions()
+    found = Predictions()
     q, v = found.states[-1]
     assert (q[1], v[1]) == (found.observer.q[1], found.observer.v[1])
     used = found.case.output.state.v
-    assert used is not None
     assert found.observer.v[[0, 2, 3, 4, 5]].tolist() == used[[0, 2, 3, 4, 5]].tolist()
     found.observer.is_valid = False
     further = found.predict(DT, found.command)
@@ -186,7 +165,7 @@ def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid()
 def test_without_a_period_or_a_command_the_motion_is_predicted(
     dt: float, has_command: bool,
 ) -> None:
-    found = predictions()
+    found = Predictions()
     q, v = found.states[-1]
     further = found.predict(dt, found.command if has_command else None)
     assert found.observer.q[1] == q[1]
@@ -195,7 +174,7 @@ def test_without_a_period_or_a_command_the_motion_is_predicted(
 
 
 def test_the_observer_takes_the_torque_that_the_drives_deliver() -> None:
-    found = predictions(2.0)
+    found = Predictions(2.0)
     dynamics, state = found.case.controller.dynamics, found.case.output.state
     expected = FrozenJointObserver(found.case.marks, dynamics, *found.states[0])
     expected.update(dynamics, 2.0 * found.command, DT, state.q, state.v)
@@ -209,14 +188,12 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
     """Until the fault is found, and for 0.1 s of the stop."""
     one = in_motion(rate)
     q, v = one.q[joint], one.v[joint]
-    mask = np.arange(6) == joint
-    one.sensor = lambda q_all, v_all: (np.where(mask, q, q_all), np.where(mask, v, v_all))
+    one.sensor = frozen(joint)
     loop = one.loop
     while loop.supervisor.fault is None:
         one.run(DT)
     for share in (0.2, 0.5):
         used = loop.controller.state
-        assert used is not None
         moved = abs(one.q[joint] - q)
         assert used[1][joint] == pytest.approx(one.q[joint], abs=0.004 + 0.2 * moved)
         assert used[2][joint] == pytest.approx(one.v[joint], abs=share * abs(v))
@@ -273,7 +250,6 @@ def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
     assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     frozen.predict(stamp, DT, output.state.q, still, None)
     observer = frozen._observer
-    assert observer is not None
     assert frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)
     observer._weight = 1.0  # as after FILTER_TIME
     assert not frozen.is_lost(still, after(stamp, HOLD + DT), HOLD)

@@ -121,9 +121,7 @@ def test_noise_of_one_velocity_is_an_effort_at_all_joints() -> None:
 # --- the estimate of the noise -------------------------------------------------------------------
 
 @given(st.lists(st.integers(1, 6), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
-def test_the_noise_is_the_mean_square_of_second_differences(
-    lengths: list[int], seed: int,
-) -> None:
+def test_the_noise_is_the_mean_square_of_second_differences(lengths: list[int], seed: int) -> None:
     """Without forgetting, and never across a restart."""
     rng, noise = np.random.default_rng(seed), Noise(2)
     second, residual = [np.zeros((0, 2))], [np.zeros((0, 2))]

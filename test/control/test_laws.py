@@ -79,8 +79,7 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
     q = middle + rng.uniform(-0.3, 0.3, n)
     one.update(START, q, np.zeros(n))
     if with_reference:
-        one.follow(make_trajectory(
-            arm.joint_names, [1.0], [q + 0.1], (), (), arm.joint_names), 0)
+        one.follow(make_trajectory(arm.joint_names, [1.0], [q + 0.1]), 0)
     unlimited = 0
     for k in range(1, STATES):
         q = q + rng.normal(scale=1e-3, size=n)
@@ -107,9 +106,7 @@ def test_the_terms_sum_to_the_command(
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(
-    arm: ArmModel, name: str,
-) -> None:
+def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(arm: ArmModel, name: str) -> None:
     one = make(arm, name, scales_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)

@@ -109,7 +109,6 @@ def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate: fl
     one.run(0.2)
     one.sensor = frozen(1)
     trace = one.run(0.8)
-    assert one.loop.supervisor.fault is not None
     assert one.loop.supervisor.fault.name == 'frozen_joint'
     print(f'at most {trace.speed.max():.2g} rad/s')
     assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
@@ -122,7 +121,6 @@ def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is()
     for k in range(5):
         one.loop.answer(FIRST_STAMP + (one.k + 2 * k) * MS, one.q + 0.002 * k * fast, fast)
         assert k or supervisor.fault is None
-    assert supervisor.fault is not None
     assert supervisor.fault.name == 'overspeed'
 
 
@@ -134,7 +132,6 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:
     one.follow(Q + 0.5 * directions(2))
     trace = one.run(2.5)
     supervisor = one.loop.supervisor
-    assert supervisor.fault is not None
     assert supervisor.fault.name == 'frozen_joint'
     assert supervisor.mode is Mode.FAULT
     assert supervisor.fault_count == 1

@@ -104,8 +104,7 @@ def run(case: Case) -> Outcome:
     q, v, forces = list[FloatArray](), list[FloatArray](), list[float]()
     for k in range(round((DURATION[case.event] + SLOW.get(case.arm, 0.0)) / STEP)):
         if k == BEGIN and moves:
-            loop.follow(make_trajectory(
-                arm.joint_names, [0.0], [goal.tolist()], (), (), arm.joint_names))
+            loop.follow(make_trajectory(arm.joint_names, [0.0], [goal]))
         if k % (1000 // case.rate) == 0:
             answer = loop.answer(FIRST_STAMP + k * MS, *plant.state).effort
             fault = loop.supervisor.fault

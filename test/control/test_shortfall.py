@@ -23,8 +23,7 @@ def rests_at(position: np.ndarray, seconds: float = 3.0, coulomb: float = 0.0) -
     # A motion of the arm that stops short; its sensors have noise.
     for k in range(0, 2 + round(1000 * seconds), 2):
         if k == 200:
-            loop.follow(make_trajectory(
-                arm.joint_names, [0.0], [GOAL.tolist()], (), (), arm.joint_names))
+            loop.follow(make_trajectory(arm.joint_names, [0.0], [GOAL]))
         reference = loop.reference
         q = START if reference is None else reference.position
         way = np.minimum(np.abs(q - START), np.abs(position - START))
@@ -47,9 +46,7 @@ def test_a_joint_in_motion_is_not_named() -> None:
     (0.03, 1.5, 'dry friction can hold it'),
     (0.03, 0.0, 'dry friction, which the model lacks, can hold it'),
     (0.15, 0.0, 'a load that the model does not contain')])
-def test_a_joint_that_does_not_arrive_is_named(
-    missing: float, coulomb: float, cause: str,
-) -> None:
+def test_a_joint_that_does_not_arrive_is_named(missing: float, coulomb: float, cause: str) -> None:
     words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
     assert words.startswith(
         f"'joint2' rests {1e3 * missing:.3g} mrad from its goal, expected at most 10 mrad")

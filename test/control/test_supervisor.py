@@ -67,14 +67,6 @@ def test_the_first_effort_is_the_gravity_torque() -> None:
     assert one.limiter.active.rate.tolist() == [True, True]
 
 
-def test_an_effort_changes_as_far_as_the_time_between_the_stamps_allows() -> None:
-    """At any time of arrival; without that time, since the last effort."""
-    for dt, passed in ((0.001, 0.001), (0.004, 0.004), (None, PERIOD)):
-        one = running()
-        change = np.subtract(answer(one, START + PERIOD, PUSH, dt=dt), HOLD)
-        assert np.abs(change).max() == pytest.approx(RATE * passed)
-
-
 # --- timeout of the states -----------------------------------------------------------------------
 
 def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
@@ -116,16 +108,6 @@ def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
     assert one.fault_count == 1
 
 
-def test_publishers_that_contradict_each_other_indefinitely_are_one_fault() -> None:
-    """Good states of one publisher alternate with rejected ones of another: no recovery."""
-    one, fault = running(), Fault('several_publishers', 'words', recovery=100)
-    for k in range(500):
-        one.fail(START + k * PERIOD, fault)
-        answer(one, START + (k + 0.5) * PERIOD)
-        assert one.mode is Mode.FAULT
-    assert one.fault_count == 1
-
-
 def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
     one = running()
     easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
@@ -136,16 +118,6 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
     assert one.fault_count == 3
     t, _ = course(one, START + 0.4)  # the action began with the first fault
     assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.4, abs=1.5 * PERIOD)
-
-
-def test_after_a_fault_has_ended_the_next_one_is_reported_for_any_recovery() -> None:
-    one = running()
-    one.fail(START, Fault('hard', 'words', recovery=5))
-    assert states(one, 5)[-1] is Mode.RUNNING
-    one.fail(START + 6 * PERIOD, TROUBLE)
-    assert one.fault == TROUBLE
-    assert one.fault_count == 2
-    assert states(one, 7, 7) == [Mode.RUNNING]
 
 
 @pytest.mark.parametrize('moment', [0.02, 0.3, 1.2, 1.49])
@@ -206,15 +178,6 @@ def test_after_a_reset_the_usual_number_of_good_states_is_required() -> None:
     assert states(one, 12, 10) == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
 
 
-def test_a_reset_without_a_fault_fails() -> None:
-    assert make().reset() == (False, 'there is no fault')
-    one = running()
-    assert one.reset() == (False, 'there is no fault')
-    one.fail(START, TROUBLE)
-    answer(one, START + 0.01)
-    assert one.reset() == (False, 'there is no fault')  # the fault has ended
-
-
 @pytest.mark.parametrize(('fault', 'words'), [
     (LATCHED, 'broken persists: something is wrong'),
     (TROUBLE, 'ends automatically after 1 valid joint states')])
@@ -254,16 +217,6 @@ def test_the_hold_in_a_fault_is_damped() -> None:
     assert effort == pytest.approx(HOLD - 2.0 * v + q)
 
 
-def test_a_fault_found_with_a_state_is_answered_by_the_hold() -> None:
-    one = running(PUSH)
-    for k in range(1, 100):
-        effort = one.answer(
-            START + k * PERIOD, np.zeros(2), np.zeros(2), PUSH, HOLD.copy, PERIOD, None, TROUBLE)
-    assert effort == pytest.approx(HOLD)
-    assert one.mode is Mode.FAULT
-    assert one.fault_count == 1
-
-
 # --- deactivation --------------------------------------------------------------------------------
 
 def test_deactivation_ramps_to_zero_and_then_publishes_nothing() -> None:
@@ -279,18 +232,6 @@ def test_deactivation_ramps_to_zero_and_then_publishes_nothing() -> None:
     assert [answer(one, START + 1.0, PUSH), one.tick(START + 1.1)] == SILENT
 
 
-def test_deactivation_ignores_further_events() -> None:
-    one = running()
-    one.deactivate(START)
-    one.fail(START + 0.1, LATCHED)
-    answer(one, START + 0.1, PUSH, q=(1e3, 0.0))
-    one.activate()
-    assert one.mode is Mode.STOPPING
-    assert one.fault is None
-    course(one, START + 0.1)
-    assert one.mode is Mode.INACTIVE
-
-
 @pytest.mark.parametrize(('rate', 'ramp_time', 'expected'), [
     (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
 def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: float) -> None:
@@ -300,28 +241,6 @@ def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: f
     t, _ = course(one)
     assert t[-1] == pytest.approx(expected, abs=2 * PERIOD)
     assert one.time_to_stop == BRAKING_TIME + ramp_time  # the effort is zero already
-
-
-def test_without_an_effort_deactivation_is_at_once() -> None:
-    one = make()
-    one.activate()
-    one.deactivate(START)
-    assert one.mode is Mode.INACTIVE
-    one = running()
-    one.fail(START, TROUBLE)
-    course(one)
-    one.deactivate(START + 10.0)
-    assert one.mode is Mode.INACTIVE
-
-
-def test_deactivation_takes_over_from_a_fault_action() -> None:
-    one = running()
-    one.fail(START, TROUBLE)
-    one.tick(START + 0.5)
-    one.deactivate(START + 0.5)
-    t, efforts = course(one, START + 0.5)
-    assert efforts[0] == pytest.approx(HOLD)
-    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
 
 
 # --- another model, other options ----------------------------------------------------------------

@@ -15,33 +15,26 @@ from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TOLERANCE,
     default_tolerances,
-    GoalResult,
     MOVED,
     ResultCode,
     Tolerances,
-    TrajectoryGoal,
     with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.retiming import retime
 
-ARMS = ('two_link', 'ur10', 'panda')
+ARMS = ('default', 'ur10', 'panda')
 WAY = 0.3
 """[rad] of the motions."""
 
 
-def arm_of(name: str) -> ArmModel:
-    return load_arm(default_arm_urdf()) if name == 'two_link' else smooth_arm(name)
-
-
 @pytest.fixture(params=ARMS)
 def bench(request: pytest.FixtureRequest) -> LockStep:
-    return held(arm_of(request.param))
+    return held(smooth_arm(request.param))
 
 
 def held(arm: ArmModel, **options: Any) -> LockStep:
@@ -53,10 +46,9 @@ def held(arm: ArmModel, **options: Any) -> LockStep:
 
 def plan(bench: LockStep, seconds: float = 1.5, way: float = WAY) -> JointTrajectory:
     """Return a motion from rest to rest, as a planner sends it: velocities and accelerations."""
-    q, names = bench.q, bench.arm.joint_names
-    goal = q + way * directions(len(q))
-    zero = [[0.0] * len(q)] * 2
-    return make_trajectory(names, [0.0, seconds], [q, goal], zero, zero, names)
+    q, zero = bench.q, [0.0 * bench.q] * 2
+    return make_trajectory(
+        bench.arm.joint_names, [0.0, seconds], [q, q + way * directions(len(q))], zero, zero)
 
 
 def tight(bench: LockStep, **changes: Any) -> Tolerances:
@@ -66,9 +58,10 @@ def tight(bench: LockStep, **changes: Any) -> Tolerances:
         'goal': np.full(n, 0.005), 'goal_velocity': np.full(n, np.nan), **changes})
 
 
-def result_of(goal: TrajectoryGoal) -> GoalResult:
-    assert goal.result is not None
-    return goal.result
+def cancel(bench: LockStep, goal: Any) -> float:
+    """Cancel a goal; return the time [s] until the end of the planned stop."""
+    bench.loop.goals.cancel(goal)
+    return 1e-9 * (bench.loop.controller.trajectory.end_ns - FIRST_STAMP) - 1e-3 * bench.k
 
 
 # ---------------------------------------------------------------------- results
@@ -80,7 +73,7 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
     bench.run(1.4)
     assert goal.result is None
     bench.run(0.4)
-    assert result_of(goal) == (ResultCode.SUCCESSFUL, '', False)
+    assert goal.result == (ResultCode.SUCCESSFUL, '', False)
     assert len(ends) == 1
     assert bench.q == pytest.approx(trajectory.points[-1].position, abs=0.005)
     assert bench.loop.goals.goal is None
@@ -89,7 +82,6 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
 def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
     goal = bench.loop.execute(plan(bench))
     trace = bench.run(0.75)
-    assert goal.progress is not None
     k = (goal.progress.stamp_ns - FIRST_STAMP) // MS - round(1e3 * trace.t[0])
     assert goal.progress.position == pytest.approx(trace.q[k - 1], abs=1e-12)  # after its step
     assert goal.progress.desired.position == pytest.approx(trace.q[k], abs=0.01)
@@ -102,7 +94,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
     push[0] = 0.05 * min(bench.arm.limits.effort[0], 100.0)
     bench.push = lambda t: push
     bench.run(1.0)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert 'expected at most 1 mrad' in message
     assert any(name in message for name in bench.arm.joint_names)
@@ -113,7 +105,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
 
 
 def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
-    arm = arm_of('two_link')
+    arm = smooth_arm('default')
     loaded = arm.with_payloads([make_payload(
         'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
     bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3))
@@ -124,14 +116,14 @@ def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
     bench.run(1.9)
     assert goal.result is None
     bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
     assert message.startswith('goal tolerance, 0.5 s after the end: ')
     assert bench.loop.controller.trajectory is not None  # the goal is held all the same
 
 
 def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal=np.full(2, 1e-15), goal_time=math.inf))
     bench.run(10.0)
@@ -139,11 +131,11 @@ def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
 
 
 def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
     bench.run(1.7)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
     assert 'the velocity of ' in message
 
@@ -156,13 +148,10 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 ) -> None:
     goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(share)
-    bench.loop.goals.cancel(goal)
-    active = bench.loop.controller.trajectory
-    assert active is not None
-    stop = 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k
+    stop = cancel(bench, goal)
     assert goal.result is None
     trace = bench.run(stop + 0.05)
-    assert result_of(goal).is_canceled
+    assert goal.result.is_canceled
     assert trace.speed[-1] < 0.03
     assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
 
@@ -172,16 +161,13 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 def test_slow_states_and_commands_delay_the_rest_little(
     name: str, rate: float, delay: int,
 ) -> None:
-    bench = held(arm_of(name), rate=rate, delay=delay)
+    bench = held(smooth_arm(name), rate=rate, delay=delay)
     for share in (0.2, 0.5, 0.8):
         bench.run(1.0)
         goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
         bench.run(share)
-        bench.loop.goals.cancel(goal)
-        active = bench.loop.controller.trajectory
-        assert active is not None
-        bench.run(1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k + 0.05)
-        assert result_of(goal).is_canceled
+        bench.run(cancel(bench, goal) + 0.05)
+        assert goal.result.is_canceled
         assert np.abs(bench.v).max() < 0.05
 
 
@@ -192,21 +178,19 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     rate: float, speed: float, phase: float, vibrates: bool,
 ) -> None:
     """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.2)
-    bench.loop.goals.cancel(goal)
-    active = bench.loop.controller.trajectory
-    assert active is not None
+    end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
     rate = max(rate, 250.0) if vibrates else rate
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
     for t, one in zip(times, q):
-        goal.judge(active.end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
+        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
     if vibrates or speed > 1.01 * MOVED / 0.02:
         assert goal.result is None
     elif speed < 0.99 * MOVED / 0.02:
-        assert result_of(goal).is_canceled
+        assert goal.result.is_canceled
 
 
 def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
@@ -215,10 +199,10 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     back = plan(bench, 2.0, 0.0)
     second = bench.loop.execute(JointTrajectory(back.joint_names, back.points[1:]))
     goal = back.points[-1].position.round(4).tolist()
-    assert result_of(first) == (
+    assert first.result == (
         ResultCode.INVALID_GOAL, f'another goal has replaced this one: {goal}', False)
     bench.run(3.0)
-    assert result_of(second).code is ResultCode.SUCCESSFUL
+    assert second.result.code is ResultCode.SUCCESSFUL
 
 
 @pytest.mark.parametrize(('end', 'words'), [
@@ -228,22 +212,22 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
     (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
 def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str) -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     end(bench)
     bench.run(0.1)
-    code, message, is_canceled = result_of(goal)
+    code, message, is_canceled = goal.result
     assert (code, is_canceled) == (ResultCode.INVALID_GOAL, False)
     assert words in message
 
 
 def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
-    bench = held(arm_of('two_link'), following_error=[0.01, 0.01])
+    bench = held(smooth_arm('default'), following_error=[0.01, 0.01])
     goal = bench.loop.execute(plan(bench))
     bench.push = lambda t: np.array([0.0, 8.0])
     bench.run(1.0)
-    code, message, _ = result_of(goal)
+    code, message, _ = goal.result
     assert code is ResultCode.PATH_TOLERANCE_VIOLATED
     assert message.startswith('fault following_error')
 
@@ -252,11 +236,11 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
     ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
     ('position_limit', ResultCode.INVALID_GOAL)])
 def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCode) -> None:
-    bench = held(arm_of('two_link'))
+    bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
-    assert result_of(goal)[:2] == (
+    assert goal.result[:2] == (
         code, f'fault {name}: unlike following_error, a message has any words')
     assert bench.loop.goals.goal is None
 
@@ -268,21 +252,20 @@ def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> Non
     bench.run(0.042)
     bench.sensor = sensor
     bench.run(1.4)
-    assert result_of(goal).code is ResultCode.SUCCESSFUL
+    assert goal.result.code is ResultCode.SUCCESSFUL
 
 
 # ---------------------------------------------------------------------- refusals
 
 def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
     q, names = bench.q, bench.arm.joint_names
-    goal = q + WAY * directions(len(q))
     first = bench.loop.execute(plan(bench))
     bench.run(0.1)
-    path = make_trajectory(names, [0.0, 0.01], [q, goal], expected_joints=names)
+    path = make_trajectory(names, [0.0, 0.01], [q, q + WAY * directions(len(q))])
     with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
         bench.loop.execute(path)
     bench.run(1.9)
-    assert result_of(first).code is ResultCode.SUCCESSFUL
+    assert first.result.code is ResultCode.SUCCESSFUL
 
 
 def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
@@ -292,11 +275,10 @@ def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
     first = bench.loop.execute(plan(bench, 4.0))
     bench.run(0.1)
     with pytest.raises(TrajectoryError, match='s late, expected at most 0.5 s'):
-        bench.loop.execute(make_trajectory(
-            names, [0.0, 4.0], [q + way, q], zero, zero, names))
+        bench.loop.execute(make_trajectory(names, [0.0, 4.0], [q + way, q], zero, zero))
     assert bench.loop.goals.goal is first
     bench.run(4.2)
-    assert result_of(first).code is ResultCode.SUCCESSFUL
+    assert first.result.code is ResultCode.SUCCESSFUL
 
 
 # ---------------------------------------------------------------------- tolerances
@@ -342,7 +324,7 @@ def test_default_tolerances_are_those_of_the_goal_only() -> None:
 def test_preempted_plans_keep_the_limits(name: str) -> None:
     """200 goals on three arms, each replaced at a random time by one to a random position."""
     rng = np.random.default_rng(7)
-    arm = arm_of(name)
+    arm = smooth_arm(name)
     bench, n = held(arm), arm.joint_count
     start, limit = bench.q, arm.limits.velocity
     rates = bench.loop.supervisor.limiter.limits.rate
@@ -350,14 +332,14 @@ def test_preempted_plans_keep_the_limits(name: str) -> None:
     for _ in range(67):
         goal = start + rng.uniform(-0.3, 0.3, n)
         goals.append(bench.loop.execute(make_trajectory(
-            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal], expected_joints=arm.joint_names)))
+            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal])))
         trace = bench.run(rng.uniform(0.05, 0.6))
         assert (np.abs(trace.v) <= 1.05 * limit).all()
         sent = trace.effort[~np.isnan(trace.effort).any(axis=1)]
         assert (np.abs(np.diff(sent, axis=0)) <= 1.001 * 2e-3 * rates + 1e-9).all()
     bench.run(3.0)
-    assert result_of(goals[-1]).code is ResultCode.SUCCESSFUL
-    assert {result_of(goal).code for goal in goals[:-1]} <= {
+    assert goals[-1].result.code is ResultCode.SUCCESSFUL
+    assert {goal.result.code for goal in goals[:-1]} <= {
         ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
 
 
@@ -377,12 +359,9 @@ def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> 
         bench = held(arm, q=ends[0])
         goal = bench.loop.execute(fast)
         bench.run(0.5 * fast.duration)
-        bench.loop.goals.cancel(goal)
-        active = bench.loop.controller.trajectory
-        assert active is not None
-        assert 1e-9 * (active.end_ns - FIRST_STAMP) - 1e-3 * bench.k < longest
+        assert cancel(bench, goal) < longest
         trace = bench.run(3.0)
-        assert result_of(goal).is_canceled
+        assert goal.result.is_canceled
         assert (trace.q >= arm.limits.lower).all()
         assert (trace.q <= arm.limits.upper).all()
         assert (np.abs(trace.v) <= 1.05 * arm.limits.velocity).all()

@@ -59,11 +59,6 @@ def test_the_coefficients_of_a_series_do_not_depend_on_one_another() -> None:
     assert np.linalg.matrix_rank(basis.position) == 8
 
 
-def test_one_harmonic_cannot_begin_and_end_at_rest() -> None:
-    with pytest.raises(InvalidInputError, match='harmonics is 1, expected at least 2'):
-        series_basis(1, DURATION, np.zeros(1))
-
-
 # ------------------------------------------------------------------------------ the motion
 
 @pytest.fixture(scope='module')

@@ -184,25 +184,18 @@ def test_each_joint_has_one_of_both_inertias() -> None:
     assert motors.reflected_inertia == pytest.approx([0.1, 0.4, 0.0])
 
 
-def step_response(step: float, duration: float) -> tuple[float, float]:
-    """Return velocity and current of a motor at its voltage limit."""
-    actuators = motor(efficiency=[1.0], voltage_limit=[24.0], inductance=[0.05])
-    simulation = released(one_link(actuators), max_step=step)
-    simulation.step(np.array([1e6]), duration)  # a high request: the voltage is at its limit
-    assert simulation._drive is not None
-    return float(simulation.v[0]), float(simulation._drive.current[0])
-
-
 def test_a_motors_step_response_is_that_of_its_linear_equations() -> None:
     """L di/dt = V − R i − K_e N v and (J + N² J_r) dv/dt = N K_t i, by matrix exponential."""
     K, N, R, L, V, t = 0.05, 100.0, 0.8, 0.05, 24.0, 0.15
     J = ABOUT_JOINT + N**2 * 2e-5
     A = np.array([[0.0, N * K / J, 0.0], [-K * N / L, -R / L, V / L], [0.0, 0.0, 0.0]])
     v, i, _ = expm(A * t) @ np.array([0.0, 0.0, 1.0])
-    errors = []
+    actuators, errors = motor(efficiency=[1.0], voltage_limit=[V], inductance=[L]), []
     for step in (2e-3, 1e-3, 5e-4):
-        speed, current = step_response(step, t)
-        errors.append(max(abs(speed - v) / abs(v), abs(current - i) / abs(i)))
+        simulation = released(one_link(actuators), max_step=step)
+        simulation.step(np.array([1e6]), t)  # a high request: the voltage is at its limit
+        found = np.array([simulation.v[0], simulation._drive.current[0]])
+        errors.append(np.abs(found / [v, i] - 1.0).max())
     assert errors[1] < 1e-3, errors
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert (orders > 1.9).all(), (orders, errors)

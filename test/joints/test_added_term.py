@@ -102,8 +102,6 @@ def test_names_are_unique() -> None:
 @pytest.mark.parametrize(('changes', 'lacking'), [
     ({'heading': ''}, ['column']),
     ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load_coefficient'])])
-def test_an_incomplete_term_is_found(
-    changes: dict[str, str], lacking: Sequence[str],
-) -> None:
+def test_an_incomplete_term_is_found(changes: dict[str, str], lacking: Sequence[str]) -> None:
     fields = tuple(field._replace(**changes) for field in GEARS.fields)
     assert incomplete(GEARS._replace(fields=fields)) == lacking

@@ -33,9 +33,7 @@ torques = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3).map(np.arra
 
 
 def drive(scale: Any = (0.7, 1.3, 1.0), offset: Any = (1.0, -2.0, 0.0)) -> EffortCalibration:
-    made = make_effort_calibration(NAMES, scale, offset, LIMIT)
-    assert made is not None
-    return made
+    return make_effort_calibration(NAMES, scale, offset, LIMIT)
 
 
 # --- conversions ---------------------------------------------------------------------------------
@@ -100,7 +98,6 @@ def test_drives_whose_effort_is_the_torque_cost_nothing(scale: Any, offset: Any)
 
 def test_one_value_is_for_all_joints() -> None:
     some = make_effort_calibration(NAMES, [2.0], [-1.5])
-    assert some is not None
     assert some.scale.tolist() == [2.0] * 3
     assert some.offset.tolist() == [-1.5] * 3
     assert np.isinf(some.limit).all()
@@ -126,7 +123,6 @@ def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque() -> No
     values = {'joints': ['joint2', 'joint1'], 'effort.scale': [0.5, 2.0],
               'effort.offset': [4.0, -10.0]}
     arm = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2'))
-    assert arm.drive is not None
     assert arm.drive.scale.tolist() == [2.0, 0.5]
     assert arm.drive.offset.tolist() == [-10.0, 4.0]
     limit = load_arm(default_arm_urdf()).limits.effort
@@ -150,7 +146,6 @@ def covariance_of(deviations: list[float], seed: int = 0) -> np.ndarray:
 def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
     C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
     known = make_effort_calibration(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
-    assert known is not None
     drawn = np.random.default_rng(1).multivariate_normal(
         [*known.scale, *known.offset], C, 20_000)
     effort = np.array([8.0, -20.0, 5.0])
@@ -176,10 +171,8 @@ def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints() -> Non
     values = {'joints': ['joint2', 'joint1'],
               'effort.covariance': C[np.tril_indices(4)].tolist()}
     swapped = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2')).drive
-    assert swapped is not None
     assert swapped.covariance == pytest.approx(C[np.ix_([1, 0, 3, 2], [1, 0, 3, 2])])
     single = arm_from_parameters(default_arm_urdf(), values, ('joint1',)).drive
-    assert single is not None
     assert single.covariance == pytest.approx(C[np.ix_([1, 3], [1, 3])])
 
 

@@ -10,11 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import (
-    FRICTION_FIELDS,
-    JointFriction,
-    make_friction,
-)
+from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction, make_friction
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
@@ -84,6 +80,12 @@ def test_the_sigmoid_of_identification() -> None:
     ('offset', [0.0, -1.5], "friction.offset of 'joint2' is -1.5, expected at most"),
     ('viscous', [1.0, 2.0, 3.0], 'friction.viscous has 3 values, expected 2'),
     ('offset', [float('nan')], r'friction.offset\[0\] is nan, expected a finite number'),
+    ('sigmoid', [-1.0], "friction.sigmoid of 'joint1' is -1, expected a number >= 0"),
+    ('sigmoid_velocity', [0.1, 0.0], "friction.sigmoid_velocity of 'joint2' is 0, expected"),
+    ('load_coefficient', [0.96],
+     r"friction.load_coefficient of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
+    ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
+    ('effort_bias', [1.0, 2.0, 3.0], 'friction.effort_bias has 3 values, expected 2'),
 ])
 def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
     parameters = {'coulomb': [1.0], field: value}
@@ -168,15 +170,6 @@ def test_other_processes_get_the_same_friction() -> None:
 
 # --- sticking ------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('fraction', [0.0, 0.9, 0.9999, -0.9999])
-def test_no_creep_in_ten_minutes(fraction: float) -> None:
-    simulation = released(one_link(coulomb=1.0, static=1.5), (0.4,))
-    for _ in range(10):
-        simulation.step(np.array([fraction * 1.5]), 60.0)
-    assert simulation.q.tolist() == [0.4]
-    assert simulation.v.tolist() == [0.0]
-
-
 def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
     torque = MASS * 9.81 * COM * np.sin(0.1)
     holds = one_link(gravity=9.81, coulomb=0.9 * torque, static=1.01 * torque)
@@ -199,19 +192,21 @@ def test_a_pendulum_comes_to_rest_and_stays() -> None:
 
 
 def test_stick_slip_breaks_away_at_the_static_friction() -> None:
-    """A spring whose end moves slowly: the torque at each break-away is F_s."""
-    F_s, stiffness, pull = 1.5, 20.0, 0.2
-    simulation = released(one_link(coulomb=0.8, static=F_s, stribeck_velocity=0.02), (0.0,))
-    period, torques, stuck, sticks = 1e-3, [], True, 0
+    """A spring whose end moves slowly: F_s at each break-away, less than F_c where it sticks."""
+    F_s, F_c, stiffness, pull = 1.5, 0.8, 20.0, 0.2
+    simulation = released(one_link(coulomb=F_c, static=F_s, stribeck_velocity=0.02), (0.0,))
+    period, torques, stuck, ends = 1e-3, [], True, []
     for k in range(8000):
         tau = stiffness * (pull * k * period - simulation.q[0])
         _, v = simulation.step(np.array([tau]), period)
         if stuck and v[0] != 0.0:
             torques.append(tau)
-        sticks += not stuck and v[0] == 0.0
+        if not stuck and v[0] == 0.0:
+            ends.append(tau)
         stuck = v[0] == 0.0
     assert len(torques) >= 5
-    assert sticks >= 4
+    assert len(ends) >= 4
+    assert max(ends) < F_c
     assert torques == pytest.approx([F_s] * len(torques), rel=0.01)
     assert min(torques) >= F_s  # no earlier break-away
 

@@ -10,7 +10,6 @@ import pytest
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import load_arm
@@ -49,15 +48,6 @@ def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
 
 
 @laws
-@given(values, values, values, values)
-def test_the_load_comes_back(v1, v2, load1, load2):
-    v, load = np.array([v1, v2]), 20.0 * np.array([load1, load2])
-    friction = gears()
-    back = friction.load_behind(v, load + friction.effort(v, load))
-    assert back == pytest.approx(load, rel=1e-12, abs=1e-12)
-
-
-@laws
 @given(st.lists(values, min_size=6, max_size=6))
 def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     q, v, a = np.array(numbers).reshape(3, 2)
@@ -76,19 +66,6 @@ def test_a_joint_at_rest_that_is_torn_off_bears_its_offset():
     q, rest = np.array([0.3, 0.4]), np.zeros(2)
     hold = dynamics.rigid_body.gravity(q) + np.array([0.4, -2.0])
     assert dynamics.forward_dynamics(q, rest, hold) == pytest.approx(np.zeros(2), abs=1e-12)
-
-
-@pytest.mark.parametrize(('field', 'value', 'words'), [
-    ('sigmoid', [-1.0], "friction.sigmoid of 'joint1' is -1, expected a number >= 0"),
-    ('sigmoid_velocity', [0.1, 0.0], "friction.sigmoid_velocity of 'joint2' is 0, expected"),
-    ('load_coefficient', [0.96],
-     r"friction.load_coefficient of 'joint1' is 0.96, expected a number in \[0, 0.95\]"),
-    ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
-    ('effort_bias', [1.0, 2.0, 3.0], 'friction.effort_bias has 3 values, expected 2'),
-])
-def test_invalid_values_are_rejected_by_name(field, value, words):
-    with pytest.raises(InvalidInputError, match=words):
-        gears(**{field: value})
 
 
 def tracked_friction(friction, v, error, rate, load):

@@ -49,14 +49,6 @@ def test_each_degree_is_continuous_up_to_its_own_derivative(fields, continuous):
         np.testing.assert_allclose(active.sample(EPOCH)[k], before[k], atol=1e-12)
 
 
-def test_a_knot_gives_its_point():
-    path = smooth((0.5, 1.0, 1.7))
-    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
-    for p in path.points:
-        found = active.sample(EPOCH + round(p.time_from_start * SECOND))
-        assert_same(found, Reference(p.position, p.velocity, p.acceleration), 1e-12)
-
-
 @laws
 @given(start=st.integers(1, 2 * EPOCH), span=st.integers(-SECOND, 4 * SECOND))
 def test_a_shift_of_time_changes_not_one_bit(start, span):
@@ -64,14 +56,6 @@ def test_a_shift_of_time_changes_not_one_bit(start, span):
     here, there = (ActiveTrajectory(path, t, t, REST) for t in (start, start + EPOCH))
     for x, y in zip(here.sample(start + span), there.sample(start + EPOCH + span)):
         assert x.tobytes() == y.tobytes()
-
-
-def test_one_nanosecond_at_the_epoch_is_one_nanosecond_of_motion():
-    path = trajectory((1.0, 2.0), ((0.0, 0.0), (1.0, -1.0)))
-    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
-    now = EPOCH + SECOND + SECOND // 2
-    step = active.sample(now + 1).position - active.sample(now).position
-    np.testing.assert_allclose(step, (1e-9, -1e-9), rtol=1e-6)
 
 
 def test_the_order_of_samples_does_not_matter():
@@ -106,14 +90,6 @@ def test_a_set_point_is_held_with_what_it_carries(v, a, expected):
     active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
     for span in (0, 1, 1000 * SECOND):
         assert_same(active.sample(EPOCH + span), Reference(*map(np.array, expected)), 0.0)
-
-
-def test_a_set_point_with_a_time_is_reached_from_the_state_before():
-    path = trajectory((2.0,), ((1.0, 0.0),), ((0.0, 0.0),), ((0.0, 0.0),))
-    active = ActiveTrajectory(path, EPOCH, EPOCH, REST)
-    middle = active.sample(EPOCH + SECOND)
-    expected = Reference(np.array([0.5, 0.0]), np.array([15.0 / 16.0, 0.0]), np.zeros(2))
-    assert_same(middle, expected, 1e-14)
 
 
 def test_a_start_in_the_future_is_led_to_from_the_arrival():
@@ -195,33 +171,6 @@ def test_a_measured_state_that_no_arm_has_starts_nothing(position, velocity, wor
     with pytest.raises(InvalidInputError, match=words):
         follower.start(smooth((1.0, 2.0)), EPOCH, position, velocity)
     assert follower.active is None
-
-
-def test_after_clear_the_measured_state_counts_again():
-    follower = TrajectoryFollower(JOINTS)
-    follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
-    follower.clear()
-    assert follower.sample(EPOCH) is None
-    follower.start(trajectory(), EPOCH + SECOND, (0.7, 0.8), (0.0, 0.0))
-    np.testing.assert_allclose(follower.sample(EPOCH + SECOND).position, (0.7, 0.8))
-
-
-def test_the_old_trajectory_is_discarded_at_once():
-    follower = TrajectoryFollower(JOINTS)
-    old = trajectory((0.0, 10.0), ((0.0, 0.0), (10.0, 0.0)))
-    new = trajectory((0.0, 1.0), ((0.0, 0.0), (1.0, 0.0)))
-    follower.start(old, EPOCH, (0.0, 0.0), (0.0, 0.0))
-    now = EPOCH + 2 * SECOND
-    follower.start(new, now, (0.0, 0.0), (0.0, 0.0), stamp_ns=now + 2 * SECOND)
-    for seconds, q in ((0, 2.0), (1, 1.0), (2, 0.0), (3, 1.0)):
-        found = follower.sample(now + seconds * SECOND).position[0]
-        assert found == pytest.approx(q, abs=1e-12)
-
-
-def test_a_start_stamp_of_zero_is_now():
-    follower = TrajectoryFollower(JOINTS)
-    active = follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
-    assert (active.start_ns, active.end_ns) == (EPOCH, EPOCH + 2 * SECOND)
 
 
 def test_an_end_in_the_past_is_refused_and_changes_nothing():

@@ -206,7 +206,6 @@ def test_jerks_of_smooth_motions_are_linear_in_the_start(count: int) -> None:
         jerks = []
         for start in (first, second, [x + y for x, y in zip(first, second)]):
             phases = smooth_to_rest(*start, wide, T)
-            assert phases is not None
             jerks.append([j for _, j in phases])
         for one, other, both in zip(*jerks):
             assert one + other == pytest.approx(both, abs=1e-9 * max(abs(one), abs(other), 1.0))
@@ -232,17 +231,12 @@ WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
 def test_a_smooth_motion_from_rest_can_be_the_shortest_one() -> None:
     shortest = to_rest(1.0, *REST, WIDE)
     slower = smooth_to_rest(1.0, *REST, WIDE, 1.001 * duration(shortest))
-    assert slower is not None
     assert max(abs(j) for _, j in slower) == pytest.approx(4.0, rel=1e-2)
     assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 
 
-def test_a_short_motion_from_rest_has_the_known_duration() -> None:
-    phases = to_rest(1.0, *REST, WIDE)
-    assert duration(phases) == pytest.approx((32.0 * 1.0 / 4.0) ** (1.0 / 3.0))
-
-
-def test_a_long_motion_from_rest_has_the_known_duration() -> None:
+def test_short_and_long_motions_from_rest_have_the_known_durations() -> None:
+    assert duration(to_rest(1.0, *REST, WIDE)) == pytest.approx((32.0 * 1.0 / 4.0)**(1.0 / 3.0))
     phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
     assert len(phases) == 7
     assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
@@ -342,9 +336,7 @@ def test_no_motion_takes_longer_than_that_of_the_oracle(
 
 
 @counts
-def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(
-    oracle: Oracle, count: int,
-) -> None:
+def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(oracle: Oracle, count: int) -> None:
     for problem in problems(count, symmetric=False):
         v_end, v, a, bounds = problem
         T = oracle.plan('Velocity', v_end, problem).duration

@@ -83,24 +83,16 @@ def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(
 
 
 @pytest.mark.parametrize('name', ARMS)
-@given(limited=st.lists(st.booleans(), min_size=16, max_size=16))
+@given(limited=st.lists(st.booleans(), min_size=16, max_size=16),
+       scale=st.sampled_from([1.0, 0.1, 1e-6, 0.0]))
 @laws
-def test_without_effort_limits_all_values_are_finite_and_positive(
-    name: str, limited: list[bool],
+def test_with_low_effort_limits_or_without_all_values_are_finite_and_positive(
+    name: str, limited: list[bool], scale: float,
 ) -> None:
     n, arm = arm_of(name).joint_count, arm_of(name)
-    effort = np.where(limited[:n], arm.limits.effort, np.inf)
+    effort = np.where(limited[:n], scale * arm.limits.effort, np.inf)
     rates = np.where(limited[8:8 + n], rate(name), np.inf)
     limits = workspace(name).motion_limits(effort, rates)
-    for values in (limits.velocity, limits.acceleration, limits.jerk):
-        assert np.isfinite(values).all()
-        assert (values > 0.0).all()
-
-
-@pytest.mark.parametrize('scale', [0.0, 1e-6, 0.1])
-def test_a_low_effort_limit_leaves_positive_limits(scale: float) -> None:
-    effort = scale * arm_of('default').limits.effort
-    limits = workspace('default').motion_limits(effort, rate('default'))
     for values in (limits.velocity, limits.acceleration, limits.jerk):
         assert np.isfinite(values).all()
         assert (values > 0.0).all()

@@ -4,50 +4,27 @@
 """A reference that ends in motion: each joint stops at once, within its limits."""
 
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.jerk_profile import Bounds, duration, extremes, stop
-from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 from robot_dynamics.references.reference_generator import ReferenceGenerator
-from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.joint_trajectory import nanoseconds
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
 from robots import robot_urdf
+from sampled_references import at, generator, laws, NAMES, NOW, ns, samples, SECOND, ZERO
 
-NAMES = ('a', 'b')
-SECOND = 1_000_000_000
-NOW = 1_790_000_000 * SECOND
-ZERO = np.zeros(2)
-LIMITS = MotionLimits(*np.full((2, 5), (-10.0, 10.0, 1.0, 5.0, 90.0)).T)
 BOUNDS = [Bounds(-1.0, 1.0, -5.0, 5.0, 90.0)] * 2
 CURVE = quintic_via_points(
     NAMES, [0.0, 1.0, 2.0, 3.0, 4.0],
     [[0.0, 0.0], [0.5, 0.6], [1.2, 0.4], [1.5, -0.4], [0.8, -0.6]])
 
-laws = settings(max_examples=25)
-
-
-def ns(t: float) -> int:
-    return NOW + nanoseconds(t)
-
-
-def samples(one: ReferenceGenerator, times: FloatArray) -> Reference:
-    rows = [one.sample(ns(t)) for t in times.tolist()]
-    return Reference(*(np.array(x) for x in zip(*(r for r in rows if r is not None))))
-
 
 def end_of(one: ReferenceGenerator) -> float:
     return (one.active.end_ns - NOW) / SECOND
-
-
-def largest_jerk(found: Reference, duration: float) -> float:
-    step = max(duration, 1e-3) / (len(found.position) - 1)
-    return float(np.abs(np.diff(found.acceleration, axis=0)).max() / step)
 
 
 # --- along a path --------------------------------------------------------------------------------
@@ -55,24 +32,23 @@ def largest_jerk(found: Reference, duration: float) -> float:
 @laws
 @given(st.floats(0.05, 3.9))
 def test_a_stop_on_a_path_is_the_earliest_stop_of_each_joint(t: float) -> None:
-    one = ReferenceGenerator(NAMES, (), LIMITS)
+    one = generator()
     one.start(CURVE, NOW, ZERO, ZERO)
-    before = one.sample(ns(t))
+    before = at(one, t)
     one.stop(ns(t), ZERO, ZERO)
-    for old, new in zip(before, one.sample(ns(t)) or ()):
+    for old, new in zip(before, at(one, t)):
         assert new == pytest.approx(old, abs=1e-9)
     end = end_of(one)
-    found = samples(one, np.linspace(t, end + 0.1, 400))
-    assert not found.velocity[-1].any()
-    assert (np.abs(found.acceleration) <= np.maximum(
-        5.0, np.abs(before.acceleration)) + 1e-6).all()
-    assert largest_jerk(found, end + 0.1 - t) <= 1.001 * 90.0
+    found = samples(one, t, end + 0.1, 400)
+    assert not found.v[-1].any()
+    assert (np.abs(found.a) <= np.maximum(5.0, np.abs(before.acceleration)) + 1e-6).all()
+    assert found.jerk <= 1.001 * 90.0
     for j, bounds in enumerate(BOUNDS):
         # A joint that accelerates continues to do so until the jerk has removed its acceleration.
         path = stop(before.velocity[j], before.acceleration[j], bounds)
         assert duration(path) <= end - t + 1e-6
         exact = extremes(path, before.position[j], before.velocity[j], before.acceleration[j])
-        q = found.position[:, j]
+        q = found.q[:, j]
         assert exact.q_min - 1e-9 <= q.min() <= q.max() <= exact.q_max + 1e-9
         assert (q.min(), q.max()) == pytest.approx((exact.q_min, exact.q_max), abs=1e-4)
 
@@ -80,16 +56,15 @@ def test_a_stop_on_a_path_is_the_earliest_stop_of_each_joint(t: float) -> None:
 @laws
 @given(st.floats(0.2, 3.5), st.floats(0.05, 0.95))
 def test_a_second_stop_during_a_stop_changes_nothing(t: float, fraction: float) -> None:
-    one = ReferenceGenerator(NAMES, (), LIMITS)
+    one = generator()
     one.start(CURVE, NOW, ZERO, ZERO)
     one.stop(ns(t), ZERO, ZERO)
     first = end_of(one)
     again = t + fraction * (first - t)
-    times = np.linspace(again, first + 0.01, 100)
-    expected = samples(one, times)
+    expected = samples(one, again, first + 0.01, 100)
     one.stop(ns(again), ZERO, ZERO)
     assert end_of(one) == pytest.approx(first, abs=1e-6)
-    for old, new in zip(expected, samples(one, times)):
+    for old, new in zip(expected, samples(one, again, first + 0.01, 100)):
         assert new == pytest.approx(old, abs=1e-5)
 
 
@@ -98,30 +73,29 @@ def test_a_second_stop_during_a_stop_changes_nothing(t: float, fraction: float) 
 @laws
 @given(st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
 def test_a_stop_from_a_measured_state_is_within_the_limits(state: list[float]) -> None:
-    one, q, v = ReferenceGenerator(NAMES, (), LIMITS), np.array(state[:2]), np.array(state[2:])
+    one, q, v = generator(), np.array(state[:2]), np.array(state[2:])
     one.stop(NOW, q, v)
-    found = samples(one, np.linspace(0.0, end_of(one), 200))
-    assert found.position[0].tolist() == q.tolist()
-    assert found.velocity[0] == pytest.approx(v, abs=1e-12)
-    assert (np.abs(found.velocity) <= np.abs(v) + 1e-9).all()
-    assert np.abs(found.acceleration).max() <= 1.001 * 5.0
-    assert largest_jerk(found, end_of(one)) <= 1.001 * 90.0
-    assert not found.velocity[-1].any()
+    found = samples(one, 0.0, max(end_of(one), 1e-3))
+    assert found.q[0].tolist() == q.tolist()
+    assert found.v[0] == pytest.approx(v, abs=1e-12)
+    assert (np.abs(found.v) <= np.abs(v) + 1e-9).all()
+    assert np.abs(found.a).max() <= 1.001 * 5.0
+    assert found.jerk <= 1.001 * 90.0
+    assert not found.v[-1].any()
 
 
 def test_a_stop_at_rest_holds_the_position() -> None:
-    one, q = ReferenceGenerator(NAMES, (), LIMITS), np.array((0.3, -0.7))
+    one, q = generator(), np.array((0.3, -0.7))
     one.stop(NOW, q, ZERO)
-    found = samples(one, np.linspace(0.0, 0.1, 20))
-    assert found.position == pytest.approx(np.tile(q, (20, 1)), abs=1e-12)
+    assert samples(one, 0.0, 0.1, 20).q == pytest.approx(np.tile(q, (20, 1)), abs=1e-12)
 
 
 def test_a_stop_without_limits_holds_the_position_at_once() -> None:
     one = ReferenceGenerator(NAMES, (), None)
     one.start(CURVE, NOW, ZERO, ZERO)
-    before = one.sample(ns(1.0))
+    before = at(one, 1.0)
     one.stop(ns(1.0), ZERO, ZERO)
-    after = one.sample(ns(1.5))
+    after = at(one, 1.5)
     assert after.position.tolist() == before.position.tolist()
     assert not after.velocity.any()
 
@@ -148,12 +122,11 @@ def test_the_ur10_at_1_rad_per_s_stops_within_03_rad_and_54_percent_of_its_effor
         t = 0.5 * 5.625
         q = q + 1.5 * v
     one.stop(ns(t), q, v)
-    found = samples(one, np.linspace(t, end_of(one), 200))
-    assert found.velocity[0] == pytest.approx(v, abs=1e-9)
-    way = np.abs(found.position[-1] - q)
-    torque = dynamics.inverse_dynamics_batch(*found)
-    gravity = dynamics.inverse_dynamics_batch(
-        found.position, 0.0 * found.velocity, 0.0 * found.velocity)
+    found = samples(one, t, end_of(one))
+    assert found.v[0] == pytest.approx(v, abs=1e-9)
+    way = np.abs(found.q[-1] - q)
+    torque = dynamics.inverse_dynamics_batch(found.q, found.v, found.a)
+    gravity = dynamics.gravity_batch(found.q)
     assert way[0] <= 0.3  # measured: 0.14 rad, and 37 % of the effort, 19 % without gravity
     assert way[1:].max() <= 1e-9
     assert (np.abs(torque - gravity) / effort).max() <= 0.54

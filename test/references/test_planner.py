@@ -175,9 +175,7 @@ def target_case(
 # --- laws ----------------------------------------------------------------------------------------
 
 @counts
-def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(
-    count: int,
-) -> None:
+def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(count: int) -> None:
     for case in cases(count):
         check_end(case)
         for joint in case.joints():

@@ -45,8 +45,7 @@ def trajectories(draw: Any) -> JointTrajectory:
         return set_point(q, wait=draw(st.floats(0.0, 3.0)))
     first, last = draw(st.floats(0.0, 2.0)), draw(st.floats(3.0, 6.0))
     if kind == 'positions':
-        return make_trajectory(
-            NAMES, [first, last], [q.tolist(), draw(angles).tolist()], (), (), NAMES)
+        return make_trajectory(NAMES, [first, last], [q, draw(angles)])
     return quintic_via_points(NAMES, [first, 2.5, last], [q, 0.5 * q, draw(angles)])
 
 

@@ -15,16 +15,11 @@ from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.references.jerk_profile import end, Extremes, extremes
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.reference_generator import ReferenceGenerator
-from robot_dynamics.trajectories.joint_trajectory import (
-    JointTrajectory,
-    make_trajectory,
-    nanoseconds,
-)
+from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from sampled_references import ns, SECOND
 
 NAMES = ('a', 'b', 'c')
 N = len(NAMES)
-SECOND = 1_000_000_000
-NOW = 1_790_000_000 * SECOND
 SILENCE = 1.0
 """[s] after the last set-point."""
 HULL = 1e-8
@@ -43,9 +38,8 @@ class SetPoint(NamedTuple):
 
     def message(self, has_velocity: bool, has_acceleration: bool) -> JointTrajectory:
         return make_trajectory(
-            NAMES, [0.0], [self.position.tolist()],
-            [self.velocity.tolist()] if has_velocity else (),
-            [self.acceleration.tolist()] if has_acceleration else (), NAMES)
+            NAMES, [0.0], [self.position], [self.velocity] if has_velocity else (),
+            [self.acceleration] if has_acceleration else ())
 
 
 def random_limits(r: random.Random) -> MotionLimits:
@@ -116,11 +110,10 @@ def walk(
         if r.random() < 0.05:
             one.limits = limits.slower(r.choice([1.0, r.uniform(0.1, 1.0)]))
         goals.append(point.position)
-        now_ns = NOW + nanoseconds(point.time)
+        now_ns = ns(point.time)
         one.start(point.message(has_velocity, has_acceleration), now_ns, start, 0.0 * start)
-        assert one.active is not None
         until = point.time + SILENCE if following is None else following.time
-        for j, found, jerk in checked.along(one.active, now_ns, NOW + nanoseconds(until)):
+        for j, found, jerk in checked.along(one.active, now_ns, ns(until)):
             yield j, found, jerk, np.array(goals)[:, j]
 
 

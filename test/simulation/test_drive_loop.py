@@ -24,9 +24,9 @@ GIVEN: dict[str, Any] = {
     'drive.damping_limit': 0.0, 'drive.effort_limit': 0.0}
 
 
-def robot(**values: Any) -> SimulatedRobot:
+def robot(brakes: bool = True, **values: Any) -> SimulatedRobot:
     plant = SimulatedRobot(
-        ArmSimulation(ARM, Q), InnerController(ARM, EffortConvention()), True,
+        ArmSimulation(ARM, Q), InnerController(ARM, EffortConvention()), brakes,
         np.random.default_rng(0))
     plant.drive_loop = drive_loop_from(ARM, {**GIVEN, **values})
     return plant
@@ -63,10 +63,7 @@ def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command() 
 
 
 def test_without_brakes_the_arm_falls_until_the_first_command() -> None:
-    plant = SimulatedRobot(
-        ArmSimulation(ARM, Q), InnerController(ARM, EffortConvention()), False,
-        np.random.default_rng(0))
-    plant.drive_loop = drive_loop_from(ARM, GIVEN)
+    plant = robot(brakes=False)
     plant.step(0.1)
     assert np.abs(plant.simulation.v).max() > 0.1
 

@@ -160,5 +160,5 @@ class LockStep:
         """Return the trajectory of `follow`."""
         names, zero = self.arm.joint_names, [[0.0] * len(q)]
         if not seconds:
-            return make_trajectory(names, [0.0], [q.tolist()], (), (), names)
-        return make_trajectory(names, [seconds], [q.tolist()], zero, zero, names)
+            return make_trajectory(names, [0.0], [q])
+        return make_trajectory(names, [seconds], [q], zero, zero)

@@ -39,10 +39,8 @@ def generator(limits: MotionLimits | None = None) -> ReferenceGenerator:
 
 
 def set_point(q: Any, v: Any = None, a: Any = None, wait: float = 0.0) -> JointTrajectory:
-    velocities, accelerations = (
-        () if x is None else [np.asarray(x).tolist()] for x in (v, a))
-    return make_trajectory(
-        NAMES, [wait], [np.asarray(q).tolist()], velocities, accelerations, NAMES)
+    velocities, accelerations = (() if x is None else [x] for x in (v, a))
+    return make_trajectory(NAMES, [wait], [q], velocities, accelerations)
 
 
 def ns(t: float) -> int:

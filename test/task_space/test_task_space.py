@@ -77,15 +77,19 @@ def test_every_quantity_of_an_engine(engine, robot):
             if reference == 'local':
                 J, bias = in_link_axes(rotation, J, bias, v)
             M = theirs.mass_matrix(q) + rotors
-            assert_near(state.translation, point, 'translation')
-            assert_near(state.rotation, rotation, 'rotation')
-            assert_near(state.jacobian, J, 'J')
-            assert_near(state.bias_acceleration, bias, 'bias')
-            assert_near(state.mass_matrix, M, 'M')
+            assert_motion(state, (point, rotation, J, bias, M))
             assert_near(state.joint_gravity, theirs.gravity(q), 'g')
             assert_near(state.joint_coriolis, theirs.coriolis(q, v), 'C v')
             assert_near(state.inverse_inertia, J @ np.linalg.solve(M, J.T), 'inverse of inertia')
             assert_equation_of_motion(state, case, q, v)
+
+
+def assert_motion(state: TaskSpaceState, expected: tuple[Array, ...]) -> None:
+    found = (state.translation, state.rotation, state.jacobian, state.bias_acceleration,
+             state.mass_matrix)
+    for values, theirs, what in zip(
+            found, expected, ('translation', 'rotation', 'J', 'bias', 'M'), strict=True):
+        assert_near(values, theirs, what)
 
 
 def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Array) -> None:
@@ -111,12 +115,8 @@ def test_locked_joints_and_another_order(engine):
     task = TaskSpace(case.arm, 'arm_7_link', POINT)
     for q, v, _, _ in case.states(10):
         state = task.at(q, v)
-        point, rotation, J, bias = case.reference.point_motion(q, v, 'arm_7_link', POINT)
-        assert_near(state.translation, point, 'translation')
-        assert_near(state.rotation, rotation, 'rotation')
-        assert_near(state.jacobian, J, 'J')
-        assert_near(state.bias_acceleration, bias, 'bias')
-        assert_near(state.mass_matrix, case.reference.mass_matrix(q), 'M')
+        assert_motion(state, (*case.reference.point_motion(q, v, 'arm_7_link', POINT),
+                              case.reference.mass_matrix(q)))
         assert_equation_of_motion(state, case, q, v)
 
 

@@ -7,24 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from retimed import (
-    frictionless,
-    hinge,
-    INERTIA,
-    largest_ratio,
-    OPEN,
-    poses,
-    speed_up_and_down,
-)
+from retimed import frictionless, hinge, INERTIA, largest_ratio, OPEN, poses, speed_up_and_down
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.trajectories import (
-    efforts_along,
-    make_trajectory,
-    retime,
-)
+from robot_dynamics.trajectories import efforts_along, make_trajectory, retime
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import arm_without_gripper
 

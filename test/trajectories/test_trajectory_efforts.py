@@ -32,8 +32,6 @@ def test_efforts_are_those_of_the_points_own_motion() -> None:
     result = efforts_along(DYNAMICS, path)
     assert result.efforts.shape == (3, 2)
     for point, effort in zip(path.points, result.efforts):
-        assert point.velocity is not None
-        assert point.acceleration is not None
         assert effort == pytest.approx(DYNAMICS.inverse_dynamics(
             point.position, point.velocity, point.acceleration))
 
@@ -83,9 +81,7 @@ def random_path(random: np.random.Generator, points: int, fields: int) -> JointT
 @pytest.mark.parametrize('fields', [1, 2, 3, 4])
 @pytest.mark.parametrize('points', [2, 3, 8])
 @pytest.mark.parametrize('dry', [0.0, 5.0])
-def test_the_worst_place_is_that_of_the_whole_motion(
-    fields: int, points: int, dry: float,
-) -> None:
+def test_the_worst_place_is_that_of_the_whole_motion(fields: int, points: int, dry: float) -> None:
     random = np.random.default_rng(10 * points + fields)
     dynamics = ArmDynamics(DYNAMICS.arm.with_friction(
         make_friction(NAMES, [1.0, 0.5], [dry, 0.5 * dry])))
@@ -152,29 +148,19 @@ def test_the_rest_after_the_last_point_counts() -> None:
     assert result.worst_ratio >= (np.abs(DYNAMICS.rigid_body.gravity(q)) / LIMITS).max()
 
 
-def test_a_cubic_path_is_taken_with_the_acceleration_of_its_interpolation() -> None:
-    """The acceleration of a cubic from rest to rest is ±6 (q1 - q0) / T² at its ends."""
-    T = 0.5
-    path = trajectory([0.0, T], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0], [0.0, 0.0]])
-    effort = efforts_along(DYNAMICS, path).efforts[0]
-    a = 6.0 * np.array([1.0, -0.5]) / T**2
-    assert effort == pytest.approx(DYNAMICS.inverse_dynamics(np.zeros(2), np.zeros(2), a))
-
-
-def test_a_linear_path_is_taken_with_its_slope() -> None:
-    path = trajectory([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]])
-    first, last = efforts_along(DYNAMICS, path).efforts
-    v = np.array([2.0, -1.6])
-    assert first == pytest.approx(
-        DYNAMICS.inverse_dynamics(np.array([0.0, 0.3]), v, np.zeros(2)))
-    # after the last point the reference is at rest
-    assert last == pytest.approx(DYNAMICS.rigid_body.gravity(np.array([1.0, -0.5])))
-
-
-def test_one_point_is_held() -> None:
-    result = efforts_along(DYNAMICS, trajectory([0.0], [[1.0, 0.5]]))
-    assert result.efforts == pytest.approx(
-        DYNAMICS.rigid_body.gravity(np.array([1.0, 0.5]))[None])
+@pytest.mark.parametrize(('path', 'motions'), [
+    (trajectory([0.0], [[1.0, 0.5]]), [([1.0, 0.5], [0.0, 0.0], [0.0, 0.0])]),
+    (trajectory([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]]),
+     [([0.0, 0.3], [2.0, -1.6], [0.0, 0.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
+    (trajectory([0.0, 0.5], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0]] * 2),
+     [([0.0, 0.0], [0.0, 0.0], [24.0, -12.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
+], ids=['held point', 'line', 'cubic'])
+def test_a_point_has_the_motion_of_its_interpolation(
+    path: JointTrajectory, motions: list[tuple[list[float], ...]],
+) -> None:
+    """A cubic begins with 6 (q1 - q0) / T²; after the last point the reference is at rest."""
+    expected = [DYNAMICS.inverse_dynamics(*motion) for motion in motions]
+    assert efforts_along(DYNAMICS, path).efforts == pytest.approx(np.array(expected))
 
 
 def test_without_limits_everything_is_feasible() -> None:
