@@ -24,6 +24,16 @@ angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array
 
 # --- the hold ------------------------------------------------------------------------------------
 
+@given(angles, angles, angles)
+def test_the_hold_is_the_gravity_torque_for_any_reference(q, v, goal):
+    one, gravity = make_controller(), ArmDynamics(ARM).rigid_body.gravity(q)
+    assert one.update(NOW, q, v).holding_effort() == pytest.approx(gravity)
+    one.follow(set_point(goal), 0)
+    output = one.update(NOW, q, v)
+    assert output.computed_torque is not None
+    assert output.holding_effort() == pytest.approx(gravity)
+
+
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_the_hold(

@@ -48,6 +48,15 @@ def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
 
 
 @laws
+@given(values, values, values, values)
+def test_the_load_comes_back(v1, v2, load1, load2):
+    v, load = np.array([v1, v2]), 20.0 * np.array([load1, load2])
+    friction = gears()
+    back = friction.load_behind(v, load + friction.effort(v, load))
+    assert back == pytest.approx(load, rel=1e-12, abs=1e-12)
+
+
+@laws
 @given(st.lists(values, min_size=6, max_size=6))
 def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     q, v, a = np.array(numbers).reshape(3, 2)

@@ -3,6 +3,8 @@
 
 """The simulated arm with friction: exact solutions, stiction, convergence, stiff friction."""
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.joints.friction import make_friction
@@ -14,6 +16,24 @@ from scipy.integrate import solve_ivp
 from simulated_arms import COM, INERTIA, LENGTH, MASS, released
 
 # --- viscous and dry friction --------------------------------------------------------------------
+
+
+@settings(deadline=None, derandomize=True, max_examples=25)
+@given(
+    st.lists(st.floats(0.0, 5.0), min_size=4, max_size=4),
+    st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4))
+def test_friction_never_adds_energy(friction: list[float], state: list[float]) -> None:
+    arm = load_arm(planar_arm_urdf(
+        [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05],
+        viscous_friction=friction[:2], coulomb_friction=friction[2:]))
+    simulation = released(arm, state[:2], state[2:])
+    energy = sum(simulation.energy)
+    scale = 1.0 + abs(energy) + simulation.energy[0]
+    for _ in range(20):
+        simulation.step(np.zeros(2), 0.01)
+        after = sum(simulation.energy)
+        assert after <= energy + 1e-9 * scale
+        energy = after
 
 
 def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() -> None:
