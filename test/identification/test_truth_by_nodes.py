@@ -147,9 +147,7 @@ def recording(
     return path
 
 
-def test_every_base_parameter_is_within_three_deviations(
-    arm: ArmModel, recording: Path,
-) -> None:
+def test_every_base_parameter_is_within_three_deviations(arm, recording):
     """The identified model starts from the URDF: no friction, no rotors."""
     model = arm_from_parameters(default_arm_urdf(), {})
     with Recording(recording) as bag:

@@ -74,7 +74,7 @@ def numbers_of(arm: ArmModel) -> dict[str, Any]:
             'gravity': arm.pinocchio_model.gravity.linear.tolist()}
 
 
-def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
+def test_a_tool_and_a_node_read_the_same_arm(tmp_path):
     offline, of_node = (
         numbers_of(arm_from_parameters(GEARED, values))
         for values in both_values(tmp_path, EVERYTHING))
@@ -88,7 +88,7 @@ def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
     assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
 
 
-def test_defaults_are_the_same(tmp_path: Path) -> None:
+def test_defaults_are_the_same(tmp_path):
     offline, of_node = (
         numbers_of(arm_from_parameters(GEARED, values))
         for values in both_values(tmp_path, {'friction': {'sigmoid': [0.5]}}))
@@ -97,7 +97,7 @@ def test_defaults_are_the_same(tmp_path: Path) -> None:
     assert 'motors.gear_ratio' not in offline
 
 
-def test_a_reflected_inertia_needs_no_motor(tmp_path: Path) -> None:
+def test_a_reflected_inertia_needs_no_motor(tmp_path):
     for values in both_values(tmp_path, {
             'joints': ['joint2', 'joint1'], 'actuator': {'reflected_inertia': [0.05, 0.1]}}):
         arm = arm_from_parameters(GEARED, values)
@@ -107,7 +107,7 @@ def test_a_reflected_inertia_needs_no_motor(tmp_path: Path) -> None:
         assert part.reflected_inertia.tolist() == [0.1]
 
 
-def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path: Path) -> None:
+def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path):
     """K_t = 1 and N = 1 have no meaning then, but for a measured current they have."""
     motor = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
     parameters = {'joints': ['joint1', 'joint2'], 'actuator': motor}
@@ -123,7 +123,7 @@ def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path: Path
 
 
 @pytest.mark.parametrize('text', ['1e-3', '1E3', '-.5e+1', '0.5', '1.e2'])
-def test_a_tool_and_a_node_read_the_same_number(tmp_path: Path, text: str) -> None:
+def test_a_tool_and_a_node_read_the_same_number(tmp_path, text):
     path = tmp_path / 'dynamics.yaml'
     path.write_text(f'dynamics: {{ros__parameters: {{gravity: [0.0, {text}, -9.81]}}}}')
     gravity = read_parameter_file(path)['gravity']
@@ -161,7 +161,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize('case', REFUSED)
-def test_both_refuse_with_the_same_message(tmp_path: Path, case: str) -> None:
+def test_both_refuse_with_the_same_message(tmp_path, case):
     parameters, words = REFUSED[case]
     messages = set()
     for values in both_values(tmp_path, parameters):
@@ -171,7 +171,7 @@ def test_both_refuse_with_the_same_message(tmp_path: Path, case: str) -> None:
     assert len(messages) == 1
 
 
-def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
+def test_a_tool_may_use_some_joints_of_the_parameters():
     values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
               'actuator.torque_constant': [0.2, 0.1]}
     arm = arm_from_parameters(GEARED, values, ['joint1'])
@@ -184,7 +184,7 @@ def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
         arm_from_parameters(three, values, ['joint3', 'joint1'])
 
 
-def test_a_number_in_place_of_an_array_is_refused() -> None:
+def test_a_number_in_place_of_an_array_is_refused():
     with pytest.raises(
             InvalidInputError, match=r'friction\.load_coefficient is 0\.1, expected an array'):
         arm_from_parameters(GEARED, {'friction.load_coefficient': 0.1})

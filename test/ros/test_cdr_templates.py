@@ -51,7 +51,7 @@ def check(read: SensedState, message: JointState) -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(messages=st.lists(STATES, min_size=1, max_size=4), order=st.lists(st.integers(0, 3)))
-def test_states_are_read_as_rclpy_reads_them(messages: list[JointState], order: list[int]) -> None:
+def test_states_are_read_as_rclpy_reads_them(messages, order):
     """For any sequence of layouts, including repetitions of earlier ones."""
     decoder = JointStateDecoder()
     for i in [0, 0, *order]:
@@ -59,7 +59,7 @@ def test_states_are_read_as_rclpy_reads_them(messages: list[JointState], order: 
         check(decoder.decode(serialize_message(message)), message)
 
 
-def test_what_pads_the_names_may_be_anything() -> None:
+def test_what_pads_the_names_may_be_anything():
     message = state('base', ['a', 'bcd', 'ef'], [1.0, 2.0, 3.0], [], [4.0])
     data = serialize_message(message)
     decoder = JointStateDecoder()
@@ -71,14 +71,14 @@ def test_what_pads_the_names_may_be_anything() -> None:
     check(decoder.decode(data), message)
 
 
-def test_other_names_of_the_same_lengths_are_seen() -> None:
+def test_other_names_of_the_same_lengths_are_seen():
     decoder = JointStateDecoder()
     for names in (['left', 'lift'], ['left', 'lifT'], ['left', 'lift']):
         check(decoder.decode(serialize_message(state('', names, [1.0, 2.0], [], []))), state(
             '', names, [1.0, 2.0], [], []))
 
 
-def test_numbers_are_no_copies_of_one_message() -> None:
+def test_numbers_are_no_copies_of_one_message():
     """A stored state does not change when the next one is read."""
     decoder = JointStateDecoder()
     read = [decoder.decode(serialize_message(state('', ['a'], [float(i)], [], [])))
@@ -86,7 +86,7 @@ def test_numbers_are_no_copies_of_one_message() -> None:
     assert [float(one.position[0]) for one in read] == [0.0, 1.0, 2.0]
 
 
-def test_bytes_that_end_early_are_left_to_rclpy() -> None:
+def test_bytes_that_end_early_are_left_to_rclpy():
     whole = serialize_message(state('base', ['a', 'b'], [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]))
     for end in range(len(whole)):
         decoder = JointStateDecoder()
@@ -105,7 +105,7 @@ def outcome(read: Any, data: bytes) -> Any:
 
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
+def test_efforts_are_written_as_rclpy_writes_them(n):
     names = [f'joint{i}' for i in range(n)]
     named, bare = effort_template(names), array_template(n)
     strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
@@ -126,7 +126,7 @@ def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_motion_without_effort_is_written_as_rclpy_reads_it(n: int) -> None:
+def test_motion_without_effort_is_written_as_rclpy_reads_it(n):
     names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     q, v = np.arange(2.0 * n).reshape(2, n) - 0.5
     data = state_template(names, has_effort=False).filled(bytes(8), q, v)

@@ -88,7 +88,7 @@ def member_of_publisher(
     return member
 
 
-def test_publish_raw(client: RosClient) -> None:
+def test_publish_raw(client):
     publish = member_of_publisher(
         client, 'raw_publish', raw_publish, 'publish_raw',
         'commands are published by Publisher.publish, which takes longer')
@@ -99,7 +99,7 @@ def test_publish_raw(client: RosClient) -> None:
             'Publisher.handle.publish_raw does not publish bytes as they are any more')
 
 
-def test_get_subscription_count(client: RosClient) -> None:
+def test_get_subscription_count(client):
     count = member_of_publisher(
         client, 'subscription_count', subscription_count, 'get_subscription_count',
         'the control path counts subscribers by Publisher.get_subscription_count, which takes '
@@ -109,7 +109,7 @@ def test_get_subscription_count(client: RosClient) -> None:
         wait_until(lambda: count() == 1, 'a subscriber')
 
 
-def test_wait_set_and_take_message(client: RosClient) -> None:
+def test_wait_set_and_take_message(client):
     inbox = message_inbox(client.node, String, 'wait_set', QoSProfile(depth=5), can_wake=True)
     assert type(inbox) is MessageInbox, (
         'rclpy_implementation.WaitSet, Subscription.handle.take_message or Context.handle is '
@@ -147,7 +147,7 @@ def exchange_messages(client: RosClient, inbox: MessageInbox | SpunInbox) -> Non
     assert not waiter.is_alive(), 'wake() does not end a wait'
 
 
-def test_take_message_in_the_executor(client: RosClient) -> None:
+def test_take_message_in_the_executor(client):
     subscription = client.node.create_subscription(
         String, 'raw_take', lambda _: None, 5, raw=True, callback_group=LEFT_TO_A_THREAD)
     take = raw_take(subscription, String)
@@ -166,9 +166,7 @@ def test_take_message_in_the_executor(client: RosClient) -> None:
 
 
 @pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])
-def test_executors_ask_callback_groups(
-    client: RosClient, process: OwnProcess, executor: Any,
-) -> None:
+def test_executors_ask_callback_groups(client, process, executor):
     node, stolen, seen = process.other('asking'), list[Any](), list[Any]()
     topic = f'{process.namespace}/topic'
     node.create_subscription(String, topic, stolen.append, 5, callback_group=LEFT_TO_A_THREAD)
@@ -181,7 +179,7 @@ def test_executors_ask_callback_groups(
         'messages that a thread of this package waits for')
 
 
-def test_service_take_request_and_send_response(client: RosClient, process: OwnProcess) -> None:
+def test_service_take_request_and_send_response(client, process):
     name = f'{process.namespace}/service'
     service, requests = service_with_inbox(process.other('server'), Trigger, name, lambda *_: None)
     assert requests is not None, (
@@ -203,9 +201,7 @@ def test_service_take_request_and_send_response(client: RosClient, process: OwnP
     assert requests.take() == (None, None)
 
 
-def test_executors_call_the_replaced_send_response(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_executors_call_the_replaced_send_response(client, process):
     name, sent = f'{process.namespace}/replaced', list[Any]()
     service = process.other('server').create_service(Trigger, name, lambda _, answer: answer)
 
@@ -221,7 +217,7 @@ def test_executors_call_the_replaced_send_response(
         'clients that are not discovered yet are lost')
 
 
-def test_executors_call_the_replaced_callback(client: RosClient, process: OwnProcess) -> None:
+def test_executors_call_the_replaced_callback(client, process):
     node, replaced = process.other('wrapped'), list[str]()
 
     def wrap(srv_type: Any, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -243,7 +239,7 @@ def test_executors_call_the_replaced_callback(client: RosClient, process: OwnPro
         'executors do not call the attribute callback any more')
 
 
-def test_parameter_overrides(process: OwnProcess) -> None:
+def test_parameter_overrides(process):
     node = Node('overridden', context=process.context, parameter_overrides=[
         Parameter('unknown', value=1)])
     assert parameter_overrides(process.add(node)) == ['unknown'], (
@@ -253,7 +249,7 @@ def test_parameter_overrides(process: OwnProcess) -> None:
 
 
 @pytest.mark.parametrize('name', ['RCLError', 'UnknownROSArgsError'])
-def test_errors(name: str) -> None:
+def test_errors(name):
     assert error_type(name).__name__ == name, (
         f'rclpy_implementation.{name} is gone: any RuntimeError at the start is handled as one')
     assert issubclass(error_type(name), RuntimeError)
@@ -262,9 +258,7 @@ def test_errors(name: str) -> None:
 # ---------------------------------------------------------------------- fallbacks
 
 @pytest.mark.parametrize('member', MEMBERS)
-def test_without_a_member_joint_states_are_answered(
-    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
-) -> None:
+def test_without_a_member_joint_states_are_answered(client, process, monkeypatch, member):
     monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     process.simulated_arm(lock_step=True, real_time_factor=0.1)  # a step for each effort taken
     name = process.dynamics().get_fully_qualified_name()
@@ -276,18 +270,14 @@ def test_without_a_member_joint_states_are_answered(
 
 
 @pytest.mark.parametrize('member', ['HANDLE', 'TAKE_MESSAGE'])
-def test_without_a_member_the_executor_answers_joint_states(
-    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
-) -> None:
+def test_without_a_member_the_executor_answers_joint_states(client, process, monkeypatch, member):
     monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     process.dynamics(state_thread=False)
     with process.spun(SingleThreadedExecutor):
         assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
 
 
-def test_fallbacks_are_documented_members(
-    client: RosClient, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_fallbacks_are_documented_members(client, monkeypatch):
     for member in MEMBERS:
         monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     publisher = client.node.create_publisher(String, 'fallbacks', 1)
@@ -308,13 +298,11 @@ def test_fallbacks_are_documented_members(
     assert parameter_overrides(client.node) == []
 
 
-def test_without_the_errors_their_base_class_is_caught() -> None:
+def test_without_the_errors_their_base_class_is_caught():
     assert error_type('NoSuchError') is RuntimeError
 
 
-def test_without_a_wait_set_messages_arrive_in_a_thread(
-    client: RosClient, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_a_wait_set_messages_arrive_in_a_thread(client, monkeypatch):
     monkeypatch.setattr(rclpy_internals, 'WAIT_SET', 'no_such_member')
     inbox = message_inbox(client.node, String, 'fallback', QoSProfile(depth=5), can_wake=True)
     assert type(inbox) is SpunInbox

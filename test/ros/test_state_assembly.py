@@ -44,13 +44,13 @@ def message(
     return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
 
 
-def test_a_message_with_all_joints_is_a_state_as_it_is() -> None:
+def test_a_message_with_all_joints_is_a_state_as_it_is():
     assembly = StateAssembly(NAMES)
     state = message(PERIOD, ['gripper', 'c', 'a', 'b'])
     assert assembly.take(state) is state
 
 
-def test_a_message_with_none_of_the_joints_is_another_one() -> None:
+def test_a_message_with_none_of_the_joints_is_another_one():
     assembly = StateAssembly(NAMES)
     with pytest.raises(OtherJointsError, match='none of'):
         assembly.take(message(PERIOD, ['gripper']))
@@ -58,7 +58,7 @@ def test_a_message_with_none_of_the_joints_is_another_one() -> None:
 
 @laws
 @given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
-def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> None:
+def test_two_halves_are_answered_once_per_period(phase, seed):
     """For any time between both halves, and with jitter of 2 % of a period."""
     assembly, rng, answers = StateAssembly(NAMES), np.random.default_rng(seed), []
     times = sorted(
@@ -79,7 +79,7 @@ def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> Non
     assert v.tolist() == [0.5 * x for x in q]
 
 
-def test_a_half_that_is_missing_is_named() -> None:
+def test_a_half_that_is_missing_is_named():
     assembly = StateAssembly(NAMES)
     for k in range(1, 20):
         assert assembly.take(message(k * PERIOD, ['a', 'c'])) is None
@@ -92,14 +92,14 @@ def test_a_half_that_is_missing_is_named() -> None:
         assert assembly.missing == ['b']
 
 
-def test_the_largest_age_of_a_sample_may_be_set() -> None:
+def test_the_largest_age_of_a_sample_may_be_set():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assert assembly.take(message(PERIOD, ['b'])) is None
     assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_a_reset_of_time_discards_the_samples() -> None:
+def test_a_reset_of_time_discards_the_samples():
     assembly = StateAssembly(NAMES)
     for k in range(10, 13):
         assembly.take(message(k * PERIOD, ['a', 'c']))
@@ -109,7 +109,7 @@ def test_a_reset_of_time_discards_the_samples() -> None:
     assert assembly.missing == ['b']
 
 
-def test_a_half_without_velocities_leaves_the_state_without() -> None:
+def test_a_half_without_velocities_leaves_the_state_without():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], has_velocity=False))
     state = assembly.take(message(PERIOD, ['a', 'c']))
@@ -118,7 +118,7 @@ def test_a_half_without_velocities_leaves_the_state_without() -> None:
     assert JointStateReader(NAMES).effort(state) is None
 
 
-def test_efforts_of_both_halves_are_assembled() -> None:
+def test_efforts_of_both_halves_are_assembled():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
     state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
@@ -134,21 +134,21 @@ def test_efforts_of_both_halves_are_assembled() -> None:
     assert effort.tolist() == [-16.0, -10.0, -14.0]
 
 
-def test_two_halves_at_time_0_are_a_state() -> None:
+def test_two_halves_at_time_0_are_a_state():
     assembly = StateAssembly(NAMES)
     assert assembly.missing == []
     assert assembly.take(message(0, ['a', 'c'])) is None
     assert assembly.take(message(0, ['b'])) is not None
 
 
-def test_a_period_that_begins_at_time_0_is_measured() -> None:
+def test_a_period_that_begins_at_time_0_is_measured():
     assembly = StateAssembly(NAMES)
     assembly.take(message(0, ['a', 'c']))
     assembly.take(message(PERIOD // 2, ['b']))
     assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
 
 
-def test_a_message_that_is_received_twice_discards_no_samples() -> None:
+def test_a_message_that_is_received_twice_discards_no_samples():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assembly.take(message(PERIOD, ['b']))
     for _ in range(2):
@@ -156,7 +156,7 @@ def test_a_message_that_is_received_twice_discards_no_samples() -> None:
 
 
 @pytest.mark.parametrize('interval', [-PERIOD, 2 * SECOND])
-def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval: int) -> None:
+def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval):
     """For any largest age."""
     assembly = StateAssembly(NAMES, max_age=10.0)
     start = 2 * PERIOD
@@ -166,7 +166,7 @@ def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval: int) -> N
     assert assembly.missing == ['b']
 
 
-def test_a_single_late_message_hardly_changes_the_largest_age() -> None:
+def test_a_single_late_message_hardly_changes_the_largest_age():
     """The period is an average over many messages: one interval of ten periods counts little."""
     assembly = StateAssembly(NAMES)
     for k in range(1, 50):
@@ -178,7 +178,7 @@ def test_a_single_late_message_hardly_changes_the_largest_age() -> None:
     assert assembly.missing == ['a', 'c']
 
 
-def test_the_first_interval_is_the_period() -> None:
+def test_the_first_interval_is_the_period():
     assembly = StateAssembly(NAMES)
     assembly.take(message(PERIOD, ['a', 'c']))
     assembly.take(message(2 * PERIOD, ['a', 'c']))
@@ -186,7 +186,7 @@ def test_the_first_interval_is_the_period() -> None:
     assert assembly.take(message(2 * PERIOD + 6 * PERIOD // 10, ['b'])) is None
 
 
-def test_the_embedded_arm_has_its_joints_only() -> None:
+def test_the_embedded_arm_has_its_joints_only():
     assembly = StateAssembly(NAMES, is_exact=True)
     assert assembly.take(message(PERIOD, ['c', 'b', 'a'])) is not None
     for names in (['a', 'b', 'c', 'd'], ['gripper'], [f'joint{i}' for i in range(7)]):
@@ -195,19 +195,19 @@ def test_the_embedded_arm_has_its_joints_only() -> None:
         assert str(names) in str(caught.value)
 
 
-def test_a_joint_that_stands_twice_is_refused() -> None:
+def test_a_joint_that_stands_twice_is_refused():
     with pytest.raises(InvalidInputError, match=r"name has .*'a'"):
         StateAssembly(NAMES).take(message(PERIOD, ['a', 'a']))
 
 
-def test_sources_that_are_remembered_are_bounded() -> None:
+def test_sources_that_are_remembered_are_bounded():
     assembly = StateAssembly(NAMES)
     for i in range(5 * MOST_SOURCES):
         assembly.take(message(PERIOD, ['a', f'joint{i}']))
     assert len(assembly._parts) <= MOST_SOURCES
 
 
-def test_a_decoder_knows_the_layouts_of_several_publishers() -> None:
+def test_a_decoder_knows_the_layouts_of_several_publishers():
     decoder = JointStateDecoder()
     layouts: dict[tuple[str, ...], list[object]] = {}
     for k, names in itertools.product(range(1, 6), (['a', 'b', 'c'], ['grip', 'hand'], ['c'])):

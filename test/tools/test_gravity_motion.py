@@ -139,9 +139,7 @@ def recorded(bag: Path) -> JointSeries:
 # --- the whole sequence --------------------------------------------------------------------------
 
 @pytest.mark.soak
-def test_the_tool_moves_the_arm_and_calibrates(
-    request_of: Callable[..., MotionRequest], capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_the_tool_moves_the_arm_and_calibrates(request_of, capsys, tmp_path):
     bag, output = tmp_path / 'bag', tmp_path / 'calibrated.yaml'
     assert main([
         '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
@@ -155,10 +153,7 @@ def test_the_tool_moves_the_arm_and_calibrates(
 
 
 @pytest.mark.soak
-def test_the_tool_calibrates_with_a_weight(
-    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_the_tool_calibrates_with_a_weight(request_of, client, monkeypatch, capsys, tmp_path):
     first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
     output = tmp_path / 'calibrated.yaml'
 
@@ -211,10 +206,7 @@ def check_calibrated(output: Path) -> None:
 
 # --- confirmation and rejections -----------------------------------------------------------------
 
-def test_no_motion_without_a_confirmation(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_no_motion_without_a_confirmation(request_of, client, monkeypatch, capsys):
     before = client.wait_for(JointState, '/joint_states')
     request = request_of(is_confirmed=False)
     with Path(os.devnull).open(encoding='utf-8') as nothing:
@@ -232,9 +224,7 @@ def test_no_motion_without_a_confirmation(
     np.testing.assert_allclose(after.position, before.position, atol=1e-6)
 
 
-def test_a_node_that_another_client_uses_is_rejected(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_node_that_another_client_uses_is_rejected(request_of, client):
     """The goals are where the arm is, because a motion is another reason, which may come first."""
     publisher = client.publisher(JointTrajectory, '/dynamics/joint_trajectory')
     with client.collect(JointState, '/dynamics/reference') as references:
@@ -258,9 +248,7 @@ def test_a_node_that_another_client_uses_is_rejected(
         client.node.destroy_publisher(publisher)
 
 
-def test_a_node_that_does_not_follow_references_is_rejected(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_node_that_does_not_follow_references_is_rejected(request_of, client):
     client.set_parameters('/dynamics', {'command': 'gravity_compensation'})
     try:
         with pytest.raises(InvalidInputError) as raised:
@@ -273,7 +261,7 @@ def test_a_node_that_does_not_follow_references_is_rejected(
 
 # --- errors, interrupts, the weight --------------------------------------------------------------
 
-def test_states_that_stop_are_an_error(client: RosClient) -> None:
+def test_states_that_stop_are_an_error(client):
     def pause(paused: bool) -> None:
         client.set_parameters('/simulated_arm', {'paused': paused})
 
@@ -296,9 +284,7 @@ def test_states_that_stop_are_an_error(client: RosClient) -> None:
 
 
 @pytest.mark.soak
-def test_a_joint_that_does_not_arrive_is_an_error(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_joint_that_does_not_arrive_is_an_error(request_of, client):
     request = request_of(settings=FAST._replace(tolerance=1e-7))
     with pytest.raises(ToolError) as raised:
         record_holds(request)
@@ -309,10 +295,7 @@ def test_a_joint_that_does_not_arrive_is_an_error(
     wait_for_stop(client)
 
 
-def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_an_interrupt_stops_the_arm_and_keeps_the_recording(request_of, client, capsys, tmp_path):
     during: list[str] = []
 
     def interrupt() -> None:
@@ -336,9 +319,8 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
 
 
 def test_an_interrupt_keeps_the_compensation_of_the_weight(
-    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+    request_of, client, monkeypatch, capsys, tmp_path,
+):
     file = tmp_path / 'one.yaml'
     file.write_text('poses: [{joint1: 0.5, joint2: 0.4}]', encoding='utf-8')
     first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
