@@ -54,7 +54,6 @@ def test_the_ends_of_a_hold_do_not_count():
     """The effort of the motion before settles, and that of the next motion comes early."""
     series = series_of(motion(0.0, 0.5), rest(0.5), motion(0.5, 0.2))
     hold, = find_holds(series, REVOLUTE)
-    assert series.effort is not None
     series.effort[(series.times < hold.start + 0.3) | (series.times > hold.end - 0.2)] = 50.0
     assert find_holds(series, REVOLUTE)[0].effort[0] == 3.0
 

@@ -154,7 +154,6 @@ def test_every_base_parameter_is_within_three_deviations(arm, recording):
         series = bag.joint_series(STATES, model.joint_names)
     assert (np.diff(np.unique(series.stamps_ns)) == round(1e9 / RATE)).all()
     found = identify(model, [filter_motion(series)], train_fraction=0.9)
-    assert arm.actuators is not None
     true = dict(zip(found.base.labels, found.base.matrix @ np.concatenate(
         (inertial_parameters(arm), arm.actuators.reflected_inertia))))
     assert len(true) == 7

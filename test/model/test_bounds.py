@@ -199,7 +199,6 @@ def test_a_long_message_keeps_its_start_and_end():
     assert message.startswith("joint_names has 'xxx")
     assert message.endswith("xxx', expected only joints of this arm")
     left_out = re.search(r'… \((\d+) characters left out\) …', message)
-    assert left_out is not None
     original = f'joint_names has {"x" * 10**6!r}, expected only joints of this arm'
     assert int(left_out[1]) == len(original) - (len(message) - len(left_out[0]) - 2)
 

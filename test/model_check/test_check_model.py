@@ -188,8 +188,6 @@ NUMBER = re.compile(r'(?<![\w.])\d+(?:\.\d+)?(?:e[+-]\d+)?(?![\w])')
 def command():
     """Return the module that writes the table of the page."""
     spec = spec_from_file_location('table', ROOT / 'docs' / 'tables' / 'model_check.py')
-    assert spec is not None
-    assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -252,8 +250,6 @@ def test_a_reader_that_ends_early_is_no_error():
             [sys.executable, '-u', '-c', 'from robot_dynamics.tools.check_model import main; '
              'import sys; sys.exit(main(["ur10"]))'],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == ''
     assert process.returncode == 141

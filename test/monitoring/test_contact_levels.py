@@ -199,8 +199,6 @@ def test_a_constant_effort_is_found_within_the_delay(
                    for observer, effort in zip(observers, (np.zeros(n), tau)))
         if k <= 0:
             continue
-        assert r is not None
-        assert free is not None
         assert r - free == pytest.approx(
             -np.expm1(-2.0 * np.pi * bandwidth * k * dt) * tau, abs=1e-6)
         worst = max(worst, -np.sign(tau[j]) * free[j])
@@ -254,8 +252,6 @@ def pushed(name: str, seed: int) -> Push:
     for _ in range(round(0.3 * LOOP_RATE)):
         samples = twins[0].step([wrench]), twins[1].step()
         r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
-        assert r is not None
-        assert error is not None
         v = samples[0].v
         level = float(levels.at(v)[joint])
         thresholds.append(level - sign * error[joint])

@@ -292,10 +292,9 @@ def closed_loop(
         if k and (verdict := check.add(
                 t, *state, measured, command, output.robot_gravity)) is not None:
             return verdict
-        assert output.command is not None
         command = output.command
-        effort = robot_side.with_own_compensation(command, *state)
-        simulation.step(effort, 1e-9 * PERIOD_NS)
+        simulation.step(
+            robot_side.with_own_compensation(command, *state), 1e-9 * PERIOD_NS)
     return None
 
 

@@ -125,7 +125,6 @@ def test_the_uncertainty_of_the_model_is_in_the_deviations(name, kind):
         deviations = np.where([one.startswith('m(') for one in names], 0.1, 0.02)
         uncertainty = make_uncertainty(
             case.arm, names, np.diag(deviations**2)[np.tril_indices(len(names))].tolist())
-        assert uncertainty is not None
         arm = replace(case.arm, uncertainty=uncertainty)
         errors = EffortDeviation(ArmDynamics(arm), uncertainty).errors(
             samples.q, samples.v, samples.a)

@@ -176,7 +176,6 @@ def test_a_tool_may_use_some_joints_of_the_parameters():
               'actuator.torque_constant': [0.2, 0.1]}
     arm = arm_from_parameters(GEARED, values, ['joint1'])
     assert arm.friction.viscous.tolist() == [1.0]
-    assert arm.actuators is not None
     assert arm.actuators.torque_constant.tolist() == [0.1]
     assert arm.actuators.gear_ratio.tolist() == [100.0]
     three = planar_arm_urdf([1.0] * 3, [0.5] * 3, [0.2] * 3, [0.01] * 3)

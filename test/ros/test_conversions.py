@@ -88,7 +88,6 @@ def test_payloads_come_back(mass, com, seed):
     S = A @ A.T
     payload = make_payload('tool0', mass, com, np.trace(S) * np.eye(3) - S)
     back = payload_from_ros(ARM, over_the_wire(payload_to_ros(payload)))
-    assert back is not None
     assert (back.link, back.mass, back.com.tolist()) == ('tool0', mass, com)
     assert back.inertia.tolist() == payload.inertia.tolist()
 
@@ -207,10 +206,8 @@ def test_joint_states_are_read_by_name(names, seed):
     for _ in range(2):  # the order is cached at the first message
         position, velocity = reader.read(message)
         assert position.tolist() == [q[names.index(name)] for name in NAMES]
-        assert velocity is not None
         assert velocity.tolist() == [v[names.index(name)] for name in NAMES]
         effort = reader.effort(message)
-        assert effort is not None
         assert effort.tolist() == [tau[names.index(name)] for name in NAMES]
 
 
@@ -243,7 +240,6 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
         reader.finite_effort(JointState(name=names, effort=values))
     if is_finite:  # a measured state may exceed bounds: a non-finite effort is then a fault
         q, v = reader.read(JointState(name=names, position=values, velocity=values))
-        assert v is not None
         assert q[1] == v[1] == number
     else:
         with pytest.raises(InvalidInputError, match=f'position {words}finite number'):
@@ -256,7 +252,6 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
             reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
     # A measured state may lack a joint.
     effort = reader.effort(JointState(name=names, effort=values))
-    assert effort is not None
     assert effort[0] == -1e9
 
 

@@ -118,7 +118,6 @@ def test_arguments_become_parameters():
     arm = arm_of(use_sim_time='true', autostart='false', gravity='[0, 0, 9.81]',
                   robot=str(robot_path('ur10')), log_level='debug', namespace='cell/left')
     assert (arm.namespace, arm.log_level) == ('/cell/left', 'debug')
-    assert arm.description is not None
     assert '<robot' in arm.description
     assert arm.overrides == {
         'use_sim_time': True, 'autostart': False, 'gravity': [0.0, 0.0, 9.81],

@@ -63,7 +63,6 @@ def test_parameters_by_their_former_names(client, tmp_path, capsys):
     assert FORMER_NAMES.keys() <= FORMER.keys()
     assert not FORMER_NAMES.keys() & expected.keys()
     arm = arm_from_parameters(default_arm_urdf(), expected)
-    assert arm.uncertainty is not None
     assert [uncertain_names(arm)[k] for k in arm.uncertainty.columns] == ['effort_bias(joint2)']
     node = '/former/dynamics'
     with NodeProcess(DYNAMICS, FORMER, namespace='/former', patient=False) as process:
