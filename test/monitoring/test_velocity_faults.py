@@ -26,13 +26,6 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.monitoring import motion_consistency
-from robot_dynamics.monitoring.motion_consistency import (
-    AGREEMENT,
-    MotionConsistency,
-    PAUSE,
-    PRISMATIC,
-    STEP,
-)
 from robot_dynamics.monitoring.repeated_samples import FLOOR
 
 # --- detection -----------------------------------------------------------------------------------
@@ -48,7 +41,7 @@ FAULTS: dict[str, tuple[Callable[[FloatArray], FloatArray], str]] = {
 
 def faulty(
     fault: str, speed: float, rate: int, noise: float, seed: int, begin: float = 1.5,
-) -> tuple[float, float, MotionConsistency]:
+) -> tuple[float, float, motion_consistency.MotionConsistency]:
     """Return duration and displacement of the first joint until its fault is found."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, 4.0, FINE)
     v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.5, 0.3])
@@ -134,7 +127,7 @@ def test_a_joint_that_starts_although_its_velocity_remains_zero_is_found_soon(sp
     q = speed * np.maximum(t - 1.0, 0.0)[:, None]
     row, _ = next(alarms(consistency(KINDS[:1]), States(
         SECOND + np.round(1e9 * t).astype(np.int64), q, 0.0 * q)))
-    assert 0.02 < t[row] - 1.0 < 0.02 + FLOOR / speed + STEP + 2.01 / rate
+    assert 0.02 < t[row] - 1.0 < 0.02 + FLOOR / speed + motion_consistency.STEP + 2.01 / rate
 
 
 @pytest.mark.parametrize('fault', ['double', 'half'])
@@ -179,7 +172,7 @@ def test_the_floor_of_prismatic_joints_is_smaller():
                 found[kind] = k
                 break
     assert found['prismatic'] < found['revolute']
-    assert PRISMATIC < 1.0
+    assert motion_consistency.PRISMATIC < 1.0
 
 
 @pytest.mark.filterwarnings('ignore:overflow', 'ignore:invalid value')
@@ -205,7 +198,7 @@ def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong():
 
 # --- marks ------------------------------------------------------------------------------------
 
-def moving(one: MotionConsistency, begin: float, end: float, speed: float, factor: float) -> float:
+def moving(one, begin, end, speed, factor):
     """Move the first joint; return the time [s] at which no joint was in doubt, or `end`."""
     for k in range(round(500 * begin), round(500 * end)):
         v = np.array([speed, 0.0, 0.0])
@@ -222,12 +215,12 @@ def test_a_doubt_lasts_until_the_velocity_agrees_in_motion():
     assert one.doubtful.tolist() == [True, False, False]
     assert moving(one, 1.0, 5.0, 0.0, 1.0) == 5.0
     agreed = moving(one, 6.0, 9.0, 1.0, 1.0)
-    assert AGREEMENT < agreed - 6.0 < AGREEMENT + 0.3
+    assert motion_consistency.AGREEMENT < agreed - 6.0 < motion_consistency.AGREEMENT + 0.3
     assert one.is_consistent
 
 
 def test_after_a_gap_the_positions_may_be_anywhere():
-    for gap in (PAUSE + 0.01, -0.5):
+    for gap in (motion_consistency.PAUSE + 0.01, -0.5):
         one = consistency()
         moving(one, 1.0, 2.0, 0.5, 1.0)
         for k in range(500):
