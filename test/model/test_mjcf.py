@@ -7,6 +7,7 @@ from typing import Any
 
 from engines import load
 import numpy as np
+import one_joint_arm
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import ModelError
@@ -169,17 +170,11 @@ def test_mimic_joints_are_equality_constraints(name):
 
 
 @pytest.mark.parametrize(('moments', 'words'), [
-    ((0.0, 0.0, 0.0), r"body 'link2' has .* expected both above 1e-15"),
-    ((0.01, 0.01, 0.03), r"largest .* of body 'link2' is 0.03 kg·m², .* the others, 0.02"),
+    ((0.0, 0.0, 0.0), r"body 'arm' has .* expected both above 1e-15"),
+    ((0.01, 0.01, 0.03), r"largest .* of body 'arm' is 0.03 kg·m², .* the others, 0.02"),
 ])
 def test_bodies_that_mujoco_refuses_are_named(moments, words):
-    urdf = default_arm_urdf()
-    head, tail = urdf.split('<link name="link2">')
-    first, last = tail.index('<inertia '), tail.index('/>', tail.index('<inertia ')) + 2
-    xx, yy, zz = moments
-    arm = load_arm(
-        f'{head}<link name="link2">{tail[:first]}<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" '
-        f'ixy="0" ixz="0" iyz="0"/>{tail[last:]}')
+    arm = load_arm(one_joint_arm.arm_of(one_joint_arm.inertial(moments=moments)))
     with pytest.raises(ModelError, match=words):
         arm_to_mjcf(arm)
 
@@ -204,7 +199,5 @@ def test_the_tool_writes_the_arm_of_urdf_and_parameters(tmp_path, capsys):
 
 def test_the_tool_reports_mistakes_in_one_line(tmp_path, capsys):
     assert main(['--urdf', str(tmp_path / 'no.urdf')]) == 2
-    (tmp_path / 'file').touch()
-    assert main(['--output', str(tmp_path / 'file' / 'a.xml')]) == 1
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.startswith('export_mjcf: ') for line in lines] == [True, True]
+    line, = capsys.readouterr().err.splitlines()
+    assert line.startswith('export_mjcf: ')
