@@ -25,8 +25,7 @@ from watched_states import MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started
     (0.199, ''), (0.201, 'too old'), (-0.199, ''), (-0.201, 'from the future'),
     (10.0, 'too old'), (-50.0, 'from the future'), (SAME_CLOCK - 1.0, 'too old')])
 def test_a_state_is_of_now(is_first, age, reason):
-    one = Watched() if is_first else started()
-    one.crowd = True
+    one = (Watched if is_first else started)(crowd=True)
     t = 0.5
     if not reason:
         assert one.judge(t - age, t).is_new
