@@ -18,7 +18,6 @@ from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_
 from robot_dynamics.model_check.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf import mesh_files
-from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf
 
 
@@ -258,10 +257,3 @@ def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path):
     assert found(urdf, meshes=MeshReader(tmp_path / 'my_robot' / 'urdf')) == expected
     assert found(urdf) == set()
     assert found(urdf.replace('0.4', '0.01'), meshes=MeshReader(tmp_path)) == set()
-
-
-def test_rotation_is_that_of_urdf():
-    """About x by roll, then y by pitch, then z by yaw, all about fixed axes."""
-    import pinocchio
-    rpy = np.array([0.3, -0.7, 1.9])
-    np.testing.assert_allclose(rotation(rpy), pinocchio.rpy.rpyToMatrix(*rpy), atol=1e-15)

@@ -160,21 +160,6 @@ def test_only_the_size_of_a_motion_in_the_unit_of_its_joint_matters(
     assert marks[0] == marks[1]
 
 
-def test_the_floor_of_prismatic_joints_is_smaller():
-    found = {}
-    for kind in ('revolute', 'prismatic'):
-        one = consistency((kind,))
-        for k in range(200):
-            if k == 100:
-                assert one.is_consistent
-            if not one.update(k * SECOND // 500, np.array([max(k - 100, 0) * 1e-3]), -np.ones(1)
-                              * (0.5 if k > 100 else 0.0)):
-                found[kind] = k
-                break
-    assert found['prismatic'] < found['revolute']
-    assert motion_consistency.PRISMATIC < 1.0
-
-
 @pytest.mark.filterwarnings('ignore:overflow', 'ignore:invalid value')
 @pytest.mark.parametrize('value', [1e200, 1e308, math.inf, math.nan])
 def test_velocities_beyond_all_numbers_are_in_doubt(value):

@@ -376,9 +376,3 @@ def test_quantiles_of_students_distribution():
     # 2.776, 2.228 and 2.042 for 4, 10 and 30 degrees of freedom
     assert 1.959964 * student_factor(np.array([4.0, 10.0, 30.0, 1e9])) == pytest.approx(
         [2.776, 2.228, 2.042, 1.960], rel=3e-3)
-
-
-def test_an_unknown_link_is_rejected():
-    arm = load_arm(robot_urdf('ur10'))
-    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of the links \['"):
-        PayloadEstimator(arm, 'hand', CUTOFF)
