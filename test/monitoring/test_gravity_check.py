@@ -298,13 +298,14 @@ def closed_loop(
     return None
 
 
+DECLARED = (
+    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
+    EffortConvention(LACKS, GRAVITY))
 SET_POINT = make_trajectory(NAMES, [0.0], [Q], [], [], NAMES)
 STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
 
 
-@pytest.mark.parametrize('declared', [
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY)])
+@pytest.mark.parametrize('declared', DECLARED)
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
 @pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
 def test_a_robot_that_is_as_declared_raises_no_alarm(declared, arm, load):
@@ -315,9 +316,7 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(declared, arm, load):
 DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
 
 
-@pytest.mark.parametrize('declared', [
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY)])
+@pytest.mark.parametrize('declared', DECLARED)
 def test_drives_with_a_scale_and_an_offset_are_as_declared(declared):
     verdict = closed_loop(
         ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)

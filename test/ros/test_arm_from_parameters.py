@@ -132,37 +132,25 @@ def test_a_tool_and_a_node_read_the_same_number(tmp_path, text):
     assert not isinstance(gravity[1], str)
 
 
-REFUSED = {
-    'a gear ratio that one joint alone has': (
-        {'actuator': {'torque_constant': [0.1]}},
-        r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
-    'backlash without a motor': (
-        {'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
-    'a rotor without a motor': (
-        {'actuator': {'rotor_inertia': [1e-4]}},
-        r'actuator\.torque_constant is empty, .* only actuator\.reflected_inertia needs no motor'),
-    'two inertias of a rotor': (
-        {'actuator': {'rotor_inertia': [1e-4], 'reflected_inertia': [0.5]}},
-        r"rotor_inertia of 'joint1' is 0\.0001 and actuator\.reflected_inertia is 0\.5"),
-    'three reflected inertias': (
-        {'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
-        r'actuator\.reflected_inertia has 3 values, expected 2'),
-    'no order': (
-        {'friction': {'load_coefficient': [0.1, 0.2]}},
-        r'friction\.load_coefficient has 2 values, .* joints'),
-    'another number of values': (
-        {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
-        r'friction\.sigmoid has 3 values, expected 2'),
-    'a covariance with a negative eigenvalue': (
-        {'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
-                         'covariance': [1.0, 2.0, 1.0]}},
-        r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
-}
-
-
-@pytest.mark.parametrize('case', REFUSED)
-def test_both_refuse_with_the_same_message(tmp_path, case):
-    parameters, words = REFUSED[case]
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'actuator': {'torque_constant': [0.1]}},
+     r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
+    ({'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
+    ({'actuator': {'rotor_inertia': [1e-4]}},
+     r'actuator\.torque_constant is empty, .* only actuator\.reflected_inertia needs no motor'),
+    ({'actuator': {'rotor_inertia': [1e-4], 'reflected_inertia': [0.5]}},
+     r"rotor_inertia of 'joint1' is 0\.0001 and actuator\.reflected_inertia is 0\.5"),
+    ({'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
+     r'actuator\.reflected_inertia has 3 values, expected 2'),
+    ({'friction': {'load_coefficient': [0.1, 0.2]}},
+     r'friction\.load_coefficient has 2 values, .* joints'),
+    ({'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
+     r'friction\.sigmoid has 3 values, expected 2'),
+    ({'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
+                      'covariance': [1.0, 2.0, 1.0]}},
+     r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
+])
+def test_both_refuse_with_the_same_message(tmp_path, parameters, words):
     messages = set()
     for values in both_values(tmp_path, parameters):
         with pytest.raises(InvalidInputError, match=words) as refusal:
