@@ -50,6 +50,15 @@ def test_an_existing_file_is_kept_unless_forced(
     assert path.is_file()
 
 
+@pytest.mark.parametrize(
+    'name', ['animate -o', 'export_mjcf -o', 'planar_urdf -o', 'torque_map -o'])
+def test_a_file_that_cannot_be_written_is_named(name, tmp_path, capsys):
+    main, output, arguments = QUICK[name]
+    (tmp_path / 'file').touch()
+    assert main([*arguments[:-1], str(tmp_path / 'file' / output)]) == 1
+    assert capsys.readouterr().err.splitlines()[-1].startswith(f'{name.split()[0]}: cannot write ')
+
+
 def test_a_device_is_no_file(capfd: pytest.CaptureFixture[str]) -> None:
     assert planar_urdf.main(['-o', '/dev/stdout']) == 0
     assert capfd.readouterr().out == default_arm_urdf()

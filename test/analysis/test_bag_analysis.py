@@ -13,7 +13,7 @@ from robot_dynamics.analysis.bag_analysis import analyze_recording
 from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
-from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
+from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import JOINT_STATE, RecordingWriter
 from robots import robot_urdf
@@ -188,13 +188,6 @@ def test_motor_currents_are_converted_by_the_parameters(tmp_path):
     assert any('motor_current' in remark for remark in analysis.recording.remarks)
 
 
-def test_gravity_that_the_robot_took_out_is_added(tmp_path):
-    lacking = recorded(tmp_path, states(tau=MOTION.tau - GRAVITY))
-    analysis = analyze_recording(lacking, AnalysisSettings(
-        URDF, parameters={'measured_effort': 'joint_torque_without_gravity'}))
-    assert (analysis.statistics.relative < 2e-3).all()
-
-
 def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
     reported = MOTION.tau / [0.7, 1.3] + [8.0, -4.0]
     bag = recorded(tmp_path, states(tau=reported))
@@ -211,17 +204,6 @@ def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
         **parameters, 'measured_effort': 'joint_torque_without_gravity'}))
     assert (analysis.statistics.relative < 2e-3).all()
     assert any('gravity is added; the measured' in one for one in analysis.recording.remarks)
-
-
-def test_parameters_go_with_their_joints():
-    values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
-              'friction.coulomb': [3.0], 'gravity': [0.0, 0.0, 0.0]}
-    whole = arm_from_parameters(URDF, values, ('joint1', 'joint2'))
-    np.testing.assert_array_equal(whole.friction.viscous, [1.0, 2.0])
-    np.testing.assert_array_equal(whole.friction.coulomb, [3.0, 3.0])
-    assert not RigidBody(whole).gravity(np.ones(2)).any()
-    with pytest.raises(InvalidInputError, match=r'friction\.viscous has 2 values'):
-        arm_from_parameters(URDF, {'friction.viscous': [2.0, 1.0]})
 
 
 @pytest.mark.parametrize(('text', 'words'), [

@@ -59,9 +59,7 @@ def run(files: Path, output: Path, recording: str, *options: str) -> int:
                  *options])
 
 
-def test_a_weight_gives_the_drives_of_the_arm(
-    files: Path, drives: HiddenDrives, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_weight_gives_the_drives_of_the_arm(files, drives, tmp_path, capsys):
     output = tmp_path / 'calibrated.yaml'
     assert run(files, output, 'tool', '--with-weight', str(files / 'weight'), *WEIGHT,
                '--tool-link', 'tool0', '--parameters', str(files / 'arm.yaml')) == 0
@@ -87,7 +85,7 @@ def test_a_weight_gives_the_drives_of_the_arm(
     assert page.count('data:image/png;base64,') == 2
 
 
-def test_the_text_of_the_parameter_file(files: Path, tmp_path: Path) -> None:
+def test_the_text_of_the_parameter_file(files, tmp_path):
     output = tmp_path / 'x' / 'calibrated.yaml'
     assert run(files, output, 'bare', '--parameters', str(files / 'arm.yaml')) == 0
     text = output.read_text(encoding='utf-8')
@@ -103,7 +101,7 @@ def test_the_text_of_the_parameter_file(files: Path, tmp_path: Path) -> None:
       covariance: {found['effort.covariance']}""").splitlines()
 
 
-def test_without_a_parameter_file_the_joints_are_written(files: Path, tmp_path: Path) -> None:
+def test_without_a_parameter_file_the_joints_are_written(files, tmp_path):
     output = tmp_path / 'calibrated.yaml'
     assert run(files, output, 'tool', '--tool-link', 'tool0', '--tool-mass', '1.5') == 0
     assert list(read_parameter_file(output)) == [
@@ -111,9 +109,7 @@ def test_without_a_parameter_file_the_joints_are_written(files: Path, tmp_path: 
     assert read_parameter_file(output)['joints'] == ['joint1', 'joint2']
 
 
-def test_values_are_in_the_order_of_the_joints_of_the_file(
-    files: Path, tmp_path: Path, drives: HiddenDrives,
-) -> None:
+def test_values_are_in_the_order_of_the_joints_of_the_file(files, tmp_path, drives):
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
         '/**:\n  ros__parameters:\n    joints: [joint2, joint1]\n', encoding='utf-8')
@@ -123,9 +119,7 @@ def test_values_are_in_the_order_of_the_joints_of_the_file(
     np.testing.assert_allclose(values['effort.scale'], drives.scale[::-1], rtol=2e-5)
 
 
-def test_previous_values_of_an_unobservable_joint_are_kept(
-    files: Path, drives: HiddenDrives,
-) -> None:
+def test_previous_values_of_an_unobservable_joint_are_kept(files, drives):
     settings = AnalysisSettings(default_arm_urdf(), parameters={
         'joints': ['joint2', 'joint1'], 'effort.scale': [1.1, 0.9], 'effort.offset': [0.2]})
     recorded = read_holds([files / 'bare'], settings)
@@ -145,9 +139,7 @@ def test_previous_values_of_an_unobservable_joint_are_kept(
     np.testing.assert_allclose(found.scale[~first], by_name['joint2'], rtol=2e-5)
 
 
-def test_values_that_the_nodes_refuse_are_not_written(
-    files: Path, drives: HiddenDrives, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_values_that_the_nodes_refuse_are_not_written(files, drives, tmp_path, capsys):
     wrong = HiddenDrives(
         drives.arm, np.array([1.0, 7.0]), drives.offset, drives.friction, drives.noise)
     HoldRecording(wrong, poses_of(drives.arm, 8)).write(tmp_path / 'wrong')
@@ -172,18 +164,13 @@ def test_values_that_the_nodes_refuse_are_not_written(
     (['--with-weight', 'weight', '--weight-mass', '-1', '--weight-link', 'tool0'],
      '--weight-mass is -1, expected a number in (0, 1e+09]'),
 ])
-def test_incomplete_options_are_refused(
-    options: list[str], message: str, files: Path, tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_incomplete_options_are_refused(options, message, files, tmp_path, capsys):
     assert run(files, tmp_path / 'x.yaml', 'bare', *options) == 2
     assert capsys.readouterr().err.startswith(f'calibrate_gravity: {message}')
 
 
 @pytest.mark.parametrize('kind', ['joint_torque_without_gravity', 'none'])
-def test_an_effort_without_gravity_is_refused(
-    kind: str, files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_effort_without_gravity_is_refused(kind, files, tmp_path, capsys):
     parameters = tmp_path / 'arm.yaml'
     parameters.write_text(
         f'/**:\n  ros__parameters:\n    measured_effort: {kind}\n', encoding='utf-8')
@@ -193,9 +180,7 @@ def test_an_effort_without_gravity_is_refused(
         'gravity\n')
 
 
-def test_output_files_are_not_replaced(
-    files: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_output_files_are_not_replaced(files, tmp_path, capsys):
     for name in ('calibrated.yaml', 'calibrated.html'):
         path = tmp_path / name
         path.write_text('mine', encoding='utf-8')

@@ -55,9 +55,7 @@ def assert_same_tool(found, tool) -> None:
 
 
 @pytest.mark.parametrize('given', [None, 1.5])
-def test_a_known_weight_gives_exact_scales_offsets_and_tool(
-    name: str, given: float | None,
-) -> None:
+def test_a_known_weight_gives_exact_scales_offsets_and_tool(name, given):
     arm = arm_without_gripper(name)
     drives, q = exact_drives(arm), poses_of(arm)
     tool, weight = load_on(name, 1.5), load_on(name, 2.0, (0.1, 0.0, 0.05))
@@ -70,7 +68,7 @@ def test_a_known_weight_gives_exact_scales_offsets_and_tool(
     assert (found.tool.deviations[0] == 0.0) == (given is not None)
 
 
-def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
+def test_a_known_tool_gives_exact_scales_offsets_and_moments(name):
     arm = arm_without_gripper(name)
     drives, tool = exact_drives(arm), load_on(name, 1.5)
     found = calibrate_holds(
@@ -81,7 +79,7 @@ def test_a_known_tool_gives_exact_scales_offsets_and_moments(name: str) -> None:
     assert found.tool.deviations[0] == 0.0
 
 
-def test_without_a_reference_scale_and_mass_are_confounded() -> None:
+def test_without_a_reference_scale_and_mass_are_confounded():
     """All masses that are 1.1 times those of the URDF divide the scales by 1.1, exactly."""
     arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
@@ -91,7 +89,7 @@ def test_without_a_reference_scale_and_mass_are_confounded() -> None:
     assert_exact(found, replace(drives, scale=drives.scale / 1.1))
 
 
-def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf() -> None:
+def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf():
     arm = arm_without_gripper('xarm7')
     drives, q, weight = exact_drives(arm), poses_of(arm), load_on('xarm7', 2.0, (0.1, 0.0, 0.05))
     found = calibrate_holds(
@@ -100,7 +98,7 @@ def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf() -> None
     assert_exact(found, drives)
 
 
-def test_the_poses_with_the_weight_may_be_others() -> None:
+def test_the_poses_with_the_weight_may_be_others():
     arm = arm_without_gripper('xarm7')
     drives, q, weight = exact_drives(arm), poses_of(arm, 20), load_on('xarm7', 2.0)
     found = calibrate_holds(
@@ -108,7 +106,7 @@ def test_the_poses_with_the_weight_may_be_others() -> None:
     assert_exact(found, drives)
 
 
-def test_a_tilted_base_makes_the_first_scale_observable() -> None:
+def test_a_tilted_base_makes_the_first_scale_observable():
     arm = arm_without_gripper('ur10').with_gravity((3.0, 0.0, -9.0))
     drives, tool = exact_drives(arm), load_on('ur10', 1.5)
     found = calibrate_holds(
@@ -117,7 +115,7 @@ def test_a_tilted_base_makes_the_first_scale_observable() -> None:
     assert_exact(found, drives)
 
 
-def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale() -> None:
+def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale():
     arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
     found = calibrate_holds(arm, drives.holds(poses_of(arm)))
@@ -126,7 +124,7 @@ def test_the_first_joint_of_an_upright_arm_has_an_offset_and_no_scale() -> None:
     assert abs(found.offset[0] - drives.offset[0]) < EXACT
 
 
-def test_a_joint_that_came_from_one_side_only_is_left_as_it_is() -> None:
+def test_a_joint_that_came_from_one_side_only_is_left_as_it_is():
     arm = arm_without_gripper('xarm7')
     drives = exact_drives(arm)
     holds = [hold._replace(approach=np.where(np.arange(7) == 3, 1, hold.approach))
@@ -139,7 +137,7 @@ def test_a_joint_that_came_from_one_side_only_is_left_as_it_is() -> None:
     np.testing.assert_allclose(found.scale[others], drives.scale[others], atol=EXACT)
 
 
-def test_the_jacobian_is_the_derivative_of_the_model() -> None:
+def test_the_jacobian_is_the_derivative_of_the_model():
     rng = np.random.default_rng(0)
     P, n, count = 3, 4, 5
     seen = Observations(
@@ -156,7 +154,7 @@ def test_the_jacobian_is_the_derivative_of_the_model() -> None:
         np.testing.assert_allclose(J[:, :, i], numeric, atol=1e-8)
 
 
-def test_the_regressor_gives_gravity_and_the_load_of_a_link(name: str) -> None:
+def test_the_regressor_gives_gravity_and_the_load_of_a_link(name):
     arm, load = arm_without_gripper(name), load_on(name, 1.5)
     q = poses_of(arm, 8)
     Y, T, phi = gravity_regressor(arm, q), link_columns(arm, load.link), gravity_parameters(arm)
@@ -175,7 +173,7 @@ def test_the_regressor_gives_gravity_and_the_load_of_a_link(name: str) -> None:
     ({'tool': Tool('hand', 1.0)}, "link is 'hand', expected one of the links"),
     ({'weight': make_payload('tool0', 1.0)}, 'there are 0 holds with a weight'),
 ])
-def test_what_cannot_be_calibrated_is_refused(change: dict, message: str) -> None:
+def test_what_cannot_be_calibrated_is_refused(change, message):
     arm = load_arm(default_arm_urdf(), gravity=change.get('gravity', (0.0, 0.0, -9.81)))
     q = poses_of(load_arm(default_arm_urdf()))[:change.get('count', 12)]
     with pytest.raises(InvalidInputError, match=message):
@@ -183,7 +181,7 @@ def test_what_cannot_be_calibrated_is_refused(change: dict, message: str) -> Non
             arm, exact_drives(arm).holds(q), weight=change.get('weight'), tool=change.get('tool'))
 
 
-def test_a_weight_on_the_base_is_refused() -> None:
+def test_a_weight_on_the_base_is_refused():
     arm = load_arm(default_arm_urdf())
     holds = exact_drives(arm).holds(poses_of(arm))
     with pytest.raises(InvalidInputError, match="'base_link', which is fixed to the base"):

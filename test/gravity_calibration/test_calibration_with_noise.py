@@ -49,9 +49,7 @@ class Case:
 
 @pytest.mark.parametrize('with_weight', [True, False])
 @pytest.mark.parametrize('name', TOOL_LINKS)
-def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(
-    name: str, with_weight: bool,
-) -> None:
+def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(name, with_weight):
     """With a weight at all joints; with a known tool at those with the verdict good."""
     arm = arm_without_gripper(name)
     q = poses_of(arm)
@@ -72,21 +70,19 @@ def share_inside(name: str, seeds: range, with_weight: bool) -> float:
         inside for seed in seeds for inside in Case(name, arm, q, seed, with_weight).inside()]))
 
 
-def test_intervals_contain_the_truth() -> None:
+def test_intervals_contain_the_truth():
     assert 0.90 < share_inside('default', range(100, 160), True) < 0.99
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize('with_weight', [True, False])
 @pytest.mark.parametrize('name', TOOL_LINKS)
-def test_95_percent_intervals_contain_the_truth_in_95_percent(
-    name: str, with_weight: bool,
-) -> None:
+def test_95_percent_intervals_contain_the_truth_in_95_percent(name, with_weight):
     """The seeds are others than those that were used to develop the estimation."""
     assert 0.93 <= share_inside(name, range(50_000, 50_250), with_weight) <= 0.97
 
 
-def test_poses_without_spread_keep_the_scale() -> None:
+def test_poses_without_spread_keep_the_scale():
     arm = arm_without_gripper('default')
     drives = noisy_drives(arm, 0)
     q = np.array([0.3, 0.4]) + 0.06 * np.arange(8)[:, None] * np.array([1.0, -1.0])

@@ -38,7 +38,7 @@ def sides_of(series: JointSeries) -> list[int]:
     return [int(hold.approach[0]) for hold in find_holds(series, REVOLUTE)]
 
 
-def test_holds_have_times_means_and_sides() -> None:
+def test_holds_have_times_means_and_sides():
     series = series_of(rest(0.0), motion(0.0, 0.5), rest(0.5), motion(0.5, 0.2), rest(0.2))
     holds = find_holds(series, REVOLUTE)
     assert [hold.approach[0] for hold in holds] == [0, 1, -1]
@@ -50,30 +50,29 @@ def test_holds_have_times_means_and_sides() -> None:
         assert abs(hold.end - end) < 0.3
 
 
-def test_the_ends_of_a_hold_do_not_count() -> None:
+def test_the_ends_of_a_hold_do_not_count():
     """The effort of the motion before settles, and that of the next motion comes early."""
     series = series_of(motion(0.0, 0.5), rest(0.5), motion(0.5, 0.2))
     hold, = find_holds(series, REVOLUTE)
-    assert series.effort is not None
     series.effort[(series.times < hold.start + 0.3) | (series.times > hold.end - 0.2)] = 50.0
     assert find_holds(series, REVOLUTE)[0].effort[0] == 3.0
 
 
-def test_a_short_rest_and_a_creeping_joint_are_no_hold() -> None:
+def test_a_short_rest_and_a_creeping_joint_are_no_hold():
     assert sides_of(series_of(motion(0.0, 0.5), rest(0.5, 0.5), motion(0.5, 1.0))) == []
     creeping = 0.5 + 0.008 / RATE * np.arange(int(3.0 * RATE))
     assert sides_of(series_of(motion(0.0, 0.5), creeping)) == []
 
 
 @pytest.mark.parametrize(('overshoot', 'side'), [(0.0, 1), (0.001, 1), (0.003, 0), (0.02, -1)])
-def test_the_last_motion_decides(overshoot: float, side: int) -> None:
+def test_the_last_motion_decides(overshoot, side):
     """A small reversal leaves the side unknown, a large one is the approach."""
     series = series_of(
         rest(0.0), motion(0.0, 0.5 + overshoot), motion(0.5 + overshoot, 0.5, 0.3), rest(0.5))
     assert sides_of(series)[-1] == side
 
 
-def test_a_joint_that_stayed_has_no_side() -> None:
+def test_a_joint_that_stayed_has_no_side():
     """Friction of a joint at rest takes a part of the load that changes, which part is unknown."""
     moving = np.concatenate([motion(0.0, 0.5), rest(0.5), motion(0.5, 0.8), rest(0.8)])
     staying = np.concatenate([motion(0.3, 0.1), rest(0.1), rest(0.1, 1.0), rest(0.1)])
@@ -84,7 +83,7 @@ def test_a_joint_that_stayed_has_no_side() -> None:
     assert [hold.approach.tolist() for hold in holds] == [[1, -1], [1, 0]]
 
 
-def test_noise_and_resolution_of_an_encoder_are_no_motion() -> None:
+def test_noise_and_resolution_of_an_encoder_are_no_motion():
     rng = np.random.default_rng(0)
     series = series_of(motion(0.0, 0.5), rest(0.5), motion(0.5, 0.0), rest(0.0))
     resolution = 2.0 * np.pi / 4096
@@ -93,14 +92,14 @@ def test_noise_and_resolution_of_an_encoder_are_no_motion() -> None:
     assert sides_of(coarse) == [1, -1]
 
 
-def test_a_gap_ends_a_hold() -> None:
+def test_a_gap_ends_a_hold():
     series = series_of(motion(0.0, 0.5), rest(0.5), rest(0.5))
     stamps = series.stamps_ns.copy()
     stamps[300:] += 2_000_000_000
     assert sides_of(replace(series, stamps_ns=stamps)) == [1, 0]
 
 
-def test_joint_states_without_effort_are_refused() -> None:
+def test_joint_states_without_effort_are_refused():
     with pytest.raises(RecordingError, match='has no effort'):
         find_holds(series_of(rest(0.0), effort=None), REVOLUTE)
 
@@ -109,7 +108,7 @@ def hold_at(q: float, effort: float, side: int) -> Hold:
     return Hold(0.0, 1.0, np.array([q]), np.array([effort]), np.array([side]))
 
 
-def test_both_sides_have_the_same_weight() -> None:
+def test_both_sides_have_the_same_weight():
     paired = pair_holds([
         hold_at(0.0, 5.0, 1), hold_at(1.0, 0.0, 1), hold_at(0.01, 1.0, -1), hold_at(0.02, 2.0, -1),
         hold_at(0.03, 99.0, 0)], REVOLUTE)

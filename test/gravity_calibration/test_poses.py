@@ -18,7 +18,7 @@ from robots import arm_without_gripper
 
 
 @pytest.mark.parametrize('name', TOOL_LINKS)
-def test_poses_and_their_approaches_are_within_the_limits(name: str) -> None:
+def test_poses_and_their_approaches_are_within_the_limits(name):
     arm = arm_without_gripper(name)
     arm = arm.with_payloads([make_payload(TOOL_LINKS[name], 2.0)])
     poses = select_poses(arm, 10)
@@ -30,14 +30,14 @@ def test_poses_and_their_approaches_are_within_the_limits(name: str) -> None:
     assert (abs(poses.gravity) <= EFFORT_FRACTION * arm.limits.effort).all()
 
 
-def test_bounds_contain_the_approaches() -> None:
+def test_bounds_contain_the_approaches():
     arm = arm_without_gripper('xarm7')
     poses = select_poses(arm, 8, lower=np.full(7, -0.9), upper=np.full(7, 0.3)).positions
     assert poses.min() >= -0.8
     assert poses.max() <= 0.2
 
 
-def test_selected_poses_are_more_informative_than_random_ones() -> None:
+def test_selected_poses_are_more_informative_than_random_ones():
     """The variance of the gravity torque is the information on a scale, besides its offset."""
     arm = arm_without_gripper('xarm7')
     spread = np.log(select_poses(arm, 10).gravity[:, 1:].var(axis=0)).sum()
@@ -48,7 +48,7 @@ def test_selected_poses_are_more_informative_than_random_ones() -> None:
     assert spread > max(random)
 
 
-def test_a_seed_gives_the_same_poses_in_a_short_order() -> None:
+def test_a_seed_gives_the_same_poses_in_a_short_order():
     arm = arm_without_gripper('xarm7')
     poses = poses_of(arm)
     np.testing.assert_array_equal(poses, poses_of(arm))
@@ -69,7 +69,7 @@ def test_a_seed_gives_the_same_poses_in_a_short_order() -> None:
     ({'load': 200.0}, 'of 4000 random poses need at most 60 % of the effort limits, expected 12'),
     ({'lower': [0.0]}, 'lower has 1 value'),
 ])
-def test_what_permits_no_poses_is_refused(change: dict, message: str) -> None:
+def test_what_permits_no_poses_is_refused(change, message):
     load = make_payload('link7', change.get('load', 0.0))
     arm = arm_without_gripper('xarm7').with_payloads([load])
     with pytest.raises(InvalidInputError, match=message):

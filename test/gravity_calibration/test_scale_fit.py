@@ -11,7 +11,7 @@ ROUNDING = pytest.mark.parametrize('rounding', [0.0, 1e-17, -3e-16])
 
 
 @ROUNDING
-def test_a_parameter_without_effect_is_not_determined(rounding: float) -> None:
+def test_a_parameter_without_effect_is_not_determined(rounding):
     A = np.array([[1.0, rounding, 0.5], [0.2, -rounding, 1.0], [0.3, rounding, 0.0]])
     x = np.array([1.5, 0.0, -0.7])
     G, is_lost = linear_fit(A, np.diag([1.0, 1e-3, 1e-12]))
@@ -20,7 +20,7 @@ def test_a_parameter_without_effect_is_not_determined(rounding: float) -> None:
 
 
 @ROUNDING
-def test_gravity_parameters_without_effect_leave_the_scales_exact(rounding: float) -> None:
+def test_gravity_parameters_without_effect_leave_the_scales_exact(rounding):
     rng = np.random.default_rng(3)
     known, column = rng.uniform(-20.0, 20.0, (2, 12, 2))
     s, o, beta = np.array([0.8, 1.2]), np.array([1.0, -2.0]), 0.7

@@ -103,9 +103,6 @@ def test_the_whole_way_predicts_new_samples(planar, found):
     r = BASE.rank
     off = (found.estimate.values[:r] - true_values(true)[:r]) / found.estimate.deviations[:r]
     assert np.abs(off).max() < 4.0
-
-
-def test_the_consistent_set_is_consistent(found):
     fit = found.models.consistent
     assert all(is_consistent(phi) for phi in fit.parameters.reshape(-1, 10))
     assert (np.delete(fit.joint_values, OFFSET, axis=1) >= 0.0).all()

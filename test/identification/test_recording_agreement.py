@@ -47,9 +47,7 @@ def named(found: Identification) -> list[int]:
     ('ur10', ('ur10', 'ur10', 'ur10'), []), ('panda', ('panda', 'panda'), []),
     ('ur10', ('ur10', 'ur5', 'ur10'), [1]), ('ur5', ('ur3', 'ur5', 'ur5', 'ur5'), [0]),
     ('ur10', ('ur5', 'ur10'), [0, 1])])
-def test_the_recording_of_another_arm_is_named(
-    urdf: str, names: tuple[str, ...], odd: list[int],
-) -> None:
+def test_the_recording_of_another_arm_is_named(urdf, names, odd):
     assert named(identified(urdf, *names)) == odd
 
 
@@ -58,21 +56,21 @@ def test_the_recording_of_another_arm_is_named(
     ('default', 'default', False), ('kinova', 'kinova', False), ('panda', 'panda', False),
     ('talos_left_arm', 'talos_left_arm', False), ('ur3', 'ur3', False), ('ur5', 'ur5', False),
     ('ur10', 'ur10', False), ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
-def test_the_urdf_of_another_arm_is_named(urdf: str, name: str, is_far: bool) -> None:
+def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     causes = identified(urdf, name).contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
 @pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
 @pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True), ('ur3', True)])
-def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf: str, is_far: bool) -> None:
+def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
     causes = identify(read.arm, [filter_motion(read.series)]).contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
 @pytest.mark.parametrize('factor', [0.3, 1.0, 1.9, 2.1])
-def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor: float) -> None:
+def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor):
     arm = arm_without_gripper('ur10')
     fit = Fit(factor * inertial_parameters(arm), np.zeros((6, 1)), ())
     ratios = gravity_ratios(arm, fit, random_states(arm, 20)[0])
@@ -81,7 +79,7 @@ def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor
     assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)
 
 
-def test_the_noise_is_that_within_the_band_of_the_filter() -> None:
+def test_the_noise_is_that_within_the_band_of_the_filter():
     arm = arm_without_gripper('ur10')
     motion = recorded('ur10', 'ur10', 3)
     noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(

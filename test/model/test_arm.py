@@ -11,7 +11,7 @@ import numpy.testing as npt
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import arm_from_urdf, load_arm, MimicJoint
+from robot_dynamics.model.arm import arm_from_urdf, load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model_check.checks import check_model
@@ -90,41 +90,6 @@ def test_joints_left_out_are_locked_as_near_to_zero_as_they_may_be():
     assert load_arm(arm_urdf(), ['roll']).locked_joints == {'slide': 0.0, 'far': 0.5}
     below = arm_urdf().replace('lower="0.5" upper="2"', 'lower="-2" upper="-0.5"')
     assert load_arm(below, ['roll']).locked_joints == {'slide': 0.0, 'far': -0.5}
-
-
-def test_mimics_of_mimics_follow_the_head_of_the_chain():
-    mirror, echo, shadow = load_arm(arm_urdf()).mimic_joints
-    assert mirror == MimicJoint('mirror', 'roll', -2.0, 0.1)
-    # 3 (−2 q + 0.1) − 0.2
-    assert (echo.name, echo.leader, echo.multiplier) == ('echo', 'roll', -6.0)
-    assert echo.offset == pytest.approx(0.1)
-    assert shadow == MimicJoint('shadow', 'far', 0.5, 0.25)
-
-
-def test_a_mimic_of_a_locked_joint_is_locked_with_it():
-    arm = load_arm(arm_urdf(), ['slide', 'roll'])
-    assert [mimic.name for mimic in arm.mimic_joints] == ['mirror', 'echo']
-    assert arm.locked_joints == {'far': 0.5}
-    tree = arm.coordinates.position(np.array([0.0, 1.0]))
-    positions = {name: tree[arm.pinocchio_model.joints[arm.pinocchio_model.getJointId(name)].idx_q]
-                 for name in ('slide', 'roll', 'mirror', 'echo')}
-    assert positions == pytest.approx({
-        'slide': 0.0, 'roll': 1.0, 'mirror': -1.9, 'echo': -5.9})
-    whole = load_arm(arm_urdf())  # if 'far' is held at this position, 'shadow' follows it
-    assert list(whole.joint_names) == ['slide', 'roll', 'far']
-    held = RigidBody(whole).gravity(np.array([0.0, 1.0, 0.5]))
-    npt.assert_allclose(
-        RigidBody(arm).gravity(np.array([0.0, 1.0])), held[:2], rtol=0.0, atol=1e-12)
-
-
-def test_pinocchio_has_one_coordinate_for_each_joint_that_moves():
-    arm = load_arm(arm_urdf())
-    assert arm.pinocchio_model.nq == arm.pinocchio_model.nv == 6
-    rows = [arm.pinocchio_model.joints[arm.pinocchio_model.getJointId(name)].idx_v
-            for name in ('slide', 'roll', 'far', 'mirror', 'echo', 'shadow')]
-    npt.assert_allclose(arm.coordinates.G[rows], [
-        [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -2, 0], [0, -6, 0], [0, 0, 0.5]])
-    npt.assert_allclose(arm.coordinates.q0[rows], [0, 0, 0, 0.1, 0.1, 0.25])
 
 
 # --- friction ------------------------------------------------------------------------------------
@@ -207,14 +172,6 @@ def test_message_on_arguments(more, message):
     with pytest.raises(InvalidInputError) as caught:
         load_arm(arm_urdf(), **more)
     assert str(caught.value) == message
-
-
-def test_message_on_an_unknown_link():
-    with pytest.raises(InvalidInputError) as caught:
-        load_arm(arm_urdf()).link_frame('hand', 'external_wrenches[0].header.frame_id')
-    assert str(caught.value) == (
-        "external_wrenches[0].header.frame_id is 'hand', expected one of the links "
-        "['l0', 'l1', 'l2', 'l3', 'l4', 'l5', 'l6', 'l7']")
 
 
 @pytest.mark.parametrize('joint', [

@@ -47,7 +47,7 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_one_joint_stays_up_to_its_static_friction(sign: float) -> None:
+def test_one_joint_stays_up_to_its_static_friction(sign):
     arm = load_arm(planar_arm_urdf([2.0], [1.0], [0.5], [0.1]), gravity=(0.0, 0.0, 0.0))
     dynamics = ArmDynamics(arm.with_friction(make_friction(
         arm.joint_names, coulomb=[1.0], static=[1.5])))
@@ -64,7 +64,7 @@ def test_one_joint_stays_up_to_its_static_friction(sign: float) -> None:
 @pytest.mark.parametrize('name', ARMS)
 @laws
 @given(seed=st.integers(0, 2**32 - 1))
-def test_it_is_the_first_step_of_the_simulated_arm(name: str, seed: int) -> None:
+def test_it_is_the_first_step_of_the_simulated_arm(name, seed):
     arm, h = ARMS[name], 1e-8
     q, v, tau = some_state(arm, seed)
     a = ArmDynamics(arm).forward_dynamics(q, v, tau)
@@ -79,7 +79,7 @@ def test_it_is_the_first_step_of_the_simulated_arm(name: str, seed: int) -> None
 @pytest.mark.parametrize('name', ARMS)
 @laws
 @given(seed=st.integers(0, 2**32 - 1))
-def test_inverse_dynamics_differs_by_what_holds_a_joint_at_rest(name: str, seed: int) -> None:
+def test_inverse_dynamics_differs_by_what_holds_a_joint_at_rest(name, seed):
     arm = ARMS[name]
     dynamics = ArmDynamics(arm)
     q, v, tau = some_state(arm, seed)
@@ -92,7 +92,7 @@ def test_inverse_dynamics_differs_by_what_holds_a_joint_at_rest(name: str, seed:
     assert held[breaks_away] == pytest.approx((static * np.sign(a))[breaks_away], rel=1e-9)
 
 
-def test_a_real_arm_rests_on_its_friction_and_is_torn_off_by_a_wrench() -> None:
+def test_a_real_arm_rests_on_its_friction_and_is_torn_off_by_a_wrench():
     arm = load_arm(robot_urdf('xarm7'))
     assert (arm.friction.static > 0.0).all()
     dynamics = ArmDynamics(arm)
@@ -106,7 +106,7 @@ def test_a_real_arm_rests_on_its_friction_and_is_torn_off_by_a_wrench() -> None:
     assert a == pytest.approx(dynamics.forward_dynamics(q, rest, as_effort), rel=1e-9)
 
 
-def test_an_arm_without_dry_friction_is_not_held() -> None:
+def test_an_arm_without_dry_friction_is_not_held():
     arm = load_arm(default_arm_urdf())
     arm = arm.with_friction(make_friction(arm.joint_names, viscous=[1.0]))
     dynamics = ArmDynamics(arm)
@@ -116,7 +116,7 @@ def test_an_arm_without_dry_friction_is_not_held() -> None:
     assert a.all()
 
 
-def test_an_arm_without_mass_is_reported() -> None:
+def test_an_arm_without_mass_is_reported():
     bare = """<robot name="r"><link name="base"/><link name="hand"/>
       <joint name="j" type="continuous"><parent link="base"/><child link="hand"/>
         <dynamics friction="1"/></joint></robot>"""

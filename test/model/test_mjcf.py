@@ -3,11 +3,11 @@
 
 """The exported MJCF, loaded by MuJoCo, against the arm: inverse dynamics, frames, fields."""
 
-from pathlib import Path
 from typing import Any
 
 from engines import load
 import numpy as np
+import one_joint_arm
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import ModelError
@@ -74,13 +74,13 @@ def check_inverse_dynamics(arm: ArmModel, exported: Exported) -> None:
 
 
 @pytest.mark.parametrize('name', ROBOTS)
-def test_mujoco_computes_the_same_efforts(name: str) -> None:
+def test_mujoco_computes_the_same_efforts(name):
     """Rigid bodies with a payload, oblique gravity, rotors and viscous friction."""
     arm = arm_of(name)
     check_inverse_dynamics(arm, Exported(arm))
 
 
-def test_a_reflected_inertia_is_armature() -> None:
+def test_a_reflected_inertia_is_armature():
     bare = load_arm(default_arm_urdf())
     arm = bare.with_reflected_inertia([0.3, 0.1])
     exported = Exported(arm)
@@ -90,7 +90,7 @@ def test_a_reflected_inertia_is_armature() -> None:
 
 
 @pytest.mark.parametrize('name', ['panda', 'so100'])  # so100: a link has the name of a joint
-def test_locked_joints_become_fixed_bodies(name: str) -> None:
+def test_locked_joints_become_fixed_bodies(name):
     urdf = robot_urdf(name)
     arm = load_arm(urdf, load_arm(urdf).joint_names[1:4:2])
     exported = Exported(arm)
@@ -99,7 +99,7 @@ def test_locked_joints_become_fixed_bodies(name: str) -> None:
 
 
 @pytest.mark.parametrize('name', ['ur10', 'panda'])
-def test_sites_are_the_frames_of_the_links(name: str) -> None:
+def test_sites_are_the_frames_of_the_links(name):
     arm = arm_of(name)
     exported = Exported(arm)
     q = np.random.default_rng(2).uniform(-1.0, 1.0, arm.joint_count)
@@ -118,7 +118,7 @@ def test_sites_are_the_frames_of_the_links(name: str) -> None:
             found.xmat.reshape(3, 3), placement.rotation, atol=1e-12)
 
 
-def test_limits_friction_and_gravity_are_fields() -> None:
+def test_limits_friction_and_gravity_are_fields():
     arm = load_arm(robot_urdf('xarm7'), gravity=(0.1, 0.2, -9.7))
     coulomb, sigmoid = np.linspace(1.0, 2.0, 7), np.linspace(0.3, 0.1, 7)
     viscous = np.linspace(3.0, 0.2, 7)
@@ -136,7 +136,7 @@ def test_limits_friction_and_gravity_are_fields() -> None:
     assert model.opt.gravity.tolist() == [0.1, 0.2, -9.7]
 
 
-def test_continuous_joints_and_joints_without_effort_limit_have_no_range() -> None:
+def test_continuous_joints_and_joints_without_effort_limit_have_no_range():
     urdf = default_arm_urdf().replace('type="revolute"', 'type="continuous"').replace(
         'effort="150.0"', 'effort="0"')
     model = Exported(load_arm(urdf)).model
@@ -145,13 +145,12 @@ def test_continuous_joints_and_joints_without_effort_limit_have_no_range() -> No
     assert model.actuator('joint2').ctrllimited
 
 
-def test_motors_reach_the_effort_limits_through_their_gears() -> None:
+def test_motors_reach_the_effort_limits_through_their_gears():
     arm = arm_of('ur10')
     exported = Exported(arm)
     mj, model, data = exported.mj, exported.model, exported.data
     data.ctrl[:] = model.actuator_ctrlrange[:, 1]
     mj.mj_forward(model, data)
-    assert arm.actuators is not None
     signs = np.sign(arm.actuators.gear_ratio)
     assert set(signs.tolist()) == {-1.0, 1.0}
     np.testing.assert_allclose(
@@ -159,7 +158,7 @@ def test_motors_reach_the_effort_limits_through_their_gears() -> None:
 
 
 @pytest.mark.parametrize('name', ['panda', 'talos_full_v2'])
-def test_mimic_joints_are_equality_constraints(name: str) -> None:
+def test_mimic_joints_are_equality_constraints(name):
     arm = load_arm(robot_urdf(name))
     model = Exported(arm).model
     found = {
@@ -171,28 +170,18 @@ def test_mimic_joints_are_equality_constraints(name: str) -> None:
 
 
 @pytest.mark.parametrize(('moments', 'words'), [
-    ((0.0, 0.0, 0.0), r"body 'link2' has .* expected both above 1e-15"),
-    ((0.01, 0.01, 0.03), r"largest .* of body 'link2' is 0.03 kg·m², .* the others, 0.02"),
+    ((0.0, 0.0, 0.0), r"body 'arm' has .* expected both above 1e-15"),
+    ((0.01, 0.01, 0.03), r"largest .* of body 'arm' is 0.03 kg·m², .* the others, 0.02"),
 ])
-def test_bodies_that_mujoco_refuses_are_named(
-    moments: tuple[float, float, float], words: str,
-) -> None:
-    urdf = default_arm_urdf()
-    head, tail = urdf.split('<link name="link2">')
-    first, last = tail.index('<inertia '), tail.index('/>', tail.index('<inertia ')) + 2
-    xx, yy, zz = moments
-    arm = load_arm(
-        f'{head}<link name="link2">{tail[:first]}<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" '
-        f'ixy="0" ixz="0" iyz="0"/>{tail[last:]}')
+def test_bodies_that_mujoco_refuses_are_named(moments, words):
+    arm = load_arm(one_joint_arm.arm_of(one_joint_arm.inertial(moments=moments)))
     with pytest.raises(ModelError, match=words):
         arm_to_mjcf(arm)
 
 
 # ------------------------------------------------------------------------------------------ tool
 
-def test_the_tool_writes_the_arm_of_urdf_and_parameters(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_tool_writes_the_arm_of_urdf_and_parameters(tmp_path, capsys):
     urdf, parameters, output = (tmp_path / name for name in ('a.urdf', 'a.yaml', 'a.xml'))
     urdf.write_text(default_arm_urdf(), encoding='utf-8')
     parameters.write_text(
@@ -208,11 +197,7 @@ def test_the_tool_writes_the_arm_of_urdf_and_parameters(
     assert capsys.readouterr().out == output.read_text(encoding='utf-8')
 
 
-def test_the_tool_reports_mistakes_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_tool_reports_mistakes_in_one_line(tmp_path, capsys):
     assert main(['--urdf', str(tmp_path / 'no.urdf')]) == 2
-    (tmp_path / 'file').touch()
-    assert main(['--output', str(tmp_path / 'file' / 'a.xml')]) == 1
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.startswith('export_mjcf: ') for line in lines] == [True, True]
+    line, = capsys.readouterr().err.splitlines()
+    assert line.startswith('export_mjcf: ')

@@ -206,6 +206,11 @@ def test_no_inertia_is_too_small_to_be_judged_nor_the_largest_too_large(size):
 @pytest.mark.parametrize(('arguments', 'message'), [
     ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number in [0, 1e+09]'),
     ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number in [0, 1e+09]'),
+    ({'mass': 1e154}, 'payload.inertia.m is 1e+154, expected a number in [0, 1e+09]'),
+    ({'mass': 1, 'com': (0, -1e10, 0)},
+     'payload.inertia.com[1] (y) is -1e+10, expected a number in [-1e+09, 1e+09]'),
+    ({'mass': 1, 'inertia': 1e308 * np.eye(3)},
+     'payload.inertia[0][0] is 1e+308, expected a number in [-1e+09, 1e+09]'),
     ({'mass': 1, 'com': (0, np.inf, 0)},
      'payload.inertia.com[1] (y) is inf, expected a finite number'),
     ({'mass': 1, 'com': (0, 0)},

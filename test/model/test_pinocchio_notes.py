@@ -21,7 +21,7 @@ def reproduction() -> dict[str, Any]:
     return names
 
 
-def test_the_reproduction_shows_the_energy_of_the_rotor_missing() -> None:
+def test_the_reproduction_shows_the_energy_of_the_rotor_missing():
     names = reproduction()
     assert names['by_mass_matrix'] == pytest.approx(1.5)
     if names['kinetic_energy'] == pytest.approx(1.5):

@@ -66,7 +66,7 @@ def refusal(kind: type, method: str, field: str, value: Any) -> str:
     return str(caught.value)
 
 
-def test_the_equation_is_on_the_class_that_a_user_gets() -> None:
+def test_the_equation_is_on_the_class_that_a_user_gets():
     for name in ('mass_matrix', 'coriolis_matrix', 'christoffel_symbols', 'gravity',
                  'inverse_dynamics', 'forward_dynamics'):
         assert (ArmDynamics, name) in METHODS
@@ -74,7 +74,7 @@ def test_the_equation_is_on_the_class_that_a_user_gets() -> None:
 
 
 @pytest.mark.parametrize(('kind', 'method'), METHODS)
-def test_lists_tuples_and_arrays_give_the_same_bits(kind: type, method: str) -> None:
+def test_lists_tuples_and_arrays_give_the_same_bits(kind, method):
     call, integers = caller(kind, method), inputs_of(kind, method)
     arrays = {field: np.array(value, dtype=np.float64) for field, value in integers.items()}
     expected = in_bytes(call(**arrays))
@@ -86,7 +86,7 @@ def test_lists_tuples_and_arrays_give_the_same_bits(kind: type, method: str) -> 
 
 
 @pytest.mark.parametrize(('kind', 'method'), METHODS)
-def test_the_unchecked_method_gives_the_same_bits(kind: Any, method: str) -> None:
+def test_the_unchecked_method_gives_the_same_bits(kind, method):
     unchecked = kind(ARM).unchecked
     unchecked = unchecked if hasattr(unchecked, method) else unchecked.rigid_body
     arrays = {f: np.array(x, dtype=np.float64) for f, x in inputs_of(kind, method).items()}
@@ -97,7 +97,7 @@ def test_the_unchecked_method_gives_the_same_bits(kind: Any, method: str) -> Non
 
 
 @pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
-def test_another_length_is_named(kind: type, method: str, field: str) -> None:
+def test_another_length_is_named(kind, method, field):
     value = inputs_of(kind, method)[field]
     if isinstance(value[0], tuple):
         assert refusal(kind, method, field, [row + (0,) for row in value]) == (
@@ -112,17 +112,13 @@ def test_another_length_is_named(kind: type, method: str, field: str) -> None:
 @pytest.mark.parametrize(
     'bad', ['fast', {'joint1': 1.0}, [[1.0], [2.0, 3.0]]])
 @pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
-def test_what_is_no_sequence_of_numbers_is_named(
-    kind: type, method: str, field: str, bad: Any,
-) -> None:
+def test_what_is_no_sequence_of_numbers_is_named(kind, method, field, bad):
     assert refusal(kind, method, field, bad) == f'{field} is {bad!r}, expected numbers'
 
 
 @pytest.mark.parametrize('bad', [np.nan, np.inf, -np.inf, 'a', '1.0', None, True, 1j])
 @pytest.mark.parametrize(('kind', 'method', 'field'), FIELDS)
-def test_an_entry_that_is_no_finite_number_is_named(
-    kind: type, method: str, field: str, bad: Any,
-) -> None:
+def test_an_entry_that_is_no_finite_number_is_named(kind, method, field, bad):
     value = np.array(
         inputs_of(kind, method)[field], dtype=float if isinstance(bad, float) else object)
     value[(0, 1) if value.ndim == 2 else 1] = bad
@@ -143,9 +139,7 @@ def test_an_entry_that_is_no_finite_number_is_named(
     ('gravity', lambda values: load_arm(default_arm_urdf(), gravity=[0.0, *values])),
     ('payload.inertia.com', lambda values: make_payload('tool0', 1.0, com=[0.0, *values])),
 ])
-def test_parameters_of_an_arm_name_an_entry_that_is_no_number(
-    field: str, make: Callable[[Any], object], bad: Any,
-) -> None:
+def test_parameters_of_an_arm_name_an_entry_that_is_no_number(field, make, bad):
     place = '[2] (z)' if field in ('gravity', 'payload.inertia.com') else '[1] (joint2)'
     for given in ([1.0, bad], (1, bad)):
         with pytest.raises(InvalidInputError) as caught:
@@ -197,7 +191,7 @@ PER_JOINT: dict[str, Callable[[Any], Any]] = {
 
 
 @pytest.mark.parametrize('parameter', PER_JOINT)
-def test_one_number_is_a_parameter_of_all_joints(parameter: str) -> None:
+def test_one_number_is_a_parameter_of_all_joints(parameter):
     make = PER_JOINT[parameter]
     expected = make([0.9, 0.9])
     assert expected != make([0.9, 0.8])
@@ -205,19 +199,19 @@ def test_one_number_is_a_parameter_of_all_joints(parameter: str) -> None:
         assert make(number) == expected
 
 
-def test_a_wrong_number_for_all_joints_is_named_without_an_index() -> None:
+def test_a_wrong_number_for_all_joints_is_named_without_an_index():
     for bad in (np.nan, None, '1.0', True):
         with pytest.raises(InvalidInputError, match='^friction.viscous is .*, expected '):
             make_friction(_BARE.joint_names, bad)  # type: ignore[arg-type]
 
 
-def test_a_state_needs_a_value_per_joint() -> None:
+def test_a_state_needs_a_value_per_joint():
     with pytest.raises(InvalidInputError, match=r'initial_position has an array of shape \(\)'):
         ArmSimulation(_BARE, 0.5)
 
 
 @pytest.mark.parametrize('mass', ['1.0', None, True])
-def test_a_mass_is_a_number(mass: Any) -> None:
+def test_a_mass_is_a_number(mass):
     with pytest.raises(InvalidInputError) as caught:
         make_payload('tool0', mass)
     assert str(caught.value) == (
@@ -227,12 +221,12 @@ def test_a_mass_is_a_number(mass: Any) -> None:
 @pytest.mark.parametrize(('kind', 'method', 'field'), [
     (kind, method, field) for kind, method, field in FIELDS
     if method in MANY and field != 'q'])
-def test_samples_are_equally_many(kind: type, method: str, field: str) -> None:
+def test_samples_are_equally_many(kind, method, field):
     assert refusal(kind, method, field, [[1.0, 2.0]]) == (
         f'{field} has the shape (1, 2), expected (2, 2) as q has')
 
 
-def test_friction_is_of_one_state_or_of_many() -> None:
+def test_friction_is_of_one_state_or_of_many():
     dynamics, v, load = ArmDynamics(ARM), ((1, -2), (0, 3)), ((4, 5), (-6, 7))
     assert dynamics.friction_effort(v, load).tolist() == [
         dynamics.friction_effort(*state).tolist() for state in zip(v, load)]
@@ -241,13 +235,13 @@ def test_friction_is_of_one_state_or_of_many() -> None:
 
 
 @pytest.mark.parametrize('kind', [ArmDynamics, RigidBody])
-def test_threads_are_at_least_one(kind: type) -> None:
+def test_threads_are_at_least_one(kind):
     rows = [[0.1, 0.2]]
     with pytest.raises(InvalidInputError, match='threads is 0, expected a number >= 1'):
         kind(ARM).inverse_dynamics_batch(rows, rows, rows, threads=0)
 
 
-def test_a_wrench_is_checked_where_it_is_made() -> None:
+def test_a_wrench_is_checked_where_it_is_made():
     body, q = RigidBody(ARM), (1, -2)
     assert in_bytes(body.external(q, [ExternalWrench('tool0', (1, 2, 3), [4, 5, 6])])) == (
         in_bytes(body.external(q, WRENCHES)))

@@ -3,7 +3,6 @@
 
 """The representation of an object is one short line with its main properties."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ def trajectory(n: int, points: int) -> JointTrajectory:
         TrajectoryPoint(0.5 * i, np.full(n, 0.1)) for i in range(points)))
 
 
-def test_an_arm_its_load_and_its_dynamics() -> None:
+def test_an_arm_its_load_and_its_dynamics():
     assert repr(ARM) == MODEL
     assert repr(LOAD) == "<Payload of 2.5 kg on 'tool0'>"
     assert repr(ARM.with_payloads([LOAD])) == f'{MODEL[:-1]}, {LOAD!r}>'
@@ -40,7 +39,7 @@ def test_an_arm_its_load_and_its_dynamics() -> None:
     assert repr(RigidBody(ARM)) == f'<RigidBody of {MODEL}>'
 
 
-def test_a_controller() -> None:
+def test_a_controller():
     controller = Controller(ARM, ControllerOptions(make_gains(NAMES)))
     assert repr(controller) == f'<Controller of {MODEL}, computed_torque, no reference>'
     controller.update(0, np.zeros(2), np.zeros(2))
@@ -49,7 +48,7 @@ def test_a_controller() -> None:
         f'<Controller of {MODEL}, computed_torque, following a reference>')
 
 
-def test_a_simulation() -> None:
+def test_a_simulation():
     simulation = ArmSimulation(ARM, [1.0 / 3.0, -2])
     assert repr(simulation) == (
         f'<ArmSimulation of {MODEL}, brakes on, position [0.3333, -2.0]>')
@@ -57,14 +56,14 @@ def test_a_simulation() -> None:
     assert 'brakes off' in repr(simulation)
 
 
-def test_a_trajectory() -> None:
+def test_a_trajectory():
     assert repr(trajectory(2, 3)) == (
         "<JointTrajectory of 2 joints ('joint1', 'joint2'), 3 points, 1 s>")
     assert repr(trajectory(2, 0)) == (
         "<JointTrajectory of 2 joints ('joint1', 'joint2'), 0 points>")
 
 
-def test_a_recording(tmp_path: Path) -> None:
+def test_a_recording(tmp_path):
     messages = KnownMotion(seconds=0.5).messages()
     path = write_recording(tmp_path / 'bag', messages)
     with Recording(path) as recording:
@@ -75,7 +74,7 @@ def test_a_recording(tmp_path: Path) -> None:
 @pytest.mark.parametrize('one', [
     LONG, ArmDynamics(LONG), RigidBody(LONG), ArmSimulation(LONG), trajectory(60, 1000),
     Controller(LONG, ControllerOptions(make_gains(LONG.joint_names)))])
-def test_many_joints_are_shortened(one: object) -> None:
+def test_many_joints_are_shortened(one):
     assert "60 joints ('joint1', 'joint2'" in repr(one)
     assert 'joint7' not in repr(one)
     assert len(repr(one)) < 300

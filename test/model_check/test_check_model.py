@@ -46,7 +46,7 @@ def bad(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_good_model(tmp_path: Path):
+def test_a_good_model(tmp_path):
     path = tmp_path / 'good.urdf'
     path.write_text(default_arm_urdf(), encoding='utf-8')
     done = run(path)
@@ -68,7 +68,7 @@ def test_a_robot_is_given_by_name_or_package():
     assert "there is no package 'unknown_package'" in unknown.stderr
 
 
-def test_errors_and_warnings_by_level(bad: Path):
+def test_errors_and_warnings_by_level(bad):
     done = run(bad)
     assert (done.returncode, done.stderr) == (1, '')
     errors, warnings = done.stdout.split('Warnings: 2')
@@ -79,7 +79,7 @@ def test_errors_and_warnings_by_level(bad: Path):
     assert max(map(len, done.stdout.splitlines()[:-1])) <= 110
 
 
-def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(bad: Path, tmp_path: Path):
+def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(bad, tmp_path):
     done = run(bad, '--report', tmp_path / 'new' / 'check.html')
     assert done.stdout == run(bad).stdout
     page = ReportPage((tmp_path / 'new' / 'check.html').read_text(encoding='utf-8'))
@@ -99,27 +99,27 @@ def test_every_check_has_a_next_step():
     assert set(NEXT_STEPS) == set(CHECKS)
 
 
-def test_a_report_that_cannot_be_written(bad: Path, tmp_path: Path):
+def test_a_report_that_cannot_be_written(bad, tmp_path):
     (tmp_path / 'file').write_text('')
     done = run(bad, '--report', tmp_path / 'file' / 'check.html')
     assert done.returncode == 1
     assert done.stderr.startswith('check_model: cannot write')
 
 
-def test_ignored_errors_are_still_shown(bad: Path):
+def test_ignored_errors_are_still_shown(bad):
     done = run(bad, '--ignore', 'inertia', 'mass')
     assert done.returncode == 0
     assert '(ignored)' in done.stdout
     assert done.stdout.splitlines()[-1] == f'{bad}: accepted, as the errors are ignored'
 
 
-def test_locked_joints(bad: Path):
+def test_locked_joints(bad):
     done = run(bad, '--joints', 'wrist')
     assert done.returncode == 0
     assert 'hinge' not in done.stdout
 
 
-def test_json(bad: Path):
+def test_json(bad):
     done = run(bad, '--json', '--ignore', 'limits')
     assert done.returncode == 1
     data = json.loads(done.stdout)
@@ -130,14 +130,14 @@ def test_json(bad: Path):
         ('limits', 'warning', 'wrist', True)]
 
 
-def test_a_negative_mass_is_a_finding(bad: Path):
+def test_a_negative_mass_is_a_finding(bad):
     bad.write_text(POINT_MASS.replace('value="2"', 'value="-2"'), encoding='utf-8')
     done = run(bad)
     assert done.returncode == 1
     assert re.search(r"mass +mass of link 'arm' is -2 kg, expected a positive", done.stdout)
 
 
-def test_unread_geometry_is_counted(bad: Path):
+def test_unread_geometry_is_counted(bad):
     bad.write_text(POINT_MASS.replace(
         '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
         '</geometry></visual>'), encoding='utf-8')
@@ -161,7 +161,7 @@ def test_without_arguments_it_explains_itself():
     (['BAD', '--ignore', 'beauty'], r"invalid choice: 'beauty'"),
     (['TEXT'], r'^check_model: robot_description is not well-formed XML'),
 ])
-def test_bad_usage(bad: Path, tmp_path: Path, arguments, words):
+def test_bad_usage(bad, tmp_path, arguments, words):
     text = tmp_path / 'text.urdf'
     text.write_text('joint1, joint2', encoding='utf-8')
     paths = {'BAD': bad, 'TEXT': text}
@@ -171,7 +171,7 @@ def test_bad_usage(bad: Path, tmp_path: Path, arguments, words):
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_xacro(tmp_path: Path):
+def test_xacro(tmp_path):
     path = tmp_path / 'arm.urdf.xacro'
     path.write_text(
         POINT_MASS.replace('name="r"', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"')
@@ -188,8 +188,6 @@ NUMBER = re.compile(r'(?<![\w.])\d+(?:\.\d+)?(?:e[+-]\d+)?(?![\w])')
 def command():
     """Return the module that writes the table of the page."""
     spec = spec_from_file_location('table', ROOT / 'docs' / 'tables' / 'model_check.py')
-    assert spec is not None
-    assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -246,14 +244,12 @@ def test_the_table_is_what_the_command_writes(command, committed):
         assert_same_line(line, expected)
 
 
-def test_a_reader_that_ends_early_is_no_error() -> None:
+def test_a_reader_that_ends_early_is_no_error():
     """As in `check_model ur10 | head -1`: the output breaks off without a message."""
     with children.popen(
             [sys.executable, '-u', '-c', 'from robot_dynamics.tools.check_model import main; '
              'import sys; sys.exit(main(["ur10"]))'],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stderr is not None
         process.stdout.close()
         assert process.stderr.read() == ''
     assert process.returncode == 141

@@ -4,7 +4,6 @@
 """The density of links: volumes, bounds, and the links of real arms."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from one_joint_arm import text_stl
@@ -70,7 +69,7 @@ def test_densities_of_small_large_and_partly_known_links(mass, geometry, count):
     assert len(densities(mass, geometry)) == count
 
 
-def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path: Path):
+def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path):
     (tmp_path / 'a.stl').write_bytes(text_stl())  # scaled to 6 L
     assert densities(23.9, MESH, meshes=MeshReader(tmp_path)) == []
     assert len(densities(24.1, MESH, meshes=MeshReader(tmp_path))) == 1

@@ -3,7 +3,6 @@
 
 """Every finding of the model check on a URDF with that fault, and none on the default arm."""
 
-from pathlib import Path
 import struct
 
 import numpy as np
@@ -19,7 +18,6 @@ from robot_dynamics.model_check.finding import CHECKS, ERROR, errors_of, refuse_
 from robot_dynamics.model_check.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf import mesh_files
-from robot_dynamics.urdf.values import rotation
 from robots import robot_urdf
 
 
@@ -214,20 +212,19 @@ def collada():
 
 @pytest.mark.parametrize(('name', 'content'), [
     ('a.stl', binary_stl()), ('b.STL', text_stl()), ('c.obj', obj()), ('d.dae', collada())])
-def test_bounds_of_meshes(tmp_path: Path, name, content):
+def test_bounds_of_meshes(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     np.testing.assert_array_equal(bounding_box(tmp_path / name), [[0, 0, 0], [1, 2, 3]])
 
 
 @pytest.mark.parametrize(('name', 'content'), [
     ('a.stl', b''), ('b.stl', b'solid\nvertex 1 2'), ('c.obj', b'v a b c'), ('d.dae', b'<a/>')])
-def test_meshes_that_cannot_be_read(tmp_path: Path, name, content):
+def test_meshes_that_cannot_be_read(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     assert bounding_box(tmp_path / name) is None
 
 
-def test_a_collada_file_that_takes_too_long_or_has_a_dtd_cannot_be_read(
-        tmp_path: Path, monkeypatch):
+def test_a_collada_file_that_takes_too_long_or_has_a_dtd_cannot_be_read(tmp_path, monkeypatch):
     file = tmp_path / 'a.dae'
     file.write_bytes(b'<!DOCTYPE COLLADA [<!ENTITY e "x">]>' + collada().partition(b'?>')[2])
     assert bounding_box(file) is None
@@ -237,7 +234,7 @@ def test_a_collada_file_that_takes_too_long_or_has_a_dtd_cannot_be_read(
     assert bounding_box(file) is None
 
 
-def test_a_mesh_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch):
+def test_a_mesh_that_is_too_large_is_not_read(tmp_path, monkeypatch):
     file = tmp_path / 'a.stl'
     file.write_bytes(binary_stl())
     monkeypatch.setattr(mesh_files, 'LARGEST_MESH', file.stat().st_size)
@@ -249,7 +246,7 @@ def test_a_mesh_that_is_too_large_is_not_read(tmp_path: Path, monkeypatch):
 MESH = '<visual><geometry><mesh filename="{}" scale="0.1 0.1 0.1"/></geometry></visual>'
 
 
-def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path: Path):
+def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path):
     meshes = tmp_path / 'my_robot' / 'meshes'
     meshes.mkdir(parents=True)
     (meshes / 'arm.stl').write_bytes(binary_stl())
@@ -260,10 +257,3 @@ def test_a_link_is_compared_with_its_mesh_where_it_can_be_read(tmp_path: Path):
     assert found(urdf, meshes=MeshReader(tmp_path / 'my_robot' / 'urdf')) == expected
     assert found(urdf) == set()
     assert found(urdf.replace('0.4', '0.01'), meshes=MeshReader(tmp_path)) == set()
-
-
-def test_rotation_is_that_of_urdf():
-    """About x by roll, then y by pitch, then z by yaw, all about fixed axes."""
-    import pinocchio
-    rpy = np.array([0.3, -0.7, 1.9])
-    np.testing.assert_allclose(rotation(rpy), pinocchio.rpy.rpyToMatrix(*rpy), atol=1e-15)

@@ -9,7 +9,6 @@ import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.model_check.rotor_check import check_rotors, LARGEST_ACCELERATION
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
 HINGE = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/>
@@ -54,12 +53,6 @@ def test_a_rotor_that_is_known_counts(rotor, effort):
         assert 'check actuator.reflected_inertia' in findings[0].message
 
 
-def test_the_rotors_of_a_ur10_silence_the_check():
-    urdf = robot_urdf('ur10')
-    arm = load_arm(urdf).with_reflected_inertia([1.0, 1.0, 0.6, 0.1, 0.1, 0.1])
-    assert named(urdf, arm) == []
-
-
 def test_joints_without_limit_or_mass_and_slides_are_skipped():
     for kind, effort in (('revolute', 0), ('prismatic', 1e6)):
         assert named(HINGE.format(kind=kind, effort=effort)) == []
@@ -74,7 +67,3 @@ def test_a_mimic_joint_counts_at_its_leader():
     arm = load_arm(urdf)
     assert arm.mimic_joints
     assert not set(named(urdf)) & {mimic.name for mimic in arm.mimic_joints}
-
-
-def test_the_default_arm_has_no_finding():
-    assert named(default_arm_urdf()) == []

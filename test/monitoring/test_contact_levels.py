@@ -6,7 +6,7 @@
 from collections.abc import Sequence
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from free_motion_recording import learn_contact_levels as run_verb
 from free_motion_recording import record_free_motion
@@ -83,7 +83,7 @@ def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -
 
 # ------------------------------------------------------------------------------ false alarms
 
-def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
+def test_false_alarms_on_unseen_motion_keep_the_promise():
     """Twenty per hour, so that two hours of another motion are enough to count them."""
     promise = Promise(TEN_MINUTES, 20.0)
     rates = [alarm_rates(name, 5, 2, [promise])[0] for name in ARMS]
@@ -92,7 +92,7 @@ def test_false_alarms_on_unseen_motion_keep_the_promise() -> None:
 
 
 @pytest.mark.soak
-def test_false_alarms_of_arms_by_which_the_law_was_not_chosen() -> None:
+def test_false_alarms_of_arms_by_which_the_law_was_not_chosen():
     """The promise is an upper bound; five per hour are shown by an hour, and kept."""
     promises = [Promise(TEN_MINUTES, 1.0), Promise(TEN_MINUTES, 20.0), Promise(HOUR, 1.0),
                 Promise(HOUR, 5.0)]
@@ -109,7 +109,7 @@ def test_false_alarms_of_arms_by_which_the_law_was_not_chosen() -> None:
 
 @pytest.mark.parametrize(('law', 'above'), [
     (stats.halfnorm(), 1), (stats.beta(1.0, 4.0), 0), (stats.expon(), 4)])
-def test_the_promise_is_an_upper_bound_for_known_tails(law: Any, above: int) -> None:
+def test_the_promise_is_an_upper_bound_for_known_tails(law, above):
     """Of Gaussian noise and bounded errors in nearly all recordings, at slightly high levels."""
     rng, n, rates, levels = np.random.default_rng(0), 7, [], []
     exact = law.isf(1.0 / 7200.0 / n)
@@ -127,7 +127,7 @@ def test_the_promise_is_an_upper_bound_for_known_tails(law: Any, above: int) -> 
     assert 0.9 < np.median(levels) < 1.15
 
 
-def test_the_fast_estimate_is_that_of_the_observer() -> None:
+def test_the_fast_estimate_is_that_of_the_observer():
     model = model_arm('ur10')
     rng = np.random.default_rng(3)
     arm = true_arm(model, rng)
@@ -144,7 +144,7 @@ def test_the_fast_estimate_is_that_of_the_observer() -> None:
     assert (error[50:].std(axis=0) < 0.3 * fast[50:].std(axis=0)).all()
 
 
-def test_the_count_of_the_test_is_that_of_the_detector() -> None:
+def test_the_count_of_the_test_is_that_of_the_detector():
     rng = np.random.default_rng(1)
     levels = ContactLevels(np.array([2.0, 0.0]), np.array([0.5, 0.0]))
     v, r = rng.normal(size=(2, 5000, 2))
@@ -170,8 +170,8 @@ def detection_delay(level: float, effort: float, bandwidth: float) -> float:
 @given(st.sampled_from(ARMS), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.0, 0.1, 0.5]),
        st.booleans(), st.floats(50.0, 1000.0), st.floats(1.0, 50.0), st.floats(1.02, 50.0))
 def test_a_constant_effort_is_found_within_the_delay(
-    name: str, seed: int, noise: float, moves: bool, rate: float, bandwidth: float, ratio: float,
-) -> None:
+    name, seed, noise, moves, rate, bandwidth, ratio,
+):
     """
     For any motion and noise, with the largest error e against the effort: θ + e instead of θ.
 
@@ -199,8 +199,6 @@ def test_a_constant_effort_is_found_within_the_delay(
                    for observer, effort in zip(observers, (np.zeros(n), tau)))
         if k <= 0:
             continue
-        assert r is not None
-        assert free is not None
         assert r - free == pytest.approx(
             -np.expm1(-2.0 * np.pi * bandwidth * k * dt) * tau, abs=1e-6)
         worst = max(worst, -np.sign(tau[j]) * free[j])
@@ -254,8 +252,6 @@ def pushed(name: str, seed: int) -> Push:
     for _ in range(round(0.3 * LOOP_RATE)):
         samples = twins[0].step([wrench]), twins[1].step()
         r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
-        assert r is not None
-        assert error is not None
         v = samples[0].v
         level = float(levels.at(v)[joint])
         thresholds.append(level - sign * error[joint])
@@ -268,7 +264,7 @@ def pushed(name: str, seed: int) -> Push:
 
 
 @pytest.mark.parametrize('name', ARMS)
-def test_the_delay_on_arms_with_friction_and_noise(name: str) -> None:
+def test_the_delay_on_arms_with_friction_and_noise(name):
     """The error of the estimate adds to the push, and may delay the detection."""
     pushes = [pushed(name, seed) for seed in range(4)]
     assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
@@ -277,7 +273,7 @@ def test_the_delay_on_arms_with_friction_and_noise(name: str) -> None:
 
 @pytest.mark.soak
 @pytest.mark.parametrize('name', ARMS)
-def test_the_median_delay_of_many_pushes(name: str) -> None:
+def test_the_median_delay_of_many_pushes(name):
     check_median(name, [pushed(name, seed) for seed in range(48)])
 
 
@@ -298,9 +294,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_verb_writes_a_parameter_file(
-    recording: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_verb_writes_a_parameter_file(recording, capsys):
     """Without a node."""
     path = recording / 'levels.yaml'
     assert run_verb(recording, '-o', str(path)) == 0
@@ -317,7 +311,7 @@ def test_the_verb_writes_a_parameter_file(
     assert 'alarms_per_hour is 0, expected a number > 0' in capsys.readouterr().err
 
 
-def test_bad_motions_are_rejected() -> None:
+def test_bad_motions_are_rejected():
     t, v = np.arange(0.0, 100.0, 0.1), np.zeros((1000, 2))
     with pytest.raises(InvalidInputError, match=r'lasts 10\.0 s, expected at least 60 s'):
         learn_contact_levels(t[:100], v[:100], v[:100] + 1.0, ('a', 'b'))

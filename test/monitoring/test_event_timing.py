@@ -23,7 +23,7 @@ def timing_of(times: np.ndarray) -> EventTiming:
 
 
 @given(intervals, intervals)
-def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
+def test_windows_do_not_mix(first, second):
     """An interval belongs to the window in which it ended."""
     timing, t = EventTiming(START, WINDOW), START
     last: list[float] = []
@@ -44,9 +44,7 @@ def test_windows_do_not_mix(first: list[float], second: list[float]) -> None:
 
 @given(st.lists(st.floats(1e-3, 0.1), min_size=2, max_size=30),
        st.lists(st.floats(1e-3, 0.3), min_size=1, max_size=30))
-def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
-    first: list[float], second: list[float],
-) -> None:
+def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, second):
     timing = timing_of(START + np.cumsum(first))
     assert timing.late == 0  # there is no reference interval yet
     end = START + sum(first)
@@ -59,7 +57,7 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(
     assert timing.late == (between > LATE * usual).sum()
 
 
-def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
+def test_a_window_is_summed_up_when_it_is_over_and_not_before():
     timing = timing_of(START + np.arange(1, 100) * 0.005)
     assert timing.look(START + 0.999 * WINDOW) == Timing()
     seen = timing.look(START + WINDOW)
@@ -68,7 +66,7 @@ def test_a_window_is_summed_up_when_it_is_over_and_not_before() -> None:
     assert timing.look(START + 2.0 * WINDOW) == Timing()  # no event since
 
 
-def test_after_a_pause_no_event_is_late_until_an_interval_is_known() -> None:
+def test_after_a_pause_no_event_is_late_until_an_interval_is_known():
     timing = timing_of(START + np.arange(1, 201) * 0.005)
     timing.look(START + WINDOW)
     timing.look(START + 2.0 * WINDOW)

@@ -46,7 +46,7 @@ def with_everything(arm: ArmModel) -> ArmModel:
 # ------------------------------------------------------------------------------ the filter
 
 @pytest.mark.parametrize('gain_times_dt', [1e-9, 1e-3, 0.5, 2.0, 50.0, 1e6])
-def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_dt: float) -> None:
+def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_dt):
     observer, effort = MomentumObserver(2, BANDWIDTH), np.array([3.0, -7.0])
     dt = gain_times_dt / K
     for k in range(1, 200):
@@ -54,7 +54,7 @@ def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_d
         assert estimate == pytest.approx(effort * -math.expm1(-K * k * dt), rel=1e-9)
 
 
-def test_uneven_stamps_change_nothing() -> None:
+def test_uneven_stamps_change_nothing():
     observer, effort, t = MomentumObserver(1, BANDWIDTH), np.array([5.0]), 0.0
     for dt in np.random.default_rng(1).exponential(0.01, 300).tolist():
         t += dt
@@ -63,7 +63,7 @@ def test_uneven_stamps_change_nothing() -> None:
 
 
 @pytest.mark.parametrize('bandwidth', [0.0, -1.0, math.nan, math.inf])
-def test_a_bandwidth_has_to_be_positive(bandwidth: float) -> None:
+def test_a_bandwidth_has_to_be_positive(bandwidth):
     with pytest.raises(InvalidInputError, match='bandwidth'):
         MomentumObserver(2, bandwidth)
 
@@ -116,7 +116,7 @@ def run(
     return Run(np.array(estimates), np.array(off), np.array(velocities))
 
 
-def test_a_push_is_followed_as_by_a_first_order_filter() -> None:
+def test_a_push_is_followed_as_by_a_first_order_filter():
     """The mean external effort of each step is found; the error decreases with the step."""
     arm = with_everything(three_links())
     errors = [np.abs(run(arm, arm, dt, 0.2).off).max() for dt in (4e-3, 2e-3, 1e-3)]
@@ -124,12 +124,12 @@ def test_a_push_is_followed_as_by_a_first_order_filter() -> None:
     assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
 
 
-def test_before_the_push_there_is_nothing() -> None:
+def test_before_the_push_there_is_nothing():
     arm = with_everything(three_links())
     assert np.abs(run(arm, arm, 1e-3, 0.3, push_at=1.0).estimates).max() < 1e-3
 
 
-def test_friction_missing_in_the_model_is_estimated_as_external() -> None:
+def test_friction_missing_in_the_model_is_estimated_as_external():
     bare = three_links()
     arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
     seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
@@ -139,14 +139,14 @@ def test_friction_missing_in_the_model_is_estimated_as_external() -> None:
     assert np.abs(unseen.off).max() > 0.5
 
 
-def test_a_load_that_the_model_has_too_makes_no_step() -> None:
+def test_a_load_that_the_model_has_too_makes_no_step():
     arm, load = with_everything(three_links()), make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
     off = run(arm, arm, 1e-3, 0.2, push_at=1.0, load=load).off
     # compared with 12 N·m of weight, and with 1 N·m·s of momentum within 1 ms
     assert np.abs(off).max() < 5e-3
 
 
-def test_a_restart_resets_the_estimate() -> None:
+def test_a_restart_resets_the_estimate():
     observer = ExternalEffort(ArmDynamics(three_links()), BANDWIDTH)
     state = START, np.zeros(3), np.zeros(3)
     assert observer.update(1e-3, *state) is None
@@ -161,7 +161,7 @@ def test_a_restart_resets_the_estimate() -> None:
 # ------------------------------------------------------------------------------ the effort
 
 @pytest.mark.parametrize('kind', [kind for kind in MEASURED_EFFORTS if kind != 'none'])
-def test_what_is_measured_gives_the_joint_effort_back(kind: str) -> None:
+def test_what_is_measured_gives_the_joint_effort_back(kind):
     motors = make_actuators(('a', 'b'), [0.1, 0.2], [50.0, -80.0], efficiency=[0.8, 0.9])
     random = np.random.default_rng(3)
     for _ in range(20):
@@ -170,12 +170,12 @@ def test_what_is_measured_gives_the_joint_effort_back(kind: str) -> None:
         assert joint_from_measured(kind, measured, v, gravity, motors) == pytest.approx(effort)
 
 
-def test_no_effort_cannot_be_converted() -> None:
+def test_no_effort_cannot_be_converted():
     with pytest.raises(InvalidInputError, match="measured_effort is 'none'"):
         joint_from_measured('none', np.zeros(0), np.zeros(2), np.zeros(2), None)
 
 
-def test_friction_of_gears_that_press_harder_under_load_is_no_environment() -> None:
+def test_friction_of_gears_that_press_harder_under_load_is_no_environment():
     bare = three_links()
     names = bare.joint_names
     dynamics = ArmDynamics(bare.with_friction(make_friction(

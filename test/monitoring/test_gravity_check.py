@@ -74,7 +74,7 @@ def verdict_of(*arguments: Any, **options: Any) -> GravityVerdict:
 # --- the measured share --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('ratio', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
-def test_the_ratio_of_gravity_is_exact(ratio: float) -> None:
+def test_the_ratio_of_gravity_is_exact(ratio):
     command = G + [3.0, -2.0]
     verdict = verdict_of(make_check(), command + ratio * G, command, seconds=4.0)
     assert verdict.ratio == pytest.approx(ratio, abs=1e-12)
@@ -99,16 +99,12 @@ def test_the_ratio_of_gravity_is_exact(ratio: float) -> None:
     (EffortConvention(), ZERO, G, False),
     (EffortConvention(robot_compensates=GRAVITY), ZERO, ZERO, False),
 ])
-def test_what_was_declared_agrees_or_not(
-    semantics: EffortConvention, effort: Any, command: Any, agrees: bool,
-) -> None:
+def test_what_was_declared_agrees_or_not(semantics, effort, command, agrees):
     assert verdict_of(make_check(semantics), effort, command, seconds=4.0).agrees == agrees
 
 
 @pytest.mark.parametrize(('efficiency', 'tolerance'), [(1.0, 0.5), (0.9, 0.611), (0.6, 0.75)])
-def test_currents_are_converted_and_gears_widen_the_tolerance(
-    efficiency: float, tolerance: float,
-) -> None:
+def test_currents_are_converted_and_gears_widen_the_tolerance(efficiency, tolerance):
     actuators = make_actuators(NAMES, [0.1, 0.05], [100.0, -50.0], efficiency=[efficiency])
     current = G / (np.array([0.1, 0.05]) * [100.0, -50.0])
     check = make_check(EffortConvention('motor_current'), actuators=actuators)
@@ -120,7 +116,7 @@ def test_currents_are_converted_and_gears_widen_the_tolerance(
 
 
 @pytest.mark.parametrize(('joint', 'decides'), [(0, True), (1, False)])
-def test_a_continuous_joint_rests_where_its_position_wraps(joint: int, decides: bool) -> None:
+def test_a_continuous_joint_rests_where_its_position_wraps(joint, decides):
     """Noise makes a position alternate between π and −π; for other joints this is motion."""
     random, check, verdict = np.random.default_rng(2), make_check(), None
     rest = Q.copy()
@@ -139,9 +135,7 @@ def test_a_continuous_joint_rests_where_its_position_wraps(joint: int, decides: 
 
 @pytest.mark.parametrize('sign', [[1, 1], [1, -1], [-1, 1], [-1, -1]])
 @pytest.mark.parametrize('load', [0.0, 1 / 3])
-def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(
-    sign: list[int], load: float,
-) -> None:
+def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(sign, load):
     friction = make_friction(NAMES, [0.0], [12.0, 2.4])
     held = np.array(sign) * friction.static
     alone = verdict_of(make_check(friction=friction), (1.0 + load) * G + held, G)
@@ -151,7 +145,7 @@ def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(
     assert not verdict_of(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
 
 
-def test_a_joint_within_its_friction_is_not_asked() -> None:
+def test_a_joint_within_its_friction_is_not_asked():
     friction = make_friction(NAMES, [0.0], [1.0, 4.0])
     verdict = verdict_of(make_check(friction=friction), G + [0.0, 40.0], G)
     assert verdict.used.tolist() == [True, False]
@@ -159,14 +153,14 @@ def test_a_joint_within_its_friction_is_not_asked() -> None:
 
 
 @pytest.mark.parametrize('g', [[0.0, 0.0], [0.05, -0.09]])
-def test_in_a_pose_without_gravity_it_does_not_decide(g: list[float]) -> None:
+def test_in_a_pose_without_gravity_it_does_not_decide(g):
     check = make_check()
     assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
     assert check.waiting == POSE
     assert verdict_of(check, G, G, start=20.0).agrees  # a better hold follows
 
 
-def test_noise_is_averaged_and_hides_a_small_load() -> None:
+def test_noise_is_averaged_and_hides_a_small_load():
     verdict = verdict_of(make_check(), 2.0 * G, G, noise=1.0)
     assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
@@ -176,7 +170,7 @@ def test_noise_is_averaged_and_hides_a_small_load() -> None:
 
 # --- the time of the check -----------------------------------------------------------------------
 
-def test_it_takes_half_a_second_and_twenty_states() -> None:
+def test_it_takes_half_a_second_and_twenty_states():
     check = make_check()
     assert hold(check, G, G, 0.495) is None
     assert verdict_of(make_check(), G, G, 0.51).agrees
@@ -188,7 +182,7 @@ def test_it_takes_half_a_second_and_twenty_states() -> None:
 @pytest.mark.parametrize('moves', [
     {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
     {'command': None}])
-def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves: dict[str, Any]) -> None:
+def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves):
     check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
     command = changed.pop('command')
     assert hold(check, G, G, 0.4) is None
@@ -196,11 +190,11 @@ def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves: dict[str, A
     assert hold(check, G, G, 0.4, start=10.8) is None
 
 
-def test_it_does_without_a_velocity() -> None:
+def test_it_does_without_a_velocity():
     assert verdict_of(make_check(), G, G, v=None).agrees
 
 
-def test_a_step_within_the_window_is_not_averaged() -> None:
+def test_a_step_within_the_window_is_not_averaged():
     """Brakes open, and the effort steps from 0 to the holding effort: no verdict on the mean."""
     check = make_check()
     assert hold(check, ZERO, G, 0.25) is None
@@ -210,7 +204,7 @@ def test_a_step_within_the_window_is_not_averaged() -> None:
 
 
 @pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
-def test_late_efforts_in_a_window_are_ignored(late: float) -> None:
+def test_late_efforts_in_a_window_are_ignored(late):
     """The first states of a hold report the effort before the first command."""
     check = make_check()
     assert hold(check, ZERO, G, late) is None
@@ -221,14 +215,14 @@ def test_late_efforts_in_a_window_are_ignored(late: float) -> None:
 
 # --- brakes and missing efforts ------------------------------------------------------------------
 
-def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict() -> None:
+def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict():
     for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
         assert hold(check, ZERO, None, 30.0) is None
         assert check.waiting == UNLOADED_WORDS
 
 
-def test_under_a_command_brakes_get_three_seconds() -> None:
+def test_under_a_command_brakes_get_three_seconds():
     check = make_check()
     assert hold(check, ZERO, G, 2.9) is None
     assert verdict_of(check, G, G, start=12.9, seconds=2.0).agrees
@@ -236,7 +230,7 @@ def test_under_a_command_brakes_get_three_seconds() -> None:
     assert verdict.ratio == pytest.approx(-1.0)
 
 
-def test_joints_without_a_measurement_are_left_out() -> None:
+def test_joints_without_a_measurement_are_left_out():
     nan = float('nan')
     verdict = verdict_of(make_check(), [2.0 * G[0], nan], G)
     assert verdict.used.tolist() == [True, False]
@@ -258,9 +252,7 @@ def test_joints_without_a_measurement_are_left_out() -> None:
     (EffortConvention(robot_compensates=GRAVITY), G, [
         'expected 1', "robot_compensates ['gravity']", 'remove it from robot_compensates']),
 ])
-def test_a_warning_has_the_numbers_and_the_parameter(
-    semantics: EffortConvention, effort: Any, words: list[str],
-) -> None:
+def test_a_warning_has_the_numbers_and_the_parameter(semantics, effort, words):
     line = verdict_in_words(
         verdict_of(make_check(semantics), effort, G, seconds=4.0), NAMES, semantics)
     expected = [*words, f'joint1: measured {effort[0]:.3f}, command -50.000, g(q) -50.000',
@@ -300,25 +292,23 @@ def closed_loop(
         if k and (verdict := check.add(
                 t, *state, measured, command, output.robot_gravity)) is not None:
             return verdict
-        assert output.command is not None
         command = output.command
-        effort = robot_side.with_own_compensation(command, *state)
-        simulation.step(effort, 1e-9 * PERIOD_NS)
+        simulation.step(
+            robot_side.with_own_compensation(command, *state), 1e-9 * PERIOD_NS)
     return None
 
 
+DECLARED = (
+    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
+    EffortConvention(LACKS, GRAVITY))
 SET_POINT = make_trajectory(NAMES, [0.0], [Q], [], [], NAMES)
 STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
 
 
-@pytest.mark.parametrize('declared', [
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY)])
+@pytest.mark.parametrize('declared', DECLARED)
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
 @pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
-def test_a_robot_that_is_as_declared_raises_no_alarm(
-    declared: EffortConvention, arm: ArmModel, load: float,
-) -> None:
+def test_a_robot_that_is_as_declared_raises_no_alarm(declared, arm, load):
     verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
     assert verdict.agrees, verdict
 
@@ -326,16 +316,14 @@ def test_a_robot_that_is_as_declared_raises_no_alarm(
 DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
 
 
-@pytest.mark.parametrize('declared', [
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY)])
-def test_drives_with_a_scale_and_an_offset_are_as_declared(declared: EffortConvention) -> None:
+@pytest.mark.parametrize('declared', DECLARED)
+def test_drives_with_a_scale_and_an_offset_are_as_declared(declared):
     verdict = closed_loop(
         ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
     assert verdict.ratio == pytest.approx(declared.expected_ratio, abs=0.01)
 
 
-def test_another_controller_of_such_drives_is_found() -> None:
+def test_another_controller_of_such_drives_is_found():
     check = GravityCheck(EffortConvention(), make_friction(NAMES), None, CONTINUOUS, DRIVE)
     verdict = verdict_of(check, DRIVE.effort(G), None)
     assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
@@ -344,14 +332,14 @@ def test_another_controller_of_such_drives_is_found() -> None:
 
 
 @pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
-def test_gravity_twice_is_found_behind_a_set_point(arm: ArmModel) -> None:
+def test_gravity_twice_is_found_behind_a_set_point(arm):
     """Feedback opposes the excess effort, which is visible in the command."""
     verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
     assert verdict.ratio == pytest.approx(1.0, abs=0.05)
     assert not verdict.agrees
 
 
-def test_there_is_no_verdict_while_the_arm_moves() -> None:
+def test_there_is_no_verdict_while_the_arm_moves():
     """The verdict follows after the motion, and is the same."""
     motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
     for robot, agrees in (((), True), (GRAVITY, False)):

@@ -22,7 +22,7 @@ ARM = load_arm(default_arm_urdf())
 
 # ------------------------------------------------------------------------------ the filter
 
-def test_it_is_the_butterworth_filter_of_scipy() -> None:
+def test_it_is_the_butterworth_filter_of_scipy():
     signal = pytest.importorskip('scipy.signal')
     t = np.arange(400) * 2e-3
     u = np.random.default_rng(0).normal(size=400)
@@ -36,7 +36,7 @@ def test_it_is_the_butterworth_filter_of_scipy() -> None:
 
 
 @pytest.mark.parametrize('held', [False, True])
-def test_steps_may_be_cut_anywhere(held: bool) -> None:
+def test_steps_may_be_cut_anywhere(held):
     """The signal between two samples is known, so that additional samples change nothing."""
     random = np.random.default_rng(1)
     whole, cut = LowPass(CUTOFF), LowPass(CUTOFF)
@@ -52,7 +52,7 @@ def test_steps_may_be_cut_anywhere(held: bool) -> None:
         last = sample
 
 
-def test_a_straight_line_comes_out_late_by_the_delay_and_its_slope_exactly() -> None:
+def test_a_straight_line_comes_out_late_by_the_delay_and_its_slope_exactly():
     low_pass = LowPass(CUTOFF)
     for k in range(1000):
         low_pass.update(np.array([3.0 * 1e-3 * k]), 1e-3)
@@ -60,7 +60,7 @@ def test_a_straight_line_comes_out_late_by_the_delay_and_its_slope_exactly() -> 
     assert low_pass.rate == pytest.approx(3.0, abs=1e-9)
 
 
-def test_after_the_settling_time_less_than_a_hundredth_of_the_start_is_left() -> None:
+def test_after_the_settling_time_less_than_a_hundredth_of_the_start_is_left():
     low_pass = LowPass(CUTOFF)
     low_pass.update(np.array([1.0]), 0.0)
     steps = math.ceil(low_pass.settling_time / 1e-3)
@@ -70,7 +70,7 @@ def test_after_the_settling_time_less_than_a_hundredth_of_the_start_is_left() ->
 
 
 @pytest.mark.parametrize('cutoff', [0.0, -2.0, math.nan])
-def test_a_cutoff_has_to_be_positive(cutoff: float) -> None:
+def test_a_cutoff_has_to_be_positive(cutoff):
     with pytest.raises(InvalidInputError, match='cutoff'):
         LowPass(cutoff)
 
@@ -100,20 +100,20 @@ def residuals(
     return np.array([pair[0] for pair in found]), np.array([pair[1] for pair in found])
 
 
-def test_the_right_model_leaves_little() -> None:
+def test_the_right_model_leaves_little():
     dynamics = ArmDynamics(ARM)
     left, _ = residuals(dynamics, dynamics)
     assert np.abs(left).max() < 0.25  # of 60 N·m: the filter and the nonlinear M(q) do not commute
 
 
-def test_what_the_model_lacks_is_left() -> None:
+def test_what_the_model_lacks_is_left():
     friction = make_friction(ARM.joint_names, [2.0, 1.0])
     left, v = residuals(ArmDynamics(ARM.with_friction(friction)), ArmDynamics(ARM))
     assert left == pytest.approx(friction.viscous * v, abs=0.25)
     assert np.abs(friction.viscous * v).max(axis=0) == pytest.approx([3.0, 1.9], rel=0.1)
 
 
-def test_encoders_may_step_by_whole_turns() -> None:
+def test_encoders_may_step_by_whole_turns():
     assert set(ARM.joint_kinds) == {'continuous'}
     dynamics = ArmDynamics(ARM)
     straight, _ = residuals(dynamics, dynamics)

@@ -59,9 +59,8 @@ def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
     st.sampled_from((0.0, 0.02, 0.2)), st.sampled_from((0.0, 0.005, 0.015)),
     st.integers(0, 2), st.sampled_from((0.0, 1e-4, 1e-3)), st.sampled_from((0.85, 1.0, 1.2)))
 def test_consistent_motion_is_never_in_doubt(
-    seed: int, rate: int, speed: float, noise: float, delay: float, order: int,
-    resolution: float, scale: float,
-) -> None:
+    seed, rate, speed, noise, delay, order, resolution, scale,
+):
     """Noise, filters, encoder resolution, wrong scale, jitter of the stamps, whole turns."""
     rng = np.random.default_rng(seed)
     t, q, v = smooth_motion(rng, 4.0, speed)
@@ -76,9 +75,7 @@ def test_consistent_motion_is_never_in_doubt(
 
 @laws
 @given(st.integers(0, 10**6), st.floats(0.02, 0.2), st.sampled_from((0.0, 0.2)))
-def test_gaps_changes_of_the_rate_and_repeated_stamps(
-    seed: int, gap: float, noise: float,
-) -> None:
+def test_gaps_changes_of_the_rate_and_repeated_stamps(seed, gap, noise):
     rng = np.random.default_rng(seed)
     t, q, v = smooth_motion(rng, 4.0, 2.0)
     steps = np.concatenate([np.full(round(0.8 * rate), 1.0 / rate) for rate in (
@@ -93,9 +90,7 @@ def test_gaps_changes_of_the_rate_and_repeated_stamps(
 @pytest.mark.parametrize('rate', RATES)
 @pytest.mark.parametrize(('before', 'after'), [(0.0, 1.0), (1.0, 0.0), (1.0, -0.7), (2.0, 0.0)])
 @pytest.mark.parametrize('delay', [0.0, 0.015])
-def test_impacts_are_no_contradiction(
-    rate: int, before: float, after: float, delay: float,
-) -> None:
+def test_impacts_are_no_contradiction(rate, before, after, delay):
     """The velocity changes between two samples, at any phase of the sampling."""
     t = np.arange(0.0, 4.0, FINE)
     v = np.where(t < 2.0, before * np.minimum(t / 0.5, 1.0), after * np.exp(
@@ -110,9 +105,7 @@ def test_impacts_are_no_contradiction(
 @given(
     st.sampled_from(RATES), st.floats(0.001, 0.2), st.floats(0.1, 2.0), st.floats(-3.0, 3.0),
     st.floats(0.01, 0.3))
-def test_a_push_after_a_short_rest_is_no_contradiction(
-    rate: int, rest: float, begin: float, speed: float, decay: float,
-) -> None:
+def test_a_push_after_a_short_rest_is_no_contradiction(rate, rest, begin, speed, decay):
     """The samples repeat exactly at rest, so that the last one that differed is older."""
     t = np.arange(0.0, 3.0, FINE)
     v = np.where(t < begin, -0.05, np.where(
@@ -123,7 +116,7 @@ def test_a_push_after_a_short_rest_is_no_contradiction(
 
 
 @pytest.mark.parametrize(('rate', 'repeats'), [(500, 2), (500, 4), (500, 5), (1000, 5), (100, 3)])
-def test_drivers_may_send_each_sample_several_times(rate: int, repeats: int) -> None:
+def test_drivers_may_send_each_sample_several_times(rate, repeats):
     t, q, v = smooth_motion(np.random.default_rng(0), 6.0, 2.0)
     states = sampled(t, q, v, regular(t, rate))
     rows = np.arange(len(states.q)) // repeats * repeats
@@ -142,10 +135,8 @@ def recorded(path: object) -> JointSeries:
 
 @pytest.mark.skipif(not (ROSBAG2.is_dir() and UR10.is_dir()), reason=NO_ROSBAG2)
 @pytest.mark.parametrize('path', RECORDINGS, ids=lambda path: path.name)
-def test_recordings_are_consistent(path: object) -> None:
+def test_recordings_are_consistent(path):
     series, rng = recorded(path), np.random.default_rng(0)
-    assert series.position is not None
-    assert series.velocity is not None
     n = len(series.joint_names)
     for decimation in (1, 2, 4):
         every = slice(None, None, decimation)
@@ -155,7 +146,7 @@ def test_recordings_are_consistent(path: object) -> None:
 
 
 @pytest.mark.parametrize('rate', [125, 500])
-def test_the_filtered_noise_of_a_joint_at_rest_is_known_from_its_integral(rate: int) -> None:
+def test_the_filtered_noise_of_a_joint_at_rest_is_known_from_its_integral(rate):
     """Successive samples are similar: their differences show a hundredth of the variance."""
     rng, m = np.random.default_rng(0), 10 * rate
     v = filtered(rng.normal(0.0, 1.0, (round(m / (FINE * rate)), N)), 0.02, 1)
@@ -166,9 +157,7 @@ def test_the_filtered_noise_of_a_joint_at_rest_is_known_from_its_integral(rate: 
 
 @settings(max_examples=30)
 @given(st.sampled_from((30.0, 100.0, 500.0)), st.integers(0, 10**6))
-def test_a_velocity_may_be_the_true_one_of_any_time_up_to_40_ms_ago(
-    rate: float, seed: int,
-) -> None:
+def test_a_velocity_may_be_the_true_one_of_any_time_up_to_40_ms_ago(rate, seed):
     """Integrals between the displacements of these times have no error, others their distance."""
     rng, one = np.random.default_rng(seed), consistency(KINDS[:1])
     t = np.cumsum(rng.uniform(0.8, 1.2, 60)) / rate

@@ -74,7 +74,7 @@ def freeze(
 
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
 @pytest.mark.parametrize('joints', [[0], [1, 2], [0, 1, 2]])
-def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -> None:
+def test_a_joint_that_freezes_in_motion_is_found(rate, joints):
     found, one = freeze(joints, 1.0, rate)
     assert found < 0.03
     assert np.flatnonzero(one.frozen).tolist() == joints
@@ -86,7 +86,7 @@ def test_a_joint_that_freezes_in_motion_is_found(rate: int, joints: list[int]) -
 
 @pytest.mark.parametrize('speed', [0.5, -2.0])
 @pytest.mark.parametrize('late', range(5))
-def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed: float, late: int) -> None:
+def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed, late):
     """Also between stored states, which are 5 ms apart; the period is 1 ms."""
     rows = np.stack([np.minimum(np.arange(600), 500 + late), np.arange(600)], axis=1)
     one = consistency(KINDS[:1] * 2)  # the other joint moves on
@@ -98,9 +98,7 @@ def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed: float, 
 
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
 @pytest.mark.parametrize('with_velocity', [True, False])
-def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
-    joints: list[int], with_velocity: bool,
-) -> None:
+def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(joints, with_velocity):
     found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity, continues=False)
     assert found is not None
     assert np.flatnonzero(one.frozen).tolist() == [0]  # its reference is the fastest
@@ -113,13 +111,13 @@ def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(
 
 
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
-def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints: list[int]) -> None:
+def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints):
     found, one = freeze(joints, 1.0, 1000, end=1.8)
     assert found is not None
     assert one.is_consistent
 
 
-def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes() -> None:
+def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes():
     """Also when its reference stops, or has ended."""
     one, q = consistency(), np.zeros(N)
     reference = 0.2 * np.clip(np.arange(1500) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, 0, 0])
@@ -133,7 +131,7 @@ def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes() 
 
 
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
+def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate):
     """Nothing holds a joint without friction if its signal is lost at rest."""
     states = at_rest(np.random.default_rng(0), rate)
     k = 2 * rate
@@ -147,7 +145,7 @@ def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate: int) -> None:
 
 @pytest.mark.parametrize('rate', [100, 250, 500, 1000])
 @pytest.mark.parametrize('speed', [0.003, 0.01])
-def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed: float, rate: int) -> None:
+def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed, rate):
     """It has hardly moved: only the smallest steps of its encoder show that it is alive."""
     t = np.arange(0.0, 2.0, 1.0 / rate)
     v = speed * np.clip((t - 1.0) / 0.02, 0.0, 1.0)[:, None] * np.ones(N)
@@ -163,7 +161,7 @@ def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed: float, r
 
 @pytest.mark.parametrize('rate', [100, 500, 1000])
 @pytest.mark.parametrize('dtype', [np.float32, np.float64])
-def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
+def test_signals_that_settle_are_not_frozen(rate, dtype):
     """An encoder with steps and its filtered difference: after slow motion they are constant."""
     t = np.arange(0.0, 12.0, 1.0 / rate)
     q = 1e-4 * np.round(1e4 * 0.03 * np.minimum(t, 4.0))[:, None] * np.ones(N)
@@ -177,9 +175,7 @@ def test_signals_that_settle_are_not_frozen(rate: int, dtype: type) -> None:
 @pytest.mark.parametrize(('kind', 'share', 'stands'), [
     ('revolute', 0.9, True), ('revolute', 1.1, False),
     ('prismatic', 0.9 * PRISMATIC, True), ('prismatic', 1.1 * PRISMATIC, False)])
-def test_a_joint_stands_while_its_reference_is_near(
-    rounding: float, kind: str, share: float, stands: bool,
-) -> None:
+def test_a_joint_stands_while_its_reference_is_near(rounding, kind, share, stands):
     one, q, v = consistency((kind,) * N), np.full(N, 0.7), np.full(N, rounding)
     reference = q + share * REFERENCE * np.clip(
         np.arange(1000) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, -1.0, 0.0])
@@ -187,7 +183,7 @@ def test_a_joint_stands_while_its_reference_is_near(
     assert all(is_good) == stands
 
 
-def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
+def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it():
     held, q = np.array([0.15, 0.0, 0.0]), np.full(N, 0.7)
     one = MotionConsistency(
         NAMES, KINDS, lambda at, error: (np.abs(error) <= held) & (at == q))
@@ -199,7 +195,7 @@ def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it() -> None:
 
 @pytest.mark.parametrize('speed', [0.01, 0.05, 0.3])
 @pytest.mark.parametrize('rate', RATES)
-def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed: float, rate: int) -> None:
+def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed, rate):
     """The reference is ahead by 20 ms; positions by 1 mrad and velocities by 0.01 rad/s."""
     t = np.arange(0.0, 6.0, FINE)
     v = speed * np.sin(np.pi * np.maximum(t - 1.0, 0.0))[:, None] * np.ones(N)
@@ -213,7 +209,7 @@ def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed: float, rate: int)
 
 @pytest.mark.parametrize('speed', [0.2, 1.0])
 @pytest.mark.parametrize('usual', [0, 20, 40])
-def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual: int, speed: float) -> None:
+def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual, speed):
     """And until a joint with this velocity has left its floor; the period is 1 ms."""
     v, every = speed * np.minimum(np.arange(2000) / 1000.0, 1.0)[:, None], max(usual, 1)
     begin = 1500 // every * every
@@ -225,7 +221,7 @@ def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual: int, speed: 
     assert f'have not changed for {row - begin} ms: velocity {speed:.2g}, reference' in reason
 
 
-def test_a_slow_joint_is_frozen_when_its_reference_leaves_the_floor() -> None:
+def test_a_slow_joint_is_frozen_when_its_reference_leaves_the_floor():
     """Its driver usually repeats samples for 40 ms, and its velocity alone means nothing."""
     rows = np.arange(2000)
     q = 1e-5 * rows[:, None]
@@ -237,7 +233,7 @@ def test_a_slow_joint_is_frozen_when_its_reference_leaves_the_floor() -> None:
 
 
 @pytest.mark.parametrize('count', [LIVELY - 1, LIVELY])
-def test_a_slow_joint_lives_after_some_states_without_a_repetition(count: int) -> None:
+def test_a_slow_joint_lives_after_some_states_without_a_repetition(count):
     """The states are 5 ms apart; of the first ten the last one is repeated once."""
     rows = np.array([*range(10), *range(9, 9 + count), *[9 + count] * 30])[:, None]
     row, _ = next(alarms(consistency(('revolute',)), States(
@@ -246,7 +242,7 @@ def test_a_slow_joint_lives_after_some_states_without_a_repetition(count: int) -
 
 
 @pytest.mark.filterwarnings('error')
-def test_a_joint_may_stand_move_and_stand_again() -> None:
+def test_a_joint_may_stand_move_and_stand_again():
     """At each end of the motion, its reference counts from there."""
     t = np.arange(0.0, 3.0, 1.0 / 500.0)
     v = np.where((t > 0.5) & (t < 1.0), 0.5, 0.0) + np.where((t > 1.5) & (t < 2.5), -1.0, 0.0)
@@ -258,9 +254,7 @@ def test_a_joint_may_stand_move_and_stand_again() -> None:
 
 @pytest.mark.parametrize(('checks', 'stands'), [('-##-##-#-', True), ('-##-###--', False)])
 @pytest.mark.parametrize('n', [1, 2])
-def test_a_reference_must_leave_a_standing_joint_in_three_checks_in_a_row(
-    checks: str, stands: bool, n: int,
-) -> None:
+def test_a_reference_must_leave_a_standing_joint_in_three_checks_in_a_row(checks, stands, n):
     """Checks are 5 ms apart; the sample of a second joint that stands changes or repeats."""
     for change in (0.0, 1e-6):
         one, q = consistency(('revolute',) * n), np.zeros(n)
@@ -278,9 +272,7 @@ def steps_of(size: float, n: int = 1) -> Callable[[], FloatArray]:
 @given(
     st.floats(1e-5, 1.0), st.floats(1e-3, 0.1).filter(lambda x: abs(x - LONGEST_REPEATS) > 1e-6),
     st.sampled_from([1.0, 0.25]))
-def test_the_usual_duration_of_repetitions_is_learnt_in_motion(
-    speed: float, duration: float, unit: float,
-) -> None:
+def test_the_usual_duration_of_repetitions_is_learnt_in_motion(speed, duration, unit):
     """Samples repeat at rest anyway, and a driver does not repeat them for long."""
     one, q = RepeatedSamples(('a',), np.array([unit]), None), np.zeros(1)
     for stamp, same in ((0, True), (round(1e9 * duration), False)):
@@ -293,9 +285,7 @@ def test_the_usual_duration_of_repetitions_is_learnt_in_motion(
 @given(st.lists(st.tuples(
     st.booleans(), st.floats(-0.1, 0.1), st.floats(-0.04, 0.04), st.floats(1e-4, 1e-2)),
     max_size=60), st.sampled_from([0.0, 1e-7, 1e-2, 1.0]))
-def test_only_the_size_of_a_joint_in_its_unit_matters(
-    states: list[tuple[bool, float, float, float]], size: float,
-) -> None:
+def test_only_the_size_of_a_joint_in_its_unit_matters(states, size):
     """Units are powers of two: the marks are equal, not almost equal."""
     marks = []
     for unit in (1.0, 0.25):
@@ -310,7 +300,7 @@ def test_only_the_size_of_a_joint_in_its_unit_matters(
     assert marks[:len(states)] == marks[len(states):]
 
 
-def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder() -> None:
+def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder():
     """One joint would have moved by two steps after 100 ms, one by four; one is not lively."""
     one, v = RepeatedSamples(tuple('abc'), np.ones(3), None), np.array([0.01, 0.02, 0.02])
     one.lively[:2] = LIVELY
@@ -320,7 +310,7 @@ def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder() ->
     assert one.frozen.tolist() == [False, True, False]
 
 
-def test_the_steps_of_an_encoder_are_those_of_its_joint() -> None:
+def test_the_steps_of_an_encoder_are_those_of_its_joint():
     """Positions change by 0.5 mrad or not at all; another joint has finer ones."""
     rows, rng = np.arange(400), np.random.default_rng(0)
     q = np.stack([5e-4 * (rows // 2 % 2), 1e-6 * rng.standard_normal(400)], axis=1)

@@ -28,7 +28,7 @@ def recognised(hint: ReplayHint, first: int, ages: list[float], pace: float = 1.
 
 
 @pytest.mark.parametrize('age', [5.0, 1800.0, 7200.0, 3e7])
-def test_states_of_a_constant_age_are_those_of_a_replay(age: float) -> None:
+def test_states_of_a_constant_age_are_those_of_a_replay(age):
     hint = ReplayHint()
     at, = recognised(hint, NOW, [age] * STATES)
     assert at * PERIOD == ns(LEAST_SPAN)
@@ -37,31 +37,31 @@ def test_states_of_a_constant_age_are_those_of_a_replay(age: float) -> None:
     assert '`use_sim_time:=true`' in hint.text
 
 
-def test_jitter_is_allowed() -> None:
+def test_jitter_is_allowed():
     ages = [100.0 + 0.9 * LARGEST_JITTER * (k % 2) for k in range(STATES)]
     assert len(recognised(ReplayHint(), NOW, ages)) == 1
 
 
 @pytest.mark.parametrize('pace', [0.0, 0.5, 2.0])
-def test_stamps_at_another_pace_are_not_those_of_a_replay(pace: float) -> None:
+def test_stamps_at_another_pace_are_not_those_of_a_replay(pace):
     hint = ReplayHint()
     assert not recognised(hint, NOW, [100.0] * STATES, pace)
     assert not hint.text
 
 
-def test_stamps_of_a_simulation_are_not_those_of_a_replay() -> None:
+def test_stamps_of_a_simulation_are_not_those_of_a_replay():
     age = (NOW - OLDEST_RECORDING) / 1e9 + 100.0
     assert not recognised(ReplayHint(), NOW, [age] * STATES)
 
 
-def test_a_few_states_are_not_enough() -> None:
+def test_a_few_states_are_not_enough():
     hint = ReplayHint()
     assert not hint.look(NOW - ns(100.0), NOW)
     assert not hint.look(NOW - ns(98.0), NOW + ns(2.0))
     assert not hint.text
 
 
-def test_another_age_ends_the_hint_and_a_second_replay_is_recognised() -> None:
+def test_another_age_ends_the_hint_and_a_second_replay_is_recognised():
     hint = ReplayHint()
     assert recognised(hint, NOW, [100.0] * STATES)
     assert not hint.look(NOW + ns(3.0), NOW + ns(3.0))

@@ -24,9 +24,8 @@ from watched_states import MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started
 @pytest.mark.parametrize(('age', 'reason'), [
     (0.199, ''), (0.201, 'too old'), (-0.199, ''), (-0.201, 'from the future'),
     (10.0, 'too old'), (-50.0, 'from the future'), (SAME_CLOCK - 1.0, 'too old')])
-def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
-    one = Watched() if is_first else started()
-    one.crowd = True
+def test_a_state_is_of_now(is_first, age, reason):
+    one = (Watched if is_first else started)(crowd=True)
     t = 0.5
     if not reason:
         assert one.judge(t - age, t).is_new
@@ -38,18 +37,18 @@ def test_a_state_is_of_now(is_first: bool, age: float, reason: str) -> None:
         assert str(error).endswith('0.2 s (state_max_age), by the clock of this computer')
 
 
-def test_a_state_rejected_for_its_age_has_no_side_effect() -> None:
+def test_a_state_rejected_for_its_age_has_no_side_effect():
     one = started()
     one.refusal(0.1, 0.5, q=Q + 1.0)
     assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
 
 
-def test_any_age_goes_where_there_is_no_limit() -> None:
+def test_any_age_goes_where_there_is_no_limit():
     one = started(max_age=0.0)
     assert one.judge(1.0, 20.0).is_new
 
 
-def test_the_limit_of_age_may_change() -> None:
+def test_the_limit_of_age_may_change():
     one = started()
     one.watch.max_age = 1.0
     assert one.judge(0.01, 0.8).is_new
@@ -82,14 +81,12 @@ def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool)
 @given(
     STORY, st.floats(100.0 - NOW / SECOND, SIMULATED_BEFORE - NOW / SECOND - 1000.0),
     st.booleans())
-def test_simulated_time_has_no_age(
-    story: list[tuple[float, float, float]], offset: float, crowd: bool,
-) -> None:
+def test_simulated_time_has_no_age(story, offset, crowd):
     fates = fates_of(Watched(offset=offset), story, crowd)
     assert not [fate for fate in fates if 'old' in str(fate) or 'future' in str(fate)]
 
 
-def test_simulated_time_may_run_slowly_but_does_not_jump() -> None:
+def test_simulated_time_may_run_slowly_but_does_not_jump():
     one = started(offset=-NOW / SECOND + 100.0)
     for k in range(1, 50):
         assert one.judge(k * PERIOD, float(k)).dt == pytest.approx(PERIOD)
@@ -98,16 +95,14 @@ def test_simulated_time_may_run_slowly_but_does_not_jump() -> None:
 
 
 @pytest.mark.parametrize(('max_age', 'largest'), [(MAX_AGE, MAX_AGE), (3.0, 3.0), (0.0, JUMP)])
-def test_simulated_time_may_run_ahead_of_the_clock_by_the_largest_age(
-    max_age: float, largest: float,
-) -> None:
+def test_simulated_time_may_run_ahead_of_the_clock_by_the_largest_age(max_age, largest):
     for excess, restart in ((0.99 * largest, ''), (1.01 * largest, 'stamp jumped ahead')):
         one = started(max_age=max_age, offset=-NOW / SECOND + 100.0)
         assert one.judge(0.1 + excess, 0.1).restart == restart
 
 
 @pytest.mark.parametrize('offset', [2.0 * SAME_CLOCK, -2.0 * SAME_CLOCK, 1e8])
-def test_the_clock_of_another_computer_keeps_its_offset(offset: float) -> None:
+def test_the_clock_of_another_computer_keeps_its_offset(offset):
     one = started(offset=offset)
     assert one.judge(1.0, 1.19).is_new
     for age, reason in ((0.21, 'too old'), (10.0, 'too old'), (-0.21, 'from the future')):
@@ -122,7 +117,7 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset: float) -> None:
 
 
 @pytest.mark.parametrize('clock', [1.0, 1.1])
-def test_a_clock_that_is_set_right_gets_its_age(clock: float) -> None:
+def test_a_clock_that_is_set_right_gets_its_age(clock):
     """The first stamps are of 1970, as of a computer that has not received the time yet."""
     one = Watched(offset=-NOW / SECOND + 20.0)
     one.judge(0.0)
@@ -132,7 +127,7 @@ def test_a_clock_that_is_set_right_gets_its_age(clock: float) -> None:
     assert one.judge(1.4, 1.5).is_new
 
 
-def test_a_clock_of_this_computer_that_is_set_moves_no_reference() -> None:
+def test_a_clock_of_this_computer_that_is_set_moves_no_reference():
     """Stamps and clock jump together; the steady clock does not."""
     one = started()
     t = NOW + nanoseconds(5.0)
@@ -147,7 +142,7 @@ def bare(one: Watched, stamp_ns: int, clock: float, q: Any = Q) -> StateVerdict:
         stamp_ns, NOW + nanoseconds(clock), np.array(q), None, lambda: one.crowd)
 
 
-def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
+def test_where_there_is_no_stamp_the_clock_is_the_time():
     one = Watched()
     assert bare(one, 0, 1.0) == StateVerdict(True, None, 'first state', NOW + SECOND)
     second = bare(one, 0, 1.1)
@@ -159,7 +154,7 @@ def test_where_there_is_no_stamp_the_clock_is_the_time() -> None:
         bare(one, 0, 1.11, Q + 1.0)
 
 
-def test_a_simulation_that_begins_at_0_continues_without_a_reset() -> None:
+def test_a_simulation_that_begins_at_0_continues_without_a_reset():
     """The first stamp, 0, counts as missing; times counted from the clock then count from 0."""
     one = Watched()
     first = bare(one, 0, 1.0)
@@ -170,7 +165,7 @@ def test_a_simulation_that_begins_at_0_continues_without_a_reset() -> None:
     assert third.dt == pytest.approx(PERIOD)
 
 
-def test_present_stamps_after_states_without_stamps_reset_the_time() -> None:
+def test_present_stamps_after_states_without_stamps_reset_the_time():
     one = Watched()
     bare(one, 0, 1.0)
     assert one.judge(1.1) == StateVerdict(True, None, 'first state')

@@ -29,7 +29,7 @@ def span_of(rate: int) -> float:
 
 
 @given(st.sampled_from(RATES), st.floats(-3.0, 3.0), st.floats(-9.0, 9.0))
-def test_it_is_late_by_half_of_its_span(rate: int, v0: float, a: float) -> None:
+def test_it_is_late_by_half_of_its_span(rate, v0, a):
     """For constant acceleration the estimate is the velocity at the time t − delay."""
     estimate = VelocityEstimate(np.array([False]))
     for k in range(40):
@@ -43,7 +43,7 @@ def test_it_is_late_by_half_of_its_span(rate: int, v0: float, a: float) -> None:
 
 
 @pytest.mark.parametrize('rate', RATES)
-def test_its_noise_is_that_of_two_positions_over_the_span(rate: int) -> None:
+def test_its_noise_is_that_of_two_positions_over_the_span(rate):
     estimate, sigma = VelocityEstimate(np.zeros(4, dtype=bool)), 1e-4
     rng = np.random.default_rng(0)
     found = [estimate.update(round(SECOND * k / rate), rng.normal(0.0, sigma, 4))
@@ -52,21 +52,21 @@ def test_its_noise_is_that_of_two_positions_over_the_span(rate: int) -> None:
     assert noise == pytest.approx(math.sqrt(2.0) * sigma / span_of(rate), rel=0.05)
 
 
-def test_a_joint_without_an_end_may_jump_by_a_turn() -> None:
+def test_a_joint_without_an_end_may_jump_by_a_turn():
     estimate = VelocityEstimate(np.array([True, False]))
     for k, q in enumerate((3.13, 3.14, -3.133185307, -3.123185307)):
         found = estimate.update(k * SECOND // 100, np.array([q, 0.01 * k]))
         assert k == 0 or found == pytest.approx(np.array([1.0, 1.0]), abs=1e-6)
 
 
-def test_a_joint_with_an_end_may_move_by_more_than_half_a_turn() -> None:
+def test_a_joint_with_an_end_may_move_by_more_than_half_a_turn():
     estimate = VelocityEstimate(np.array([True, False]))
     estimate.update(0, np.zeros(2))
     found = estimate.update(SECOND // 100, np.array([4.0, 4.0]))
     assert found == pytest.approx(100.0 * np.array([4.0 - 2.0 * math.pi, 4.0]))
 
 
-def test_an_equal_stamp_repeats_the_estimate() -> None:
+def test_an_equal_stamp_repeats_the_estimate():
     estimate = VelocityEstimate(np.array([False]))
     estimate.update(0, np.array([0.0]))
     found = estimate.update(SECOND // 100, np.array([0.02]))
@@ -75,7 +75,7 @@ def test_an_equal_stamp_repeats_the_estimate() -> None:
     assert estimate.update(SECOND // 50, np.array([0.05])) == pytest.approx(np.array([3.0]))
 
 
-def test_after_half_a_second_the_difference_is_no_velocity() -> None:
+def test_after_half_a_second_the_difference_is_no_velocity():
     for gap, is_velocity in ((SECOND // 2, True), (SECOND // 2 + 1, False)):
         estimate = VelocityEstimate(np.array([False]))
         estimate.update(SECOND, np.array([0.0]))
@@ -83,7 +83,7 @@ def test_after_half_a_second_the_difference_is_no_velocity() -> None:
         assert (found is not None) == is_velocity
 
 
-def test_a_pause_or_a_step_back_in_time_resets_the_estimate() -> None:
+def test_a_pause_or_a_step_back_in_time_resets_the_estimate():
     estimate = VelocityEstimate(np.array([False]))
     for stamp in (0, SECOND // 100):
         estimate.update(stamp, np.array([0.0]))
@@ -110,7 +110,7 @@ def states(one: Controller, rate: int, velocities: bool, noise: float = 0.0) -> 
 
 
 @pytest.mark.parametrize('rate', RATES)
-def test_the_gains_follow_the_delay(rate: int) -> None:
+def test_the_gains_follow_the_delay(rate):
     measured, estimated = controller(), controller(estimates_velocity=True)
     states(measured, rate, True)
     states(estimated, rate, False)
@@ -125,14 +125,14 @@ def test_the_gains_follow_the_delay(rate: int) -> None:
     assert estimated.gains.least <= measured.gains.least
 
 
-def test_noise_of_the_positions_lowers_the_gains() -> None:
+def test_noise_of_the_positions_lowers_the_gains():
     quiet, noisy = controller(estimates_velocity=True), controller(estimates_velocity=True)
     states(quiet, 500, False)
     states(noisy, 500, False, noise=3e-3)
     assert noisy.gains.least < 0.8 * quiet.gains.least
 
 
-def test_measured_velocities_may_be_demanded() -> None:
+def test_measured_velocities_may_be_demanded():
     outputs = states(controller(), 500, False)
     assert all(output.velocity is None for output in outputs)
     outputs = states(controller(estimates_velocity=True), 500, False)

@@ -45,7 +45,7 @@ def estimate_with_uncertain_drives(
 
 
 @pytest.mark.parametrize(('kind', 'name'), [('pairs', 'ur10'), ('motion', 'panda')])
-def test_the_deviations_contain_the_errors_of_a_calibration(kind: str, name: str) -> None:
+def test_the_deviations_contain_the_errors_of_a_calibration(kind, name):
     known, ignored = list[float](), list[float]()
     for seed in range(8):
         case, calibrated, exact = estimate_with_uncertain_drives(name, seed, kind)
@@ -58,7 +58,7 @@ def test_the_deviations_contain_the_errors_of_a_calibration(kind: str, name: str
 
 @pytest.mark.soak
 @pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion'])
-def test_intervals_with_calibrated_drives_cover_the_truth_in_95_percent(kind: str) -> None:
+def test_intervals_with_calibrated_drives_cover_the_truth_in_95_percent(kind):
     inside = list[bool]()
     for seed in range(FIRST_SEED, FIRST_SEED + SEEDED_CASES // len(LINKS)):
         for name in LINKS:

@@ -35,7 +35,7 @@ def options(link: str = 'tool0') -> list[str]:
     return ['--urdf', str(robot_path('ur10')), '--link', link]
 
 
-def test_the_load_of_a_recording(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_load_of_a_recording(bag, capsys):
     # the model of the tool has no friction: that of the URDF
     assert main([str(bag), *options(), '--json']) == DONE
     figures = json.loads(capsys.readouterr().out)
@@ -52,9 +52,7 @@ def test_the_load_of_a_recording(bag: Path, capsys: pytest.CaptureFixture[str]) 
         assert words in text
 
 
-def test_the_residual_shows_a_wrong_sign(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_residual_shows_a_wrong_sign(tmp_path, capsys):
     samples = holds(CASE, 6, both_sides=True)
     effort = measured(CASE, samples) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
     bag = record(tmp_path / 'bag', samples, effort)
@@ -64,9 +62,7 @@ def test_the_residual_shows_a_wrong_sign(
     assert 'the effort has the opposite sign at shoulder_lift_joint' in out
 
 
-def test_two_recordings_are_one_estimate(
-    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_two_recordings_are_one_estimate(bag, tmp_path, capsys):
     samples = holds(CASE._replace(seed=12), 2, both_sides=True)
     other = record(tmp_path / 'bag', samples, measured(CASE._replace(seed=12), samples))
     assert main([str(bag), str(other), *options(), '--json']) == DONE
@@ -77,7 +73,7 @@ def test_two_recordings_are_one_estimate(
         CASE.load.mass, abs=4.0 * figures['deviations'][0])
 
 
-def test_one_hold_does_not_suffice(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_hold_does_not_suffice(tmp_path, capsys):
     samples = holds(CASE, 1, both_sides=False)
     t = np.arange(100) / 25.0
     still = samples._replace(
@@ -90,9 +86,7 @@ def test_one_hold_does_not_suffice(tmp_path: Path, capsys: pytest.CaptureFixture
     assert 'To make parameters observable:' in text
 
 
-def test_mistakes_are_reported_in_one_line(
-    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_mistakes_are_reported_in_one_line(bag, tmp_path, capsys):
     bare = record(tmp_path / 'bare', holds(CASE, 1, both_sides=False), None)
     for arguments, words in (
             ([str(bag), *options('hand')], "link is 'hand', expected one of the links"),

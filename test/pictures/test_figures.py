@@ -10,29 +10,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.reporting.figures import (
-    BLACK,
-    BLUE,
-    colour_map,
-    effort_panel,
-    error_panel,
-    GREEN,
-    GREY,
-    joint_figure,
-    LINES,
-    ORANGE,
-    position_panel,
-    POSITIVE_COLOURS,
-    PURPLE,
-    save_figure,
-    SIGNED_COLOURS,
-    SKY,
-    STYLE,
-    styled_figure,
-    TimeBoundary,
-    title_axes,
-    VERMILION,
-)
+from robot_dynamics.reporting import figures
 
 TIMES = np.linspace(0.0, 2.0, 5001)
 WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
@@ -41,9 +19,10 @@ WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
 @pytest.fixture
 def figure():
     pytest.importorskip('matplotlib')
-    return joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), (
-        position_panel(TIMES, WAVES, WAVES + 0.01), error_panel(TIMES, 0.001 * WAVES),
-        effort_panel('Effort', TIMES, {'gravity': WAVES, 'effort': 2.0 * WAVES})))
+    return figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), (
+        figures.position_panel(TIMES, WAVES, WAVES + 0.01),
+        figures.error_panel(TIMES, 0.001 * WAVES),
+        figures.effort_panel('Effort', TIMES, {'gravity': WAVES, 'effort': 2.0 * WAVES})))
 
 
 def test_every_axis_has_its_unit(figure):
@@ -56,9 +35,10 @@ def test_every_axis_has_its_unit(figure):
 
 def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
     pytest.importorskip('matplotlib')
-    figure = joint_figure(
+    figure = figures.joint_figure(
         'two joints', ('turn', 'slide'), ('revolute', 'prismatic'),
-        [effort_panel('Effort', TIMES, {'effort': WAVES})], TimeBoundary(1.5, 'training', 'test'))
+        [figures.effort_panel('Effort', TIMES, {'effort': WAVES})],
+        figures.TimeBoundary(1.5, 'training', 'test'))
     for axes in figure.axes:
         assert 1.5 in [x for line in axes.lines for x in line.get_xdata() if len(
             line.get_xdata()) == 2]
@@ -68,9 +48,9 @@ def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
 def test_the_legend_of_the_terms_is_one_line_inside_the_figure():
     pytest.importorskip('matplotlib')
     names = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
-    figure = joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), [
-        position_panel(TIMES, WAVES, WAVES),
-        effort_panel('Effort', TIMES, dict.fromkeys(names, WAVES))])
+    figure = figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), [
+        figures.position_panel(TIMES, WAVES, WAVES),
+        figures.effort_panel('Effort', TIMES, dict.fromkeys(names, WAVES))])
     figure.canvas.draw()
     texts = figure.axes[1].get_legend().get_texts()
     assert [text.get_text() for text in texts] == [
@@ -95,9 +75,9 @@ def test_lines_of_one_panel_can_be_distinguished_without_colour():
         ('reference', 'measured'),
         ('measured', 'model', 'residual'),
     ):
-        styles = [(LINES[name].dash, LINES[name].width) for name in together]
+        styles = [(figures.LINES[name].dash, figures.LINES[name].width) for name in together]
         assert len(set(styles)) == len(together)
-        assert len({LINES[name].colour for name in together}) == len(together)
+        assert len({figures.LINES[name].colour for name in together}) == len(together)
 
 
 def linear(colour):
@@ -113,8 +93,8 @@ def luminance(colour):
 def test_black_text_is_readable_on_all_colours_of_maps():
     pytest.importorskip('matplotlib')
     from matplotlib.colors import to_hex
-    for colours in (SIGNED_COLOURS, POSITIVE_COLOURS):
-        for colour in colour_map(colours)(np.linspace(0.0, 1.0, 33)):
+    for colours in (figures.SIGNED_COLOURS, figures.POSITIVE_COLOURS):
+        for colour in figures.colour_map(colours)(np.linspace(0.0, 1.0, 33)):
             assert (luminance(to_hex(colour).upper()) + 0.05) / 0.05 > 6.0
 
 
@@ -138,7 +118,9 @@ def lab(colour, vision):
 
 @pytest.mark.parametrize('vision', [np.eye(3), DEUTERANOPIA, PROTANOPIA])
 def test_colours_of_lines_differ_with_any_kind_of_colour_vision(vision):
-    colours = [BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY]
+    colours = [
+        figures.BLACK, figures.ORANGE, figures.SKY, figures.GREEN, figures.BLUE,
+        figures.VERMILION, figures.PURPLE, figures.GREY]
     distances = {
         (one, other): np.linalg.norm(lab(one, vision) - lab(other, vision))
         for one, other in itertools.combinations(colours, 2)}
@@ -147,18 +129,18 @@ def test_colours_of_lines_differ_with_any_kind_of_colour_vision(vision):
 
 
 def test_the_measured_line_is_visible_on_the_reference():
-    reference, measured = LINES['reference'], LINES['measured']
+    reference, measured = figures.LINES['reference'], figures.LINES['measured']
     assert reference.width > 3.0 * measured.width
     assert luminance(reference.colour) > 2.0 * luminance(measured.colour)
 
 
 def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
     pytest.importorskip('matplotlib')
-    with styled_figure(4.0, 3.0, style={'font.size': 5.0}) as figure:
+    with figures.styled_figure(4.0, 3.0, style={'font.size': 5.0}) as figure:
         axes = figure.subplots()
-        title_axes(axes, 'Title', 'a note')
+        figures.title_axes(axes, 'Title', 'a note')
         axes.set_xlabel('time [s]')
-    assert axes.xaxis.label.get_size() == STYLE['axes.labelsize']
+    assert axes.xaxis.label.get_size() == figures.STYLE['axes.labelsize']
     assert not axes.spines['top'].get_visible()
     figure.canvas.draw()
     title, note = axes._left_title.get_window_extent(), axes.texts[0].get_window_extent()
@@ -168,7 +150,7 @@ def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
 
 def test_the_file_is_a_picture_that_is_not_blank(figure, tmp_path):
     from matplotlib.image import imread
-    save_figure(figure, tmp_path / 'x.png')
+    figures.save_figure(figure, tmp_path / 'x.png')
     pixels = imread(tmp_path / 'x.png')[..., :3]
     assert pixels.shape[0] > 300
     assert pixels.shape[1] > 1000
@@ -178,15 +160,15 @@ def test_the_file_is_a_picture_that_is_not_blank(figure, tmp_path):
 def test_values_of_zero_are_drawn_on_a_finite_axis():
     pytest.importorskip('matplotlib')
     zeros = np.zeros((3, 1))
-    figure = joint_figure('still', ('a',), ('revolute',), (
-        effort_panel('Effort', np.arange(3.0), {'effort': zeros}),))
+    figure = figures.joint_figure('still', ('a',), ('revolute',), (
+        figures.effort_panel('Effort', np.arange(3.0), {'effort': zeros}),))
     assert figure.axes[0].get_ylim() == (-1.0, 1.0)
 
 
 def test_without_matplotlib_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'matplotlib', None)  # Python's mark of a missing module
     with pytest.raises(MissingDependencyError, match='matplotlib'):
-        joint_figure('x', ('a',), ('revolute',), (error_panel(TIMES, WAVES),))
+        figures.joint_figure('x', ('a',), ('revolute',), (figures.error_panel(TIMES, WAVES),))
 
 
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():

@@ -125,11 +125,6 @@ def test_stick_figures_are_where_the_arm_is():
     npt.assert_allclose(side_view(DEFAULT, points), [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
-def test_an_unknown_link_is_refused():
-    with pytest.raises(InvalidInputError, match=r"link is 'hand', expected one of .*'tool0'"):
-        StickFigure(DEFAULT, 'hand')
-
-
 @pytest.fixture(scope='module')
 def loaded():
     """Return the default arm with a payload that it cannot hold in every pose."""

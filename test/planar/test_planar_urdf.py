@@ -16,9 +16,7 @@ import pinocchio
 from planar_chains import assert_close, random_chain, urdf_of
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.chain import forward_kinematics, newton_euler
-from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.tools.planar_urdf import main
 
@@ -77,27 +75,6 @@ def test_recursion_and_positions_are_those_of_pinocchio(motion):
     tool = data.oMf[model.getFrameId('tool0')].translation
     assert_close(points.tip, tool[[0, 2]], atol=1e-13 * reach)
     assert tool[1] == 0.0
-
-
-def test_default_arm_is_the_closed_form():
-    model = model_of(default_arm_urdf())
-    data = model.createData()
-    arm = PlanarTwoLink()
-    rng = np.random.default_rng(7)
-    for _ in range(50):
-        q, v, a = rng.uniform(-4.0, 4.0, (3, 2))
-        tau = planar.inverse_dynamics(arm, q, v, a)
-        expected = pinocchio.rnea(model, data, unrolled(q), v, a)
-        assert_close(tau, expected, atol=1e-12 * np.abs(expected).max())
-        assert_close(
-            planar.gravity_vector(arm, q),
-            pinocchio.computeGeneralizedGravity(model, data, unrolled(q)), atol=1e-12 * 70.0)
-        M = np.triu(pinocchio.crba(model, data, unrolled(q)))
-        npt.assert_allclose(np.triu(planar.mass_matrix(arm, q)), M, rtol=1e-12, atol=1e-13)
-        C = pinocchio.computeCoriolisMatrix(model, data, unrolled(q), v)
-        assert_close(planar.coriolis_vector(arm, q, v), C @ v, atol=1e-12 * 70.0)
-        back = pinocchio.aba(model, data, unrolled(q), v, tau)
-        assert_close(planar.forward_dynamics(arm, q, v, tau), back, atol=1e-10)
 
 
 # --- contents of the URDF ---------------------------------------------------------------------
@@ -230,14 +207,6 @@ def test_tool_reports_errors_in_one_line(arguments, message, capsys):
     captured = capsys.readouterr()
     assert captured.err == message
     assert captured.out == ''
-
-
-def test_tool_reports_the_path_that_it_cannot_write(tmp_path, capsys):
-    (tmp_path / 'file').touch()
-    assert main(['-o', str(tmp_path / 'file' / 'arm.urdf')]) == 1
-    err = capsys.readouterr().err
-    assert err.startswith('planar_urdf: cannot write ')
-    assert err.count('\n') == 1
 
 
 def test_tool_needs_no_ros_and_no_pinocchio():

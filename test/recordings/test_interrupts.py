@@ -19,7 +19,7 @@ def default_handler() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def test_the_block_is_completed_before_the_interrupt() -> None:
+def test_the_block_is_completed_before_the_interrupt():
     done = []
 
     def work() -> None:
@@ -35,14 +35,14 @@ def test_the_block_is_completed_before_the_interrupt() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_an_ignored_signal_stays_ignored() -> None:
+def test_an_ignored_signal_stays_ignored():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with uninterrupted():
         signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
-def test_other_threads_are_not_concerned() -> None:
+def test_other_threads_are_not_concerned():
     handlers = []
 
     def work() -> None:

@@ -20,7 +20,6 @@ from robot_dynamics.recordings.reader import (
     JointSeries,
     Recording,
     RecordingWriter,
-    stack,
     TopicQos,
 )
 
@@ -111,11 +110,6 @@ def test_topics(recording):
             opened.topic('/nothing')
 
 
-def test_a_single_file_is_a_recording_too(recording):
-    with Recording(next(recording.glob('*.mcap'))) as opened:
-        assert opened.joint_series('/joint_states').stamps_ns.tolist() == [10, 11, 12, 13, 14]
-
-
 def test_bytes_are_not_touched(recording, tmp_path):
     with AnyReader([recording]) as reader:
         raws = [(t, bytes(raw)) for c, t, raw in reader.messages() if c.topic == '/pairs']
@@ -125,13 +119,6 @@ def test_bytes_are_not_touched(recording, tmp_path):
             writer.write('/pairs', t, raw)
     with AnyReader([tmp_path / 'copy']) as reader:
         assert [(t, bytes(raw)) for _, t, raw in reader.messages()] == raws
-
-
-def test_stack(recording):
-    with Recording(recording) as opened:
-        stamps, arrays = stack(opened.messages('/joint_states'), ['position'])
-    assert stamps.tolist() == [10, 11, 12, 13, 14]
-    np.testing.assert_array_equal(arrays['position'], [[i, -i] for i in range(5)])
 
 
 # --- joint series --------------------------------------------------------------------------------

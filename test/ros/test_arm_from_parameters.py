@@ -74,7 +74,7 @@ def numbers_of(arm: ArmModel) -> dict[str, Any]:
             'gravity': arm.pinocchio_model.gravity.linear.tolist()}
 
 
-def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
+def test_a_tool_and_a_node_read_the_same_arm(tmp_path):
     offline, of_node = (
         numbers_of(arm_from_parameters(GEARED, values))
         for values in both_values(tmp_path, EVERYTHING))
@@ -88,7 +88,7 @@ def test_a_tool_and_a_node_read_the_same_arm(tmp_path: Path) -> None:
     assert sorted(offline['armature']) == pytest.approx([0.05, 0.1])
 
 
-def test_defaults_are_the_same(tmp_path: Path) -> None:
+def test_defaults_are_the_same(tmp_path):
     offline, of_node = (
         numbers_of(arm_from_parameters(GEARED, values))
         for values in both_values(tmp_path, {'friction': {'sigmoid': [0.5]}}))
@@ -97,7 +97,7 @@ def test_defaults_are_the_same(tmp_path: Path) -> None:
     assert 'motors.gear_ratio' not in offline
 
 
-def test_a_reflected_inertia_needs_no_motor(tmp_path: Path) -> None:
+def test_a_reflected_inertia_needs_no_motor(tmp_path):
     for values in both_values(tmp_path, {
             'joints': ['joint2', 'joint1'], 'actuator': {'reflected_inertia': [0.05, 0.1]}}):
         arm = arm_from_parameters(GEARED, values)
@@ -107,7 +107,7 @@ def test_a_reflected_inertia_needs_no_motor(tmp_path: Path) -> None:
         assert part.reflected_inertia.tolist() == [0.1]
 
 
-def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path: Path) -> None:
+def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path):
     """K_t = 1 and N = 1 have no meaning then, but for a measured current they have."""
     motor = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
     parameters = {'joints': ['joint1', 'joint2'], 'actuator': motor}
@@ -123,7 +123,7 @@ def test_an_older_file_of_identify_has_a_rotor_without_motor_data(tmp_path: Path
 
 
 @pytest.mark.parametrize('text', ['1e-3', '1E3', '-.5e+1', '0.5', '1.e2'])
-def test_a_tool_and_a_node_read_the_same_number(tmp_path: Path, text: str) -> None:
+def test_a_tool_and_a_node_read_the_same_number(tmp_path, text):
     path = tmp_path / 'dynamics.yaml'
     path.write_text(f'dynamics: {{ros__parameters: {{gravity: [0.0, {text}, -9.81]}}}}')
     gravity = read_parameter_file(path)['gravity']
@@ -132,37 +132,25 @@ def test_a_tool_and_a_node_read_the_same_number(tmp_path: Path, text: str) -> No
     assert not isinstance(gravity[1], str)
 
 
-REFUSED = {
-    'a gear ratio that one joint alone has': (
-        {'actuator': {'torque_constant': [0.1]}},
-        r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
-    'backlash without a motor': (
-        {'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
-    'a rotor without a motor': (
-        {'actuator': {'rotor_inertia': [1e-4]}},
-        r'actuator\.torque_constant is empty, .* only actuator\.reflected_inertia needs no motor'),
-    'two inertias of a rotor': (
-        {'actuator': {'rotor_inertia': [1e-4], 'reflected_inertia': [0.5]}},
-        r"rotor_inertia of 'joint1' is 0\.0001 and actuator\.reflected_inertia is 0\.5"),
-    'three reflected inertias': (
-        {'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
-        r'actuator\.reflected_inertia has 3 values, expected 2'),
-    'no order': (
-        {'friction': {'load_coefficient': [0.1, 0.2]}},
-        r'friction\.load_coefficient has 2 values, .* joints'),
-    'another number of values': (
-        {'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
-        r'friction\.sigmoid has 3 values, expected 2'),
-    'a covariance with a negative eigenvalue': (
-        {'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
-                         'covariance': [1.0, 2.0, 1.0]}},
-        r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
-}
-
-
-@pytest.mark.parametrize('case', REFUSED)
-def test_both_refuse_with_the_same_message(tmp_path: Path, case: str) -> None:
-    parameters, words = REFUSED[case]
+@pytest.mark.parametrize(('parameters', 'words'), [
+    ({'actuator': {'torque_constant': [0.1]}},
+     r"actuator\.gear_ratio is empty, and no <transmission> .* for \['joint2'\]"),
+    ({'actuator': {'backlash': [0.001]}}, r'actuator\.torque_constant is empty'),
+    ({'actuator': {'rotor_inertia': [1e-4]}},
+     r'actuator\.torque_constant is empty, .* only actuator\.reflected_inertia needs no motor'),
+    ({'actuator': {'rotor_inertia': [1e-4], 'reflected_inertia': [0.5]}},
+     r"rotor_inertia of 'joint1' is 0\.0001 and actuator\.reflected_inertia is 0\.5"),
+    ({'joints': ['joint1', 'joint2'], 'actuator': {'reflected_inertia': [0.5, 0.1, 0.2]}},
+     r'actuator\.reflected_inertia has 3 values, expected 2'),
+    ({'friction': {'load_coefficient': [0.1, 0.2]}},
+     r'friction\.load_coefficient has 2 values, .* joints'),
+    ({'joints': ['joint1', 'joint2'], 'friction': {'sigmoid': [0.1, 0.2, 0.3]}},
+     r'friction\.sigmoid has 3 values, expected 2'),
+    ({'uncertainty': {'parameters': ['viscous(joint1)', 'viscous(joint2)'],
+                      'covariance': [1.0, 2.0, 1.0]}},
+     r'uncertainty\.covariance has the eigenvalue -1 .* expected a positive semidefinite'),
+])
+def test_both_refuse_with_the_same_message(tmp_path, parameters, words):
     messages = set()
     for values in both_values(tmp_path, parameters):
         with pytest.raises(InvalidInputError, match=words) as refusal:
@@ -171,12 +159,11 @@ def test_both_refuse_with_the_same_message(tmp_path: Path, case: str) -> None:
     assert len(messages) == 1
 
 
-def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
+def test_a_tool_may_use_some_joints_of_the_parameters():
     values = {'joints': ['joint2', 'joint1'], 'friction.viscous': [2.0, 1.0],
               'actuator.torque_constant': [0.2, 0.1]}
     arm = arm_from_parameters(GEARED, values, ['joint1'])
     assert arm.friction.viscous.tolist() == [1.0]
-    assert arm.actuators is not None
     assert arm.actuators.torque_constant.tolist() == [0.1]
     assert arm.actuators.gear_ratio.tolist() == [100.0]
     three = planar_arm_urdf([1.0] * 3, [0.5] * 3, [0.2] * 3, [0.01] * 3)
@@ -184,7 +171,7 @@ def test_a_tool_may_use_some_joints_of_the_parameters() -> None:
         arm_from_parameters(three, values, ['joint3', 'joint1'])
 
 
-def test_a_number_in_place_of_an_array_is_refused() -> None:
+def test_a_number_in_place_of_an_array_is_refused():
     with pytest.raises(
             InvalidInputError, match=r'friction\.load_coefficient is 0\.1, expected an array'):
         arm_from_parameters(GEARED, {'friction.load_coefficient': 0.1})

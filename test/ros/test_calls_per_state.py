@@ -90,7 +90,7 @@ def listing(calls: list[tuple[str, str]]) -> str:
         for file, functions in modules.items())
 
 
-def test_a_state_passes_few_calls_and_modules(following: SteppedNode) -> None:
+def test_a_state_passes_few_calls_and_modules(following):
     states = [calls_of_a_state(following) for _ in range(STATES)]
     check_follows(following)
     typical = statistics.median_low(len(calls) for calls in states)
@@ -118,18 +118,14 @@ def filled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return callers
 
 
-def test_without_subscribers_only_the_command_is_serialized(
-    following: SteppedNode, filled: list[str],
-) -> None:
+def test_without_subscribers_only_the_command_is_serialized(following, filled):
     following.deliver(following.next_state())
     check_follows(following)
     assert len(filled) == 1, filled
 
 
 @pytest.mark.parametrize('topic', ['gravity_compensation', 'computed_torque'])
-def test_an_effort_with_a_subscriber_is_serialized(
-    client: RosClient, following: SteppedNode, filled: list[str], topic: str,
-) -> None:
+def test_an_effort_with_a_subscriber_is_serialized(client, following, filled, topic):
     with client.collect(JointState, f'{following.namespace}/dynamics/{topic}') as received:
         deliver_until(following, received)
         filled.clear()

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
-from robot_dynamics.ros.middleware.cdr_templates import (
-    array_template,
-    effort_template,
-    JointStateDecoder,
-    SensedState,
-    state_template,
-)
+from robot_dynamics.ros.middleware import cdr_templates
 from rosbags.typesys import get_typestore, Stores
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -39,7 +33,7 @@ def state(
     return message
 
 
-def check(read: SensedState, message: JointState) -> None:
+def check(read: cdr_templates.SensedState, message: JointState) -> None:
     stamp = message.header.stamp
     assert read.stamp_ns == 1_000_000_000 * stamp.sec + stamp.nanosec
     assert read.stamp == serialize_message(message)[4:12]
@@ -51,18 +45,18 @@ def check(read: SensedState, message: JointState) -> None:
 
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(messages=st.lists(STATES, min_size=1, max_size=4), order=st.lists(st.integers(0, 3)))
-def test_states_are_read_as_rclpy_reads_them(messages: list[JointState], order: list[int]) -> None:
+def test_states_are_read_as_rclpy_reads_them(messages, order):
     """For any sequence of layouts, including repetitions of earlier ones."""
-    decoder = JointStateDecoder()
+    decoder = cdr_templates.JointStateDecoder()
     for i in [0, 0, *order]:
         message = messages[i % len(messages)]
         check(decoder.decode(serialize_message(message)), message)
 
 
-def test_what_pads_the_names_may_be_anything() -> None:
+def test_what_pads_the_names_may_be_anything():
     message = state('base', ['a', 'bcd', 'ef'], [1.0, 2.0, 3.0], [], [4.0])
     data = serialize_message(message)
-    decoder = JointStateDecoder()
+    decoder = cdr_templates.JointStateDecoder()
     decoder.decode(data)
     # 'base\0' from 16 on, padded from 21 to 24; 'a\0' from 32 on, padded from 34 to 36
     dirty = data[:21] + b'xyz' + data[24:34] + b'??' + data[36:]
@@ -71,25 +65,25 @@ def test_what_pads_the_names_may_be_anything() -> None:
     check(decoder.decode(data), message)
 
 
-def test_other_names_of_the_same_lengths_are_seen() -> None:
-    decoder = JointStateDecoder()
+def test_other_names_of_the_same_lengths_are_seen():
+    decoder = cdr_templates.JointStateDecoder()
     for names in (['left', 'lift'], ['left', 'lifT'], ['left', 'lift']):
         check(decoder.decode(serialize_message(state('', names, [1.0, 2.0], [], []))), state(
             '', names, [1.0, 2.0], [], []))
 
 
-def test_numbers_are_no_copies_of_one_message() -> None:
+def test_numbers_are_no_copies_of_one_message():
     """A stored state does not change when the next one is read."""
-    decoder = JointStateDecoder()
+    decoder = cdr_templates.JointStateDecoder()
     read = [decoder.decode(serialize_message(state('', ['a'], [float(i)], [], [])))
             for i in range(3)]
     assert [float(one.position[0]) for one in read] == [0.0, 1.0, 2.0]
 
 
-def test_bytes_that_end_early_are_left_to_rclpy() -> None:
+def test_bytes_that_end_early_are_left_to_rclpy():
     whole = serialize_message(state('base', ['a', 'b'], [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]))
     for end in range(len(whole)):
-        decoder = JointStateDecoder()
+        decoder = cdr_templates.JointStateDecoder()
         decoder.decode(whole)
         assert outcome(decoder.decode, whole[:end]) == outcome(
             lambda data: deserialize_message(data, JointState), whole[:end])
@@ -105,9 +99,9 @@ def outcome(read: Any, data: bytes) -> Any:
 
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
+def test_efforts_are_written_as_rclpy_writes_them(n):
     names = [f'joint{i}' for i in range(n)]
-    named, bare = effort_template(names), array_template(n)
+    named, bare = cdr_templates.effort_template(names), cdr_templates.array_template(n)
     strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
     for shift in (0.0, 0.5):
         stamp = state('', [], [], [], [], 2**31 - 1, 999_999_999)
@@ -126,10 +120,10 @@ def test_efforts_are_written_as_rclpy_writes_them(n: int) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_motion_without_effort_is_written_as_rclpy_reads_it(n: int) -> None:
+def test_motion_without_effort_is_written_as_rclpy_reads_it(n):
     names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     q, v = np.arange(2.0 * n).reshape(2, n) - 0.5
-    data = state_template(names, has_effort=False).filled(bytes(8), q, v)
+    data = cdr_templates.state_template(names, has_effort=False).filled(bytes(8), q, v)
     message = deserialize_message(data, JointState)
     assert message == state('', names, q.tolist(), v.tolist(), [], 0, 0)
     strict = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, 'sensor_msgs/msg/JointState')

@@ -44,20 +44,18 @@ def commander(request: pytest.FixtureRequest) -> Iterator[Commander]:
         yield Commander(client, f'/{request.node.name}/commands')
 
 
-def test_without_a_subscriber_commands_may_be_published(commander: Commander) -> None:
+def test_without_a_subscriber_commands_may_be_published(commander):
     assert commander.order.allows()
 
 
-def test_the_same_order_opens_the_topic(commander: Commander) -> None:
+def test_the_same_order_opens_the_topic(commander):
     with commander.subscriber('controller', NAMES):
         wait_until(commander.order.allows, 'an order that is the same')
     assert commander.order.fault is None
     assert not commander.faults
 
 
-def test_another_order_closes_the_topic_until_its_subscriber_leaves(
-    commander: Commander,
-) -> None:
+def test_another_order_closes_the_topic_until_its_subscriber_leaves(commander):
     with commander.subscriber('controller', NAMES[::-1]):
         wait_until(lambda: bool(commander.faults), 'a fault')
         assert not commander.order.allows()
@@ -67,7 +65,7 @@ def test_another_order_closes_the_topic_until_its_subscriber_leaves(
     assert commander.order.allows()
 
 
-def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander: Commander) -> None:
+def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander):
     with ExitStack() as stack:
         stack.enter_context(commander.subscriber('controller', NAMES))
         wait_until(commander.order.allows, 'an order that is the same')
@@ -78,9 +76,7 @@ def test_a_newcomer_does_not_interrupt_a_command_and_is_checked(commander: Comma
         assert commander.order.allows()
 
 
-def test_a_model_with_another_order_is_compared_with_known_controllers(
-    commander: Commander,
-) -> None:
+def test_a_model_with_another_order_is_compared_with_known_controllers(commander):
     with commander.subscriber('controller', NAMES):
         wait_until(commander.order.allows, 'an order that is the same')
         commander.names = NAMES[::-1]

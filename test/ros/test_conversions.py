@@ -18,18 +18,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import (
-    floats_to_ros,
-    payload_from_ros,
-    payload_to_ros,
-    stamp_from_ros,
-    stamp_to_ros,
-    terms_to_ros,
-    trajectory_from_ros,
-    trajectory_to_ros,
-    with_efforts,
-    wrenches_from_ros,
-)
+from robot_dynamics.ros.middleware import conversions
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics_interfaces.msg import DynamicsTerms
@@ -53,27 +42,28 @@ def over_the_wire(message: object) -> object:
 
 @laws
 @given(st.lists(numbers, min_size=1, max_size=12))
-def test_arrays_travel_to_the_last_bit(values: list[float]) -> None:
-    message = over_the_wire(Float64MultiArray(data=floats_to_ros(np.array(values))))
+def test_arrays_travel_to_the_last_bit(values):
+    message = over_the_wire(Float64MultiArray(data=conversions.floats_to_ros(np.array(values))))
     assert np.frombuffer(message.data, dtype=np.float64).tolist() == values  # type: ignore
 
 
-def test_matrices_travel_row_by_row_whatever_their_layout() -> None:
+def test_matrices_travel_row_by_row_whatever_their_layout():
     A = np.array([[1.0, 2.0], [3.0, 4.0]])
-    assert list(floats_to_ros(A)) == [1.0, 2.0, 3.0, 4.0]
-    assert list(floats_to_ros(A.T)) == [1.0, 3.0, 2.0, 4.0]
-    assert list(floats_to_ros(np.zeros(0))) == []
+    assert list(conversions.floats_to_ros(A)) == [1.0, 2.0, 3.0, 4.0]
+    assert list(conversions.floats_to_ros(A.T)) == [1.0, 3.0, 2.0, 4.0]
+    assert list(conversions.floats_to_ros(np.zeros(0))) == []
 
 
 @laws
 @given(st.integers(0, (2**31 - 1) * 10**9 + 999_999_999))
-def test_stamps_keep_every_nanosecond(stamp_ns: int) -> None:
-    assert stamp_from_ros(over_the_wire(stamp_to_ros(stamp_ns))) == stamp_ns
+def test_stamps_keep_every_nanosecond(stamp_ns):
+    sent = over_the_wire(conversions.stamp_to_ros(stamp_ns))
+    assert conversions.stamp_from_ros(sent) == stamp_ns
 
 
-def test_a_stamp_before_the_epoch_comes_back() -> None:
-    assert stamp_from_ros(stamp_to_ros(-1)) == -1
-    assert stamp_to_ros(-1) == Time(sec=-1, nanosec=999_999_999)
+def test_a_stamp_before_the_epoch_comes_back():
+    assert conversions.stamp_from_ros(conversions.stamp_to_ros(-1)) == -1
+    assert conversions.stamp_to_ros(-1) == Time(sec=-1, nanosec=999_999_999)
 
 
 # --- payload -------------------------------------------------------------------------------------
@@ -82,36 +72,35 @@ def test_a_stamp_before_the_epoch_comes_back() -> None:
 @given(
     st.floats(1e-3, 100.0), st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
     st.integers(0, 2**32 - 1))
-def test_payloads_come_back(mass: float, com: list[float], seed: int) -> None:
+def test_payloads_come_back(mass, com, seed):
     # the second moments of a body give a physically possible inertia
     A = np.random.default_rng(seed).standard_normal((3, 3))
     S = A @ A.T
     payload = make_payload('tool0', mass, com, np.trace(S) * np.eye(3) - S)
-    back = payload_from_ros(ARM, over_the_wire(payload_to_ros(payload)))
-    assert back is not None
+    back = conversions.payload_from_ros(ARM, over_the_wire(conversions.payload_to_ros(payload)))
     assert (back.link, back.mass, back.com.tolist()) == ('tool0', mass, com)
     assert back.inertia.tolist() == payload.inertia.tolist()
 
 
-def test_no_payload_is_a_mass_of_zero() -> None:
-    assert payload_from_ros(ARM, payload_to_ros(None)) is None
+def test_no_payload_is_a_mass_of_zero():
+    assert conversions.payload_from_ros(ARM, conversions.payload_to_ros(None)) is None
     # for any link name: without mass the link has no meaning
     message = InertiaStamped()
     message.header.frame_id = 'no such link'
-    assert payload_from_ros(ARM, message) is None
+    assert conversions.payload_from_ros(ARM, message) is None
 
 
-def test_a_payload_on_no_link_names_the_links() -> None:
-    message = payload_to_ros(make_payload('hand', 1.0))
+def test_a_payload_on_no_link_names_the_links():
+    message = conversions.payload_to_ros(make_payload('hand', 1.0))
     with pytest.raises(InvalidInputError, match=r"header\.frame_id is 'hand'.*'tool0'"):
-        payload_from_ros(ARM, message)
+        conversions.payload_from_ros(ARM, message)
 
 
 # --- wrenches ------------------------------------------------------------------------------------
 
 @laws
 @given(st.lists(st.lists(numbers, min_size=6, max_size=6), max_size=3))
-def test_wrenches_arrive(rows: list[list[float]]) -> None:
+def test_wrenches_arrive(rows):
     messages = []
     for row in rows:
         message = WrenchStamped()
@@ -119,25 +108,25 @@ def test_wrenches_arrive(rows: list[list[float]]) -> None:
         force, torque = message.wrench.force, message.wrench.torque
         force.x, force.y, force.z, torque.x, torque.y, torque.z = row
         messages.append(message)
-    wrenches = wrenches_from_ros(ARM, messages)
+    wrenches = conversions.wrenches_from_ros(ARM, messages)
     assert [[*w.force, *w.torque] for w in wrenches] == rows
     assert {w.link for w in wrenches} <= {'tool0'}
 
 
-def test_bad_wrenches_say_which_one() -> None:
+def test_bad_wrenches_say_which_one():
     good, nowhere, bad = WrenchStamped(), WrenchStamped(), WrenchStamped()
     good.header.frame_id = bad.header.frame_id = 'tool0'
     nowhere.header.frame_id = 'hand'
     bad.wrench.torque.y = float('nan')
     with pytest.raises(
             InvalidInputError, match=r"external_wrenches\[1\]\.header\.frame_id is 'hand'"):
-        wrenches_from_ros(ARM, [good, nowhere])
+        conversions.wrenches_from_ros(ARM, [good, nowhere])
     with pytest.raises(
             InvalidInputError, match=r'external_wrenches\[1\]\.wrench\.torque\[1\] \(y\) is nan'):
-        wrenches_from_ros(ARM, [good, bad])
+        conversions.wrenches_from_ros(ARM, [good, bad])
     good.wrench.force.z = -1e10
     with pytest.raises(InvalidInputError, match=r'force\[2\] \(z\) is -1e\+10, expected'):
-        wrenches_from_ros(ARM, [good])
+        conversions.wrenches_from_ros(ARM, [good])
 
 
 # --- trajectories --------------------------------------------------------------------------------
@@ -147,7 +136,7 @@ def test_bad_wrenches_say_which_one() -> None:
     st.lists(st.integers(1, 10**10), min_size=1, max_size=5),
     st.sampled_from(['positions', 'velocities', 'accelerations']),
     st.integers(0, 2**32 - 1))
-def test_trajectories_come_back(gaps_ns: list[int], highest: str, seed: int) -> None:
+def test_trajectories_come_back(gaps_ns, highest, seed):
     random = np.random.default_rng(seed)
     times = [1e-9 * t for t in np.cumsum(gaps_ns).tolist()]
     rows = random.uniform(-3.0, 3.0, (3, len(times), 2))
@@ -156,7 +145,8 @@ def test_trajectories_come_back(gaps_ns: list[int], highest: str, seed: int) -> 
     q, v, a = (
         rows[k].tolist() if k < given_fields else () for k in range(3))
     trajectory = make_trajectory(NAMES, times, q, v, a, NAMES)
-    back = trajectory_from_ros(over_the_wire(trajectory_to_ros(trajectory)), NAMES)
+    sent = over_the_wire(conversions.trajectory_to_ros(trajectory))
+    back = conversions.trajectory_from_ros(sent, NAMES)
     assert back.joint_names == trajectory.joint_names
     for point, original in zip(back.points, trajectory.points, strict=True):
         assert round(1e9 * point.time_from_start) == round(1e9 * original.time_from_start)
@@ -166,26 +156,27 @@ def test_trajectories_come_back(gaps_ns: list[int], highest: str, seed: int) -> 
             assert here is None or here.tolist() == there.tolist()
 
 
-def test_a_trajectory_is_sorted_by_name() -> None:
+def test_a_trajectory_is_sorted_by_name():
     message = JointTrajectory(joint_names=['joint2', 'joint1'], points=[
         JointTrajectoryPoint(positions=[2.0, 1.0])])
-    assert trajectory_from_ros(message, NAMES).points[0].position.tolist() == [1.0, 2.0]
+    point, = conversions.trajectory_from_ros(message, NAMES).points
+    assert point.position.tolist() == [1.0, 2.0]
 
 
-def test_efforts_are_filled_in_at_the_points() -> None:
+def test_efforts_are_filled_in_at_the_points():
     message = JointTrajectory(points=[JointTrajectoryPoint(), JointTrajectoryPoint()])
-    filled = with_efforts(message, np.array([[1.0, 2.0], [3.0, 4.0]]))
+    filled = conversions.with_efforts(message, np.array([[1.0, 2.0], [3.0, 4.0]]))
     assert [list(point.effort) for point in filled.points] == [[1.0, 2.0], [3.0, 4.0]]
 
 
 # --- terms ---------------------------------------------------------------------------------------
 
-def test_terms_follow_the_order_asked_for() -> None:
+def test_terms_follow_the_order_asked_for():
     q, v, a = np.array([0.8, 0.5]), np.array([0.5, 0.3]), np.array([0.1, 0.2])
     terms = ArmDynamics(ARM).terms(q, v, a)
     order = JointOrder(ARM, ('joint2', 'joint1'))
     stamp = Time(sec=7, nanosec=8)
-    message = over_the_wire(terms_to_ros(terms, order.names, stamp, order))
+    message = over_the_wire(conversions.terms_to_ros(terms, order.names, stamp, order))
     assert isinstance(message, DynamicsTerms)
     assert message.header.stamp == stamp
     assert list(message.joint_names) == ['joint2', 'joint1']
@@ -199,7 +190,7 @@ def test_terms_follow_the_order_asked_for() -> None:
 
 @laws
 @given(st.permutations(['joint1', 'joint2', 'gripper', 'wheel']), st.integers(0, 2**32 - 1))
-def test_joint_states_are_read_by_name(names: list[str], seed: int) -> None:
+def test_joint_states_are_read_by_name(names, seed):
     random = np.random.default_rng(seed)
     q, v, tau = random.standard_normal((3, 4)).tolist()
     message = JointState(name=names, position=q, velocity=v, effort=tau)
@@ -207,14 +198,12 @@ def test_joint_states_are_read_by_name(names: list[str], seed: int) -> None:
     for _ in range(2):  # the order is cached at the first message
         position, velocity = reader.read(message)
         assert position.tolist() == [q[names.index(name)] for name in NAMES]
-        assert velocity is not None
         assert velocity.tolist() == [v[names.index(name)] for name in NAMES]
         effort = reader.effort(message)
-        assert effort is not None
         assert effort.tolist() == [tau[names.index(name)] for name in NAMES]
 
 
-def test_a_reader_follows_a_change_of_order() -> None:
+def test_a_reader_follows_a_change_of_order():
     reader = JointStateReader(NAMES)
     for names in (['joint1', 'joint2'], ['joint2', 'joint1'], ['x', 'joint1', 'joint2']):
         q = [float(i) for i in range(len(names))]
@@ -224,7 +213,7 @@ def test_a_reader_follows_a_change_of_order() -> None:
 
 @given(st.lists(st.sampled_from(['joint1', 'joint2', 'x']), max_size=4))
 @laws
-def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names: list[str]) -> None:
+def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names):
     assume(not all(names.count(joint) == 1 for joint in NAMES))
     message = JointState(name=names, position=[0.0] * len(names))
     with pytest.raises(InvalidInputError) as refusal:
@@ -234,7 +223,7 @@ def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names: list[st
 
 @pytest.mark.parametrize(('number', 'is_finite'), [
     (float('nan'), False), (-float('inf'), False), (1.5e9, True)])
-def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, is_finite: bool) -> None:
+def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
     names, values = ['joint2', 'x', 'joint1'], [number, float('nan'), -1e9]
     reader = JointStateReader(NAMES)
     words = f"of 'joint2' is {number:g}, expected a "
@@ -243,7 +232,6 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, is_finite: 
         reader.finite_effort(JointState(name=names, effort=values))
     if is_finite:  # a measured state may exceed bounds: a non-finite effort is then a fault
         q, v = reader.read(JointState(name=names, position=values, velocity=values))
-        assert v is not None
         assert q[1] == v[1] == number
     else:
         with pytest.raises(InvalidInputError, match=f'position {words}finite number'):
@@ -256,10 +244,9 @@ def test_numbers_that_no_arm_has_are_refused_by_joint(number: float, is_finite: 
             reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
     # A measured state may lack a joint.
     effort = reader.effort(JointState(name=names, effort=values))
-    assert effort is not None
     assert effort[0] == -1e9
 
 
-def test_an_effort_message_has_an_effort_for_each_joint() -> None:
+def test_an_effort_message_has_an_effort_for_each_joint():
     with pytest.raises(InvalidInputError, match='effort has 0 values, expected 2 as name has'):
         JointStateReader(NAMES).finite_effort(JointState(name=NAMES))

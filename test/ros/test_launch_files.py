@@ -27,7 +27,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.launch_arguments import ARGUMENTS, arm_arguments, values_by_arm
 from robots import robot_path
 from ros_harness import DYNAMICS as DYNAMICS_MODULE
-from ros_harness import NodeProcess, RosClient, running
+from ros_harness import NodeProcess, running
 from ros_harness import SIMULATED_ARM as SIMULATED_ARM_MODULE
 from sensor_msgs.msg import JointState
 
@@ -54,7 +54,7 @@ def calls(path: Path, function: str) -> list[ast.Call]:
 # --- the launch files as texts -------------------------------------------------------------------
 
 @every_file
-def test_every_launch_file_declares_the_common_arguments(path: Path) -> None:
+def test_every_launch_file_declares_the_common_arguments(path):
     call, = calls(path, 'declared')
     left_out = {keyword.arg for keyword in call.keywords
                 if isinstance(keyword.value, ast.Constant) and keyword.value.value is None}
@@ -64,7 +64,7 @@ def test_every_launch_file_declares_the_common_arguments(path: Path) -> None:
 
 
 @every_file
-def test_every_other_argument_has_a_description_and_is_used(path: Path) -> None:
+def test_every_other_argument_has_a_description_and_is_used(path):
     text = path.read_text(encoding='utf-8')
     for call in calls(path, 'DeclareLaunchArgument'):
         name = ast.literal_eval(call.args[0])
@@ -79,7 +79,7 @@ def test_every_other_argument_has_a_description_and_is_used(path: Path) -> None:
     assert ('values_by_arm(' in text) == (path.name == 'several_arms.launch.py')
 
 
-def test_every_common_argument_has_a_description_and_is_used() -> None:
+def test_every_common_argument_has_a_description_and_is_used():
     class Recorded(dict[str, str]):
         used: set[str] = set()
 
@@ -93,7 +93,7 @@ def test_every_common_argument_has_a_description_and_is_used() -> None:
     assert all(len(text) > 30 and text.endswith('.') for _, text in ARGUMENTS.values())
 
 
-def test_launch_files_name_executables_that_are_installed() -> None:
+def test_launch_files_name_executables_that_are_installed():
     names = {word for path in FILES for call in calls(path, 'node') for word in (
         ast.literal_eval(one) for one in call.args[1:2] if isinstance(one, ast.Constant))}
     assert names == {'dynamics', 'simulated_arm', 'mujoco_arm'}
@@ -104,7 +104,7 @@ def test_launch_files_name_executables_that_are_installed() -> None:
 
 # --- arguments -----------------------------------------------------------------------------------
 
-def test_without_arguments_a_simulated_arm_gets_the_embedded_description() -> None:
+def test_without_arguments_a_simulated_arm_gets_the_embedded_description():
     arm = arm_of()
     assert (arm.namespace, arm.file, arm.log_level) == ('/', None, 'info')
     assert arm.description == default_arm_urdf()
@@ -114,11 +114,10 @@ def test_without_arguments_a_simulated_arm_gets_the_embedded_description() -> No
     assert alone.overrides == {}
 
 
-def test_arguments_become_parameters() -> None:
+def test_arguments_become_parameters():
     arm = arm_of(use_sim_time='true', autostart='false', gravity='[0, 0, 9.81]',
                   robot=str(robot_path('ur10')), log_level='debug', namespace='cell/left')
     assert (arm.namespace, arm.log_level) == ('/cell/left', 'debug')
-    assert arm.description is not None
     assert '<robot' in arm.description
     assert arm.overrides == {
         'use_sim_time': True, 'autostart': False, 'gravity': [0.0, 0.0, 9.81],
@@ -126,7 +125,7 @@ def test_arguments_become_parameters() -> None:
     assert arm_of(robot_description='<robot/>').description == '<robot/>'
 
 
-def test_a_parameter_file_may_give_the_description(tmp_path: Path) -> None:
+def test_a_parameter_file_may_give_the_description(tmp_path):
     urdf = write(tmp_path / 'arm.urdf', default_arm_urdf())
     for section in ('/**', '/left/dynamics'):
         params = write(tmp_path / 'arm.yaml', (
@@ -144,11 +143,11 @@ def test_a_parameter_file_may_give_the_description(tmp_path: Path) -> None:
 @pytest.mark.parametrize(('namespace', 'outer', 'expected'), [
     ('', '', '/'), ('left', '', '/left'), ('/left/', '', '/left'), ('left', '/cell', '/cell/left'),
     ('', '/cell', '/cell'), ('/left', '/cell', '/left'), ('a/b', '', '/a/b')])
-def test_namespaces_are_absolute(namespace: str, outer: str, expected: str) -> None:
+def test_namespaces_are_absolute(namespace, outer, expected):
     assert arm_of((DYNAMICS,), outer, namespace=namespace).namespace == expected
 
 
-def test_each_of_several_arms_has_its_files() -> None:
+def test_each_of_several_arms_has_its_files():
     values = {'arms': 'left, right', 'params': 'a.yaml,b.yaml', 'robot': 'arm.urdf', 'gravity': ''}
     left, right = values_by_arm(values)
     assert (left['namespace'], left['params'], left['robot']) == ('left', 'a.yaml', 'arm.urdf')
@@ -167,7 +166,7 @@ def test_each_of_several_arms_has_its_files() -> None:
     ({'robot': 'package://no_such_package/arm.urdf'},
      ", but there is no package 'no_such_package' in this environment"),
     ({'robot': 'http://nowhere/arm.urdf'}, ', expected a path, file:// or package://')])
-def test_a_file_that_cannot_be_read_is_an_error(values: dict[str, str], words: str) -> None:
+def test_a_file_that_cannot_be_read_is_an_error(values, words):
     """The message names the argument, and its value."""
     with pytest.raises(RobotDynamicsError) as error:
         arm_of(**values)
@@ -175,7 +174,7 @@ def test_a_file_that_cannot_be_read_is_an_error(values: dict[str, str], words: s
     assert str(error.value).startswith(f'launch argument {name} is {value!r}{words}')
 
 
-def test_several_arms_with_another_number_of_files_are_an_error() -> None:
+def test_several_arms_with_another_number_of_files_are_an_error():
     with pytest.raises(RobotDynamicsError, match="is 'a,b', expected one file for all arms"):
         values_by_arm({'arms': 'a,b,c', 'params': 'a,b', 'robot': ''})
 
@@ -184,7 +183,7 @@ def test_several_arms_with_another_number_of_files_are_an_error() -> None:
     ({'use_sim_time': 'maybe'}, 'use_sim_time'), ({'gravity': '[0, 0]'}, 'gravity'),
     ({'gravity': 'down'}, 'gravity'), ({'log_level': 'loud'}, 'loud'),
     ({'namespace': 'my arm'}, '__ns:=/my arm')])
-def test_the_node_rejects_an_invalid_argument(values: dict[str, str], words: str) -> None:
+def test_the_node_rejects_an_invalid_argument(values, words):
     """The node gets what the launch files pass on, ends with status 1, and names the argument."""
     arm = arm_of((DYNAMICS,), **values)
     files = [word for file in arm.parameter_files(DYNAMICS) for word in ('--params-file', file)]
@@ -219,7 +218,7 @@ def launched(file: str, *arguments: str) -> Iterator[None]:
 
 @with_launch
 @every_file
-def test_ros2_launch_describes_all_arguments(path: Path) -> None:
+def test_ros2_launch_describes_all_arguments(path):
     name = path.name.partition('.')[0]
     shown = children.run(
         [*launch(name), '--show-args'], text=True, stdout=subprocess.PIPE, check=True).stdout
@@ -244,7 +243,7 @@ def nodes_of(arms: Mapping[str, str]) -> Iterator[None]:
 
 
 @pytest.mark.parametrize('by', ['nodes', pytest.param('launch', marks=with_launch)])
-def test_the_loops_of_two_arms_close(by: str, client: RosClient, tmp_path: Path) -> None:
+def test_the_loops_of_two_arms_close(by, client, tmp_path):
     left = write(tmp_path / 'left.yaml', (
         f'/**: {{ros__parameters: {{{ARM}, rate: 50.0, gravity: [0.0, 0.0, -1.62]}}}}'))
     right = write(tmp_path / 'right.yaml', (
@@ -266,9 +265,7 @@ def test_the_loops_of_two_arms_close(by: str, client: RosClient, tmp_path: Path)
 
 @with_launch
 @pytest.mark.parametrize('sections', [('/**', '/cell/dynamics'), ('/cell/dynamics', '/**')])
-def test_arguments_of_ros2_launch_take_precedence_over_the_file(
-    sections: tuple[str, str], client: RosClient, tmp_path: Path,
-) -> None:
+def test_arguments_of_ros2_launch_take_precedence_over_the_file(sections, client, tmp_path):
     file = write(tmp_path / 'arm.yaml', '\n'.join(
         f'{section}: {{ros__parameters: {{{ARM}, gravity: [0.0, 0.0, -1.0], autostart: true, '
         'robot_description_file: /no/such.urdf}}' for section in sections))
@@ -289,7 +286,7 @@ def test_arguments_of_ros2_launch_take_precedence_over_the_file(
     ('beside_robot', 'params:=no/such.yaml'), ('closed_loop', 'robot:=/no/such.urdf'),
     ('rviz', 'params:=no/such.yaml'),
     ('several_arms', 'params:=no/such.yaml'), ('leader_and_follower', 'params:=no/such.yaml')])
-def test_ros2_launch_starts_no_node_for_an_invalid_argument(file: str, argument: str) -> None:
+def test_ros2_launch_starts_no_node_for_an_invalid_argument(file, argument):
     done = children.run(
         launch(file, argument), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     assert done.returncode == 1, done.stdout

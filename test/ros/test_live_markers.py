@@ -69,9 +69,7 @@ def robot(client: RosClient) -> HeldRobot:
     return HeldRobot(client, '/marked', position=Q)
 
 
-def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
-    client: RosClient, robot: HeldRobot,
-) -> None:
+def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(client, robot):
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
         message = stand_until(robot, markers, bool)
     found = by_name(message)
@@ -96,7 +94,7 @@ def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(
     assert [text.x, text.z] == pytest.approx([ELBOW[0], ELBOW[2]])
 
 
-def test_without_measured_efforts_there_is_no_warning(client: RosClient, robot: HeldRobot) -> None:
+def test_without_measured_efforts_there_is_no_warning(client, robot):
     def status(message: DiagnosticArray) -> DiagnosticStatus:
         return next(s for s in message.status if s.name.endswith(': estimates'))
 
@@ -114,9 +112,7 @@ def ends_of(arrow: Marker) -> np.ndarray:
     return np.array([[point.x, point.y, point.z] for point in arrow.points])
 
 
-def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
-    client: RosClient, robot: HeldRobot,
-) -> None:
+def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(client, robot):
     push = ExternalWrench('tool0', ROTATION.T @ FORCE, ZERO)
     external = -BODY.external(np.array(Q), [push])
     scale = {'force': 0.5 * 8.0 * 9.81, 'torque': 0.05 * 8.0 * 9.81 * 1.8}
@@ -145,7 +141,7 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(
     assert {('external effort', 0), ('external effort', 1)} <= set(found)
 
 
-def test_a_payload_is_a_ball(client: RosClient, robot: HeldRobot) -> None:
+def test_a_payload_is_a_ball(client, robot):
     with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
         set_payload(client, '/marked/dynamics', make_payload('tool0', 2.0))
         found = by_name(stand_until(
@@ -157,7 +153,7 @@ def test_a_payload_is_a_ball(client: RosClient, robot: HeldRobot) -> None:
         stand_until(robot, markers, lambda found: ('payload', 0) not in found)
 
 
-def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight() -> None:
+def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight():
     arm = load_arm(default_arm_urdf())
     marks, lengths = ArmMarks(arm), []
     for share in (0.25, 0.5, 2.0):
@@ -168,7 +164,7 @@ def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight() -> None:
     assert lengths == pytest.approx([0.5 * marks.reach, marks.reach, marks.reach])
 
 
-def test_the_display_shows_all_that_is_drawn() -> None:
+def test_the_display_shows_all_that_is_drawn():
     arm = load_arm(default_arm_urdf()).with_payloads([make_payload('tool0', 1.0)])
     message = drawn(ArmMarks(arm), arm, np.array(Q), GRAVITY, np.array([3.0, 1.0]), np.ones(6))
     display = yaml.safe_load(
@@ -180,7 +176,7 @@ def test_the_display_shows_all_that_is_drawn() -> None:
     assert shown['Arm']['Description Topic']['Durability Policy'] == 'Transient Local'
 
 
-def test_markers_are_off_without_subscribers(client: RosClient) -> None:
+def test_markers_are_off_without_subscribers(client):
     markers = LiveMarkers(client.node)
     assert not markers.is_on
     assert markers._timer.is_canceled()

@@ -43,19 +43,19 @@ def read_or_refuse(data: bytes, message_type: type) -> bool:
 
 
 @pytest.mark.parametrize('message', MESSAGES, ids=lambda message: type(message).__name__)
-def test_what_was_written_is_read(message: Any) -> None:
+def test_what_was_written_is_read(message):
     assert read_message(bytes(serialize_message(message)), type(message)) == message
 
 
 @pytest.mark.parametrize('message', MESSAGES, ids=lambda message: type(message).__name__)
-def test_damage_is_refused_or_harmless(message: Any) -> None:
+def test_damage_is_refused_or_harmless(message):
     data, message_type = bytes(serialize_message(message)), type(message)
     assert not any(read_or_refuse(cut, message_type) for cut in cut_short(data, message_type))
     for damaged in (*with_lies(data), *with_noise(data, 2000), *noise(2000), b''):
         read_or_refuse(damaged, message_type)
 
 
-def test_a_message_that_is_too_large_is_not_read() -> None:
+def test_a_message_that_is_too_large_is_not_read():
     data = serialize_message(JointState(name=['']))
     padded = bytes(data) + bytes(LARGEST_MESSAGE - len(data))
     assert read_message(padded, JointState).name == ['']
@@ -66,9 +66,7 @@ def test_a_message_that_is_too_large_is_not_read() -> None:
 
 @pytest.mark.parametrize('frame_id', ['', 'a', 'abc', 'base_link'])
 @pytest.mark.parametrize('names', [(), ('',), ('a', 'abc', 'abcde'), ('joint1', 'joint2')])
-def test_a_trajectory_of_too_many_points_is_not_read(
-    frame_id: str, names: tuple[str, ...],
-) -> None:
+def test_a_trajectory_of_too_many_points_is_not_read(frame_id, names):
     message = trajectory(MOST_POINTS, frame_id, names)
     assert read_message(bytes(serialize_message(message)), JointTrajectory) == message
     data = bytes(serialize_message(trajectory(MOST_POINTS + 1, frame_id, names)))
@@ -76,7 +74,7 @@ def test_a_trajectory_of_too_many_points_is_not_read(
         read_message(data, JointTrajectory)
 
 
-def test_points_are_counted_in_the_byte_order_of_the_message() -> None:
+def test_points_are_counted_in_the_byte_order_of_the_message():
     counts = (0, 0, MOST_POINTS + 1)  # of frame_id, joint_names and points
     data = b'\x00\x00\x00\x00' + bytes(8) + struct.pack('>3I', *counts)
     with pytest.raises(UnreadableMessageError, match='points has 2001 points'):

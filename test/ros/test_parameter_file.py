@@ -42,9 +42,7 @@ def taken_by_rcl(namespace: str, files: Sequence[str]) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize('namespace', ['', '/left', '/cell/left'])
-def test_sections_apply_to_the_nodes_to_which_rcl_applies_them(
-    namespace: str, tmp_path: Path,
-) -> None:
+def test_sections_apply_to_the_nodes_to_which_rcl_applies_them(namespace, tmp_path):
     lines = [f'{name}: {{ros__parameters: {{of_{i}: {i}}}}}' for i, name in enumerate(SECTIONS)]
     lines += ['cell: {left: {dynamics: {ros__parameters: {nested: 1}}}}']
     path = write(tmp_path / 'many.yaml', '\n'.join(lines))
@@ -58,9 +56,7 @@ def test_sections_apply_to_the_nodes_to_which_rcl_applies_them(
 @pytest.mark.parametrize('sections', [
     (), ('/**',), ('/**', '/left/dynamics'), ('/left/dynamics', '/**'),
     ('/left/dynamics', '/**', '/*/dynamics', '/right/dynamics')])
-def test_arguments_take_precedence_over_the_file(
-    sections: tuple[str, ...], tmp_path: Path,
-) -> None:
+def test_arguments_take_precedence_over_the_file(sections, tmp_path):
     params = write(tmp_path / 'arm.yaml', '\n'.join(
         f'{section}: {{ros__parameters: {{gravity: [1.0, 1.0, 1.0], rate: 50.0}}}}'
         for section in sections)) if sections else ''
@@ -79,9 +75,7 @@ def test_arguments_take_precedence_over_the_file(
     ('joints: [joint1]', 'which has no parameters; expected a section such as /** that contains'),
     ('a: [', 'which cannot be read: while parsing a flow node'),
 ])
-def test_a_file_that_is_no_parameter_file_is_an_error(
-    text: str, reason: str, tmp_path: Path,
-) -> None:
+def test_a_file_that_is_no_parameter_file_is_an_error(text, reason, tmp_path):
     params = write(tmp_path / 'arm.yaml', text)
     with pytest.raises(RobotDynamicsError) as error:
         arm_of(params=params)
@@ -91,7 +85,7 @@ def test_a_file_that_is_no_parameter_file_is_an_error(
 @pytest.mark.parametrize(
     'path', [*(ROOT / 'config').glob('*.yaml'), *(ROOT / 'config' / 'robots').glob('*.yaml')],
     ids=lambda path: path.name)
-def test_the_parameter_files_of_this_package_apply_in_every_namespace(path: Path) -> None:
+def test_the_parameter_files_of_this_package_apply_in_every_namespace(path):
     for namespace in ('', 'left', 'cell/left'):
         file = ParameterFile(path, 'params')
         assert 'command' in file.parameters(f'/{namespace}/dynamics'.replace('//', '/'))
@@ -109,9 +103,7 @@ def test_the_parameter_files_of_this_package_apply_in_every_namespace(path: Path
      '/left/dynamics', ['/dynamics']),
     ('/controller_manager: {ros__parameters: {a: 1}}', '/dynamics', ['/controller_manager']),
 ])
-def test_sections_that_a_node_ignores(
-    text: str, node: str, ignored: list[str], tmp_path: Path,
-) -> None:
+def test_sections_that_a_node_ignores(text, node, ignored, tmp_path):
     file = ParameterFile(Path(write(tmp_path / 'arm.yaml', text)), 'params')
     assert file.ignored_sections(node) == ignored
 
@@ -119,7 +111,7 @@ def test_sections_that_a_node_ignores(
 @pytest.mark.parametrize(('text', 'warns'), [
     ('/**: {ros__parameters: {command: none}}', False),
     ('/dynamics: {ros__parameters: {command: none}}', True)])
-def test_a_node_warns_of_sections_that_it_ignores(text: str, warns: bool, tmp_path: Path) -> None:
+def test_a_node_warns_of_sections_that_it_ignores(text, warns, tmp_path):
     params = write(tmp_path / 'arm.yaml', text)
     node = NodeProcess(DYNAMICS_MODULE, namespace='/left', patient=False, arguments=(
         '--ros-args', '--params-file', params))

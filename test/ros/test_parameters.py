@@ -4,7 +4,6 @@
 """Parameters through their services: descriptions, rejections, and effects."""
 
 from collections.abc import Iterator
-from pathlib import Path
 import re
 from typing import Any
 
@@ -52,9 +51,7 @@ def nodes(client: RosClient) -> Iterator[None]:
 
 # --- former names ----------------------------------------------------------------------------
 
-def test_parameters_by_their_former_names(
-    client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_parameters_by_their_former_names(client, tmp_path, capsys):
     file = tmp_path / 'former.yaml'
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': FORMER}}), encoding='utf-8')
     with pytest.warns(UserWarning, match="'effort_scale' is now 'effort_limit_fraction'"):
@@ -66,7 +63,6 @@ def test_parameters_by_their_former_names(
     assert FORMER_NAMES.keys() <= FORMER.keys()
     assert not FORMER_NAMES.keys() & expected.keys()
     arm = arm_from_parameters(default_arm_urdf(), expected)
-    assert arm.uncertainty is not None
     assert [uncertain_names(arm)[k] for k in arm.uncertainty.columns] == ['effort_bias(joint2)']
     node = '/former/dynamics'
     with NodeProcess(DYNAMICS, FORMER, namespace='/former', patient=False) as process:
@@ -81,9 +77,7 @@ def test_parameters_by_their_former_names(
 # --- descriptions --------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('node', [NODE, ARM_NODE])
-def test_every_parameter_is_declared_with_type_range_and_description(
-    client: RosClient, node: str,
-) -> None:
+def test_every_parameter_is_declared_with_type_range_and_description(client, node):
     descriptors = client.describe_parameters(node, [spec.name for spec in SPECS[node]])
     assert list(descriptors) == [spec.name for spec in SPECS[node]]
     for spec in SPECS[node]:
@@ -105,14 +99,14 @@ def test_every_parameter_is_declared_with_type_range_and_description(
 
 
 @pytest.mark.parametrize('node', [NODE, ARM_NODE])
-def test_unset_parameters_have_their_defaults(client: RosClient, node: str) -> None:
+def test_unset_parameters_have_their_defaults(client, node):
     for spec in SPECS[node]:
         given = NAMES if (node, spec.name) == (NODE, 'joints') else spec.default
         value = client.get_parameter(node, spec.name)
         assert value == given or list(value) == list(given), spec.name
 
 
-def test_what_cannot_change_while_the_nodes_run(client: RosClient) -> None:
+def test_what_cannot_change_while_the_nodes_run(client):
     """The model, its joints, and the mode of time."""
     fixed = {spec.name for specs in SPECS.values() for spec in specs if spec.read_only}
     assert fixed >= {
@@ -141,9 +135,7 @@ def another_value(spec: ParameterSpec) -> Any:
     ('command_timeout', NAN, 'command_timeout.*nan'),
     ('velocity_noise', True, 'expected .*DOUBLE.* got .*BOOL'),
 ])
-def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(
-    client: RosClient, name: str, value: Any, words: str,
-) -> None:
+def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(client, name, value, words):
     """Of `simulated_arm`; test_faults_parameters tries every parameter of `dynamics`."""
     before = client.get_parameter(ARM_NODE, name)
     reason = client.rejection(ARM_NODE, name, value)
@@ -153,7 +145,7 @@ def test_a_bad_value_is_refused_with_a_reason_and_the_old_one_kept(
 
 # --- effects -------------------------------------------------------------------------------------
 
-def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
+def test_changed_gains_change_the_computed_torque(client):
     q, error = np.array([0.8, 0.5]), np.array([0.05, -0.02])
     dynamics = default_dynamics()
     M, g = dynamics.rigid_body.mass_matrix(q), dynamics.rigid_body.gravity(q)
@@ -190,7 +182,7 @@ def test_changed_gains_change_the_computed_torque(client: RosClient) -> None:
     client.set_parameters(NODE, {'state_timeout': usual})
 
 
-def test_changed_noise_acts(client: RosClient) -> None:
+def test_changed_noise_acts(client):
     with client.collect(JointState, '/parameters/arm_states') as states:
         states.wait_count(20)
         assert {tuple(m.position) for m in states.messages} == {(0.0, 0.0)}
@@ -202,6 +194,6 @@ def test_changed_noise_acts(client: RosClient) -> None:
         client.set_parameters(ARM_NODE, {'position_noise': 0.0})
 
 
-def test_the_commands_are_the_control_laws_and_none() -> None:
+def test_the_commands_are_the_control_laws_and_none():
     spec, = (spec for spec in DYNAMICS_SPECS if spec.name == 'command')
     assert spec.choices == (*LAWS, 'none')

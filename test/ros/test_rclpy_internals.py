@@ -24,21 +24,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 from robot_dynamics.ros.middleware import rclpy_internals
 from robot_dynamics.ros.middleware.answer_delivery import is_discovered
-from robot_dynamics.ros.middleware.rclpy_internals import (
-    error_type,
-    LEFT_TO_A_THREAD,
-    message_inbox,
-    MessageInbox,
-    parameter_overrides,
-    raw_publish,
-    raw_take,
-    replace_callback,
-    replace_send_response,
-    request_number,
-    send_response,
-    service_with_inbox,
-    subscription_count,
-)
 from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
@@ -88,9 +73,9 @@ def member_of_publisher(
     return member
 
 
-def test_publish_raw(client: RosClient) -> None:
+def test_publish_raw(client):
     publish = member_of_publisher(
-        client, 'raw_publish', raw_publish, 'publish_raw',
+        client, 'raw_publish', rclpy_internals.raw_publish, 'publish_raw',
         'commands are published by Publisher.publish, which takes longer')
     with client.collect(String, 'raw_publish') as received:
         message = serialize_message(String(data='bytes'))
@@ -99,9 +84,9 @@ def test_publish_raw(client: RosClient) -> None:
             'Publisher.handle.publish_raw does not publish bytes as they are any more')
 
 
-def test_get_subscription_count(client: RosClient) -> None:
+def test_get_subscription_count(client):
     count = member_of_publisher(
-        client, 'subscription_count', subscription_count, 'get_subscription_count',
+        client, 'subscription_count', rclpy_internals.subscription_count, 'get_subscription_count',
         'the control path counts subscribers by Publisher.get_subscription_count, which takes '
         'four times as long')
     assert count() == 0
@@ -109,21 +94,22 @@ def test_get_subscription_count(client: RosClient) -> None:
         wait_until(lambda: count() == 1, 'a subscriber')
 
 
-def test_wait_set_and_take_message(client: RosClient) -> None:
-    inbox = message_inbox(client.node, String, 'wait_set', QoSProfile(depth=5), can_wake=True)
-    assert type(inbox) is MessageInbox, (
+def test_wait_set_and_take_message(client):
+    inbox = rclpy_internals.message_inbox(
+        client.node, String, 'wait_set', QoSProfile(depth=5), can_wake=True)
+    assert type(inbox) is rclpy_internals.MessageInbox, (
         'rclpy_implementation.WaitSet, Subscription.handle.take_message or Context.handle is '
         'gone, or takes other arguments: joint states go through an executor of rclpy')
     exchange_messages(client, inbox)
     inbox.close()
 
 
-def arrives_at(inbox: MessageInbox | SpunInbox, nanoseconds: int) -> bool:
+def arrives_at(inbox: rclpy_internals.MessageInbox | SpunInbox, nanoseconds: int) -> bool:
     inbox.wait(nanoseconds)
     return inbox.is_ready()
 
 
-def exchange_messages(client: RosClient, inbox: MessageInbox | SpunInbox) -> None:
+def exchange_messages(client: RosClient, inbox: rclpy_internals.MessageInbox | SpunInbox) -> None:
     """Send three messages to an inbox, take them, and wake a wait."""
     publisher = client.publisher(String, inbox.subscription.topic_name)
     assert inbox.take() is None
@@ -147,10 +133,11 @@ def exchange_messages(client: RosClient, inbox: MessageInbox | SpunInbox) -> Non
     assert not waiter.is_alive(), 'wake() does not end a wait'
 
 
-def test_take_message_in_the_executor(client: RosClient) -> None:
+def test_take_message_in_the_executor(client):
     subscription = client.node.create_subscription(
-        String, 'raw_take', lambda _: None, 5, raw=True, callback_group=LEFT_TO_A_THREAD)
-    take = raw_take(subscription, String)
+        String, 'raw_take', lambda _: None, 5, raw=True,
+        callback_group=rclpy_internals.LEFT_TO_A_THREAD)
+    take = rclpy_internals.raw_take(subscription, String)
     assert is_bound_to(take, subscription, 'take_message'), (
         'rclpy has no Subscription.handle.take_message any more: with state_thread:=false the '
         'executor delivers outdated joint states, too')
@@ -166,12 +153,11 @@ def test_take_message_in_the_executor(client: RosClient) -> None:
 
 
 @pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])
-def test_executors_ask_callback_groups(
-    client: RosClient, process: OwnProcess, executor: Any,
-) -> None:
+def test_executors_ask_callback_groups(client, process, executor):
     node, stolen, seen = process.other('asking'), list[Any](), list[Any]()
     topic = f'{process.namespace}/topic'
-    node.create_subscription(String, topic, stolen.append, 5, callback_group=LEFT_TO_A_THREAD)
+    node.create_subscription(
+        String, topic, stolen.append, 5, callback_group=rclpy_internals.LEFT_TO_A_THREAD)
     node.create_subscription(String, topic, seen.append, 5)
     with process.spun(executor):
         publisher = client.publisher(String, topic, subscribers=2)
@@ -181,9 +167,10 @@ def test_executors_ask_callback_groups(
         'messages that a thread of this package waits for')
 
 
-def test_service_take_request_and_send_response(client: RosClient, process: OwnProcess) -> None:
+def test_service_take_request_and_send_response(client, process):
     name = f'{process.namespace}/service'
-    service, requests = service_with_inbox(process.other('server'), Trigger, name, lambda *_: None)
+    service, requests = rclpy_internals.service_with_inbox(
+        process.other('server'), Trigger, name, lambda *_: None)
     assert requests is not None, (
         'rclpy_implementation.WaitSet, Service.handle.service_take_request or Context.handle is '
         'gone: ~/stop waits until the executor is free')
@@ -193,27 +180,25 @@ def test_service_take_request_and_send_response(client: RosClient, process: OwnP
     assert requests.wait(60 * SECOND)
     request, header = requests.take()
     assert isinstance(request, Trigger.Request)
-    assert request_number(header) == 1, (
+    assert rclpy_internals.request_number(header) == 1, (
         'the header of a request has no request_id.sequence_number any more: every response '
         'asks the graph whether its client is discovered')
     wait_until(lambda: is_discovered(process.nodes[0], service), 'the reader of the response')
-    send_response(service, Trigger.Response(message='taken'), header)
+    rclpy_internals.send_response(service, Trigger.Response(message='taken'), header)
     wait_until(future.done, 'the response')
     assert future.result().message == 'taken'
     assert requests.take() == (None, None)
 
 
-def test_executors_call_the_replaced_send_response(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_executors_call_the_replaced_send_response(client, process):
     name, sent = f'{process.namespace}/replaced', list[Any]()
     service = process.other('server').create_service(Trigger, name, lambda _, answer: answer)
 
     def send(message: Any, header: Any) -> None:
-        sent.append(request_number(header))
-        send_response(service, message, header)
+        sent.append(rclpy_internals.request_number(header))
+        rclpy_internals.send_response(service, message, header)
 
-    replace_send_response(service, send)
+    rclpy_internals.replace_send_response(service, send)
     with process.spun(SingleThreadedExecutor):
         client.call(Trigger, name)
     assert sent == [1], (
@@ -221,7 +206,7 @@ def test_executors_call_the_replaced_send_response(
         'clients that are not discovered yet are lost')
 
 
-def test_executors_call_the_replaced_callback(client: RosClient, process: OwnProcess) -> None:
+def test_executors_call_the_replaced_callback(client, process):
     node, replaced = process.other('wrapped'), list[str]()
 
     def wrap(srv_type: Any, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -232,10 +217,10 @@ def test_executors_call_the_replaced_callback(client: RosClient, process: OwnPro
 
         return call
 
-    assert all(replace_callback(service, wrap) for service in node.services), (
+    assert all(rclpy_internals.replace_callback(service, wrap) for service in node.services), (
         'services of rclpy have no attribute callback any more: an error in a service of the '
         'lifecycle ends the node')
-    assert not any(replace_callback(service, wrap) for service in node.services)
+    assert not any(rclpy_internals.replace_callback(service, wrap) for service in node.services)
     with process.spun(SingleThreadedExecutor):
         name = f'{process.namespace}/wrapped/list_parameters'
         assert client.call(ListParameters, name).result.names
@@ -243,28 +228,26 @@ def test_executors_call_the_replaced_callback(client: RosClient, process: OwnPro
         'executors do not call the attribute callback any more')
 
 
-def test_parameter_overrides(process: OwnProcess) -> None:
+def test_parameter_overrides(process):
     node = Node('overridden', context=process.context, parameter_overrides=[
         Parameter('unknown', value=1)])
-    assert parameter_overrides(process.add(node)) == ['unknown'], (
+    assert rclpy_internals.parameter_overrides(process.add(node)) == ['unknown'], (
         'rclpy has no Node._parameter_overrides any more: no warning names a parameter that is '
         'set, but not declared')
     node.destroy_node()
 
 
 @pytest.mark.parametrize('name', ['RCLError', 'UnknownROSArgsError'])
-def test_errors(name: str) -> None:
-    assert error_type(name).__name__ == name, (
+def test_errors(name):
+    assert rclpy_internals.error_type(name).__name__ == name, (
         f'rclpy_implementation.{name} is gone: any RuntimeError at the start is handled as one')
-    assert issubclass(error_type(name), RuntimeError)
+    assert issubclass(rclpy_internals.error_type(name), RuntimeError)
 
 
 # ---------------------------------------------------------------------- fallbacks
 
 @pytest.mark.parametrize('member', MEMBERS)
-def test_without_a_member_joint_states_are_answered(
-    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
-) -> None:
+def test_without_a_member_joint_states_are_answered(client, process, monkeypatch, member):
     monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     process.simulated_arm(lock_step=True, real_time_factor=0.1)  # a step for each effort taken
     name = process.dynamics().get_fully_qualified_name()
@@ -276,47 +259,42 @@ def test_without_a_member_joint_states_are_answered(
 
 
 @pytest.mark.parametrize('member', ['HANDLE', 'TAKE_MESSAGE'])
-def test_without_a_member_the_executor_answers_joint_states(
-    client: RosClient, process: OwnProcess, monkeypatch: pytest.MonkeyPatch, member: str,
-) -> None:
+def test_without_a_member_the_executor_answers_joint_states(client, process, monkeypatch, member):
     monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     process.dynamics(state_thread=False)
     with process.spun(SingleThreadedExecutor):
         assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
 
 
-def test_fallbacks_are_documented_members(
-    client: RosClient, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_fallbacks_are_documented_members(client, monkeypatch):
     for member in MEMBERS:
         monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     publisher = client.node.create_publisher(String, 'fallbacks', 1)
-    assert raw_publish(publisher) == publisher.publish
-    assert subscription_count(publisher) == publisher.get_subscription_count
+    assert rclpy_internals.raw_publish(publisher) == publisher.publish
+    assert rclpy_internals.subscription_count(publisher) == publisher.get_subscription_count
     subscription = client.node.create_subscription(
-        String, 'fallbacks', lambda _: None, 1, callback_group=LEFT_TO_A_THREAD)
+        String, 'fallbacks', lambda _: None, 1, callback_group=rclpy_internals.LEFT_TO_A_THREAD)
     publisher.publish(String())
-    assert raw_take(subscription, String)() is None
-    service, requests = service_with_inbox(
+    assert rclpy_internals.raw_take(subscription, String)() is None
+    service, requests = rclpy_internals.service_with_inbox(
         client.node, Trigger, 'fallback_service', lambda _, answer: answer)
     assert requests is None
     assert service.callback_group.can_execute(service)
-    assert not replace_callback(service, lambda *_: None)
-    replace_send_response(service, lambda *_: None)
+    assert not rclpy_internals.replace_callback(service, lambda *_: None)
+    rclpy_internals.replace_send_response(service, lambda *_: None)
     client.call(Trigger, 'fallback_service')
-    assert request_number(object()) is None
-    assert parameter_overrides(client.node) == []
+    assert rclpy_internals.request_number(object()) is None
+    assert rclpy_internals.parameter_overrides(client.node) == []
 
 
-def test_without_the_errors_their_base_class_is_caught() -> None:
-    assert error_type('NoSuchError') is RuntimeError
+def test_without_the_errors_their_base_class_is_caught():
+    assert rclpy_internals.error_type('NoSuchError') is RuntimeError
 
 
-def test_without_a_wait_set_messages_arrive_in_a_thread(
-    client: RosClient, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_a_wait_set_messages_arrive_in_a_thread(client, monkeypatch):
     monkeypatch.setattr(rclpy_internals, 'WAIT_SET', 'no_such_member')
-    inbox = message_inbox(client.node, String, 'fallback', QoSProfile(depth=5), can_wake=True)
+    inbox = rclpy_internals.message_inbox(
+        client.node, String, 'fallback', QoSProfile(depth=5), can_wake=True)
     assert type(inbox) is SpunInbox
     exchange_messages(client, inbox)
     inbox.close()

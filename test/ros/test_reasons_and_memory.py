@@ -51,12 +51,12 @@ def output_of(program: str) -> list[str]:
 
 
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux reports its memory')
-def test_more_memory_than_the_limit_cannot_be_had() -> None:
+def test_more_memory_than_the_limit_cannot_be_had():
     assert output_of(UNLIMITED_AGAIN + LIMITED) == ['some', 'not so much', str(100 * 2**20)]
 
 
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='only Linux reports its memory')
-def test_a_stricter_limit_of_the_user_stays() -> None:
+def test_a_stricter_limit_of_the_user_stays():
     strict = """
 import resource
 _, most = resource.getrlimit(resource.RLIMIT_DATA)
@@ -68,7 +68,7 @@ print(resource.getrlimit(resource.RLIMIT_DATA)[0])
     assert output_of(strict) == [str(2**30)]
 
 
-def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left() -> None:
+def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left():
     assert output_of(SELDOM) == ['found']
 
 
@@ -82,11 +82,11 @@ def test_what_is_no_longer_needed_is_found_by_the_passes_that_are_left() -> None
      'this needs more memory than the limit of the node, expected less data at a time'),
     (KeyError('x'), "internal error: KeyError('x')"),
 ])
-def test_reasons(error: Exception, words: str) -> None:
+def test_reasons(error, words):
     assert describe_error(error) == words
 
 
-def test_a_long_reason_keeps_its_beginning_and_its_end() -> None:
+def test_a_long_reason_keeps_its_beginning_and_its_end():
     reason = describe_error(InvalidInputError(f"name is '{'x' * 10**6}', expected ['joint1']"))
     assert len(reason) < LONGEST_REASON + 10
     assert reason.startswith("name is 'xxx")

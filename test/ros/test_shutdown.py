@@ -24,10 +24,9 @@ with ShutdownRequest() as end:
 
 
 @pytest.mark.parametrize('name', ['SIGINT', 'SIGTERM'])
-def test_a_blocked_process_ends_with_tracebacks(name: str) -> None:
+def test_a_blocked_process_ends_with_tracebacks(name):
     with children.popen([sys.executable, '-c', WAITS], stdout=subprocess.PIPE,
                         stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == 'waits\n'
         process.send_signal(getattr(signal, name))
         _, err = process.communicate(timeout=TIMEOUT)

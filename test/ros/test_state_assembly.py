@@ -4,7 +4,6 @@
 """States assembled from messages with all, some or none of the joints of an arm."""
 
 from collections.abc import Sequence
-import itertools
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -44,13 +43,13 @@ def message(
     return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
 
 
-def test_a_message_with_all_joints_is_a_state_as_it_is() -> None:
+def test_a_message_with_all_joints_is_a_state_as_it_is():
     assembly = StateAssembly(NAMES)
     state = message(PERIOD, ['gripper', 'c', 'a', 'b'])
     assert assembly.take(state) is state
 
 
-def test_a_message_with_none_of_the_joints_is_another_one() -> None:
+def test_a_message_with_none_of_the_joints_is_another_one():
     assembly = StateAssembly(NAMES)
     with pytest.raises(OtherJointsError, match='none of'):
         assembly.take(message(PERIOD, ['gripper']))
@@ -58,7 +57,7 @@ def test_a_message_with_none_of_the_joints_is_another_one() -> None:
 
 @laws
 @given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
-def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> None:
+def test_two_halves_are_answered_once_per_period(phase, seed):
     """For any time between both halves, and with jitter of 2 % of a period."""
     assembly, rng, answers = StateAssembly(NAMES), np.random.default_rng(seed), []
     times = sorted(
@@ -75,11 +74,10 @@ def test_two_halves_are_answered_once_per_period(phase: float, seed: int) -> Non
     q, v = JointStateReader(NAMES).read(answers[-1])
     last = {part: t for t, part in times if t <= stamps[-1]}
     assert q.tolist() == [last['a', 'c'], last['b', 'hand'], last['a', 'c'] + 1.0]
-    assert v is not None
     assert v.tolist() == [0.5 * x for x in q]
 
 
-def test_a_half_that_is_missing_is_named() -> None:
+def test_a_half_that_is_missing_is_named():
     assembly = StateAssembly(NAMES)
     for k in range(1, 20):
         assert assembly.take(message(k * PERIOD, ['a', 'c'])) is None
@@ -92,63 +90,49 @@ def test_a_half_that_is_missing_is_named() -> None:
         assert assembly.missing == ['b']
 
 
-def test_the_largest_age_of_a_sample_may_be_set() -> None:
+def test_the_largest_age_of_a_sample_may_be_set():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assert assembly.take(message(PERIOD, ['b'])) is None
     assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_a_reset_of_time_discards_the_samples() -> None:
-    assembly = StateAssembly(NAMES)
-    for k in range(10, 13):
-        assembly.take(message(k * PERIOD, ['a', 'c']))
-        assembly.take(message(k * PERIOD, ['b']))
-    assert assembly.missing == []
-    assert assembly.take(message(PERIOD, ['a', 'c'])) is None
-    assert assembly.missing == ['b']
-
-
-def test_a_half_without_velocities_leaves_the_state_without() -> None:
+def test_a_half_without_velocities_leaves_the_state_without():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], has_velocity=False))
     state = assembly.take(message(PERIOD, ['a', 'c']))
-    assert state is not None
     assert JointStateReader(NAMES).read(state)[1] is None
     assert JointStateReader(NAMES).effort(state) is None
 
 
-def test_efforts_of_both_halves_are_assembled() -> None:
+def test_efforts_of_both_halves_are_assembled():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
     state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
-    assert state is not None
     assert state.stamp == stamp_bytes(2 * PERIOD)
     reader = JointStateReader(NAMES)
     q, v = reader.read(state)
     assert q.tolist() == [8.0, 5.0, 7.0]
-    assert v is not None
     assert v.tolist() == [4.0, 2.5, 3.5]
     effort = reader.effort(state)
-    assert effort is not None
     assert effort.tolist() == [-16.0, -10.0, -14.0]
 
 
-def test_two_halves_at_time_0_are_a_state() -> None:
+def test_two_halves_at_time_0_are_a_state():
     assembly = StateAssembly(NAMES)
     assert assembly.missing == []
     assert assembly.take(message(0, ['a', 'c'])) is None
     assert assembly.take(message(0, ['b'])) is not None
 
 
-def test_a_period_that_begins_at_time_0_is_measured() -> None:
+def test_a_period_that_begins_at_time_0_is_measured():
     assembly = StateAssembly(NAMES)
     assembly.take(message(0, ['a', 'c']))
     assembly.take(message(PERIOD // 2, ['b']))
     assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
 
 
-def test_a_message_that_is_received_twice_discards_no_samples() -> None:
+def test_a_message_that_is_received_twice_discards_no_samples():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assembly.take(message(PERIOD, ['b']))
     for _ in range(2):
@@ -156,7 +140,7 @@ def test_a_message_that_is_received_twice_discards_no_samples() -> None:
 
 
 @pytest.mark.parametrize('interval', [-PERIOD, 2 * SECOND])
-def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval: int) -> None:
+def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval):
     """For any largest age."""
     assembly = StateAssembly(NAMES, max_age=10.0)
     start = 2 * PERIOD
@@ -166,7 +150,7 @@ def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval: int) -> N
     assert assembly.missing == ['b']
 
 
-def test_a_single_late_message_hardly_changes_the_largest_age() -> None:
+def test_a_single_late_message_hardly_changes_the_largest_age():
     """The period is an average over many messages: one interval of ten periods counts little."""
     assembly = StateAssembly(NAMES)
     for k in range(1, 50):
@@ -178,7 +162,7 @@ def test_a_single_late_message_hardly_changes_the_largest_age() -> None:
     assert assembly.missing == ['a', 'c']
 
 
-def test_the_first_interval_is_the_period() -> None:
+def test_the_first_interval_is_the_period():
     assembly = StateAssembly(NAMES)
     assembly.take(message(PERIOD, ['a', 'c']))
     assembly.take(message(2 * PERIOD, ['a', 'c']))
@@ -186,7 +170,7 @@ def test_the_first_interval_is_the_period() -> None:
     assert assembly.take(message(2 * PERIOD + 6 * PERIOD // 10, ['b'])) is None
 
 
-def test_the_embedded_arm_has_its_joints_only() -> None:
+def test_the_embedded_arm_has_its_joints_only():
     assembly = StateAssembly(NAMES, is_exact=True)
     assert assembly.take(message(PERIOD, ['c', 'b', 'a'])) is not None
     for names in (['a', 'b', 'c', 'd'], ['gripper'], [f'joint{i}' for i in range(7)]):
@@ -195,28 +179,21 @@ def test_the_embedded_arm_has_its_joints_only() -> None:
         assert str(names) in str(caught.value)
 
 
-def test_a_joint_that_stands_twice_is_refused() -> None:
+def test_a_joint_that_stands_twice_is_refused():
     with pytest.raises(InvalidInputError, match=r"name has .*'a'"):
         StateAssembly(NAMES).take(message(PERIOD, ['a', 'a']))
 
 
-def test_sources_that_are_remembered_are_bounded() -> None:
+def test_sources_that_are_remembered_are_bounded():
     assembly = StateAssembly(NAMES)
     for i in range(5 * MOST_SOURCES):
         assembly.take(message(PERIOD, ['a', f'joint{i}']))
     assert len(assembly._parts) <= MOST_SOURCES
 
 
-def test_a_decoder_knows_the_layouts_of_several_publishers() -> None:
-    decoder = JointStateDecoder()
-    layouts: dict[tuple[str, ...], list[object]] = {}
-    for k, names in itertools.product(range(1, 6), (['a', 'b', 'c'], ['grip', 'hand'], ['c'])):
-        state = JointState(name=names, position=[float(k)] * len(names))
-        state.header.stamp.nanosec = k
-        decoded = decoder.decode(bytes(rclpy_serialization.serialize_message(state)))
-        assert decoded.name == names
-        assert decoded.stamp_ns == k
-        assert decoded.position.tolist() == [float(k)] * len(names)
-        layouts.setdefault(tuple(names), []).append(decoded.layout)
-    for seen in layouts.values():
-        assert all(layout is seen[1] for layout in seen[1:])
+def test_a_decoder_knows_the_layouts_of_several_publishers():
+    publishers = ('a', 'b', 'c'), ('grip', 'hand'), ('c',)
+    before, after, last = ([message(k, names) for names in publishers] for k in range(3))
+    for names, _, one, other in zip(publishers, before, after, last):
+        assert one.name == other.name == list(names)
+        assert one.layout is other.layout

@@ -50,7 +50,7 @@ def modules_that_import_rclpy() -> list[Path]:
             and re.search(r'^\s*(import|from) rclpy\b', path.read_text('utf-8'), re.MULTILINE)]
 
 
-def test_no_other_module_uses_undocumented_members() -> None:
+def test_no_other_module_uses_undocumented_members():
     modules = modules_that_import_rclpy()
     assert len(modules) > 20
     uses = {str(path.relative_to(PACKAGE)): undocumented(ast.parse(path.read_text('utf-8')))
@@ -63,11 +63,11 @@ def test_no_other_module_uses_undocumented_members() -> None:
     'from rclpy.impl.implementation_singleton import rclpy_implementation',
     'import rclpy._rclpy_pybind11', 'publisher.handle', 'self._subscription.handle.take_message',
     'node._parameter_overrides', 'super()._wake_executor', 'service.callback'])
-def test_undocumented_members_are_found(code: str) -> None:
+def test_undocumented_members_are_found(code):
     assert undocumented(ast.parse(code))
 
 
-def test_nodes_name_none_of_their_attributes_as_rclpy_does() -> None:
+def test_nodes_name_none_of_their_attributes_as_rclpy_does():
     with own_process() as process:
         bare = process.add(LifecycleNode('bare', context=process.context))
         of_rclpy = {name for name in dir(bare) if PRIVATE.match(name)}

@@ -65,7 +65,6 @@ def difference(
     model: ArmModel, true: ArmModel, motion: Motion, rng: np.random.Generator,
 ) -> FloatArray:
     """Return measured effort − effort of the model (m, n), with noise."""
-    assert model.uncertainty is not None
     coarse = [each[::COARSE] for each in motion]
     bodies = [RigidBody(arm).inverse_dynamics_batch(*coarse) for arm in (true, model)]
     k, places = np.arange(len(motion.q)), np.arange(0, len(motion.q), COARSE)

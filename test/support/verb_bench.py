@@ -58,5 +58,4 @@ def finish(process: 'subprocess.Popen[str]') -> tuple[int, str, str]:
 
 def first_line(process: 'subprocess.Popen[str]') -> str:
     """Return the first line of the error output."""
-    assert process.stderr is not None
     return str(process.stderr.readline())

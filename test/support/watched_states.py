@@ -32,9 +32,10 @@ class Watched:
 
     def __init__(
         self, max_age: float = MAX_AGE, limit: np.ndarray = LIMIT, offset: float = 0.0,
+        crowd: bool = False,
     ) -> None:
         self.watch = StatePlausibility(NAMES, limit, max_age, np.array([False, True]))
-        self.offset, self.crowd = offset, False
+        self.offset, self.crowd = offset, crowd
 
     def judge(
         self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,

@@ -93,7 +93,6 @@ class WrongModel:
         self.loop = ControlLoop.of_arm(model)
         self.plant = ArmSimulation(true_arm(model, rng), self.goal())
         self.plant.release()
-        assert model.uncertainty is not None
         self.noise = model.uncertainty.noise(0.5 * RATE, 1.0 / RATE)
         self.k = 0
         self.step()
@@ -117,7 +116,6 @@ class WrongModel:
         q, v = self.plant.state
         stamp = FIRST_STAMP + round(1e9 * self.k / RATE)
         effort = self.loop.answer(stamp, q, v).effort
-        assert effort is not None
         self.k += 1
         q, v = self.plant.step(effort, 1.0 / RATE, wrenches)
         return Sample(q, v, effort + self.noise * self.rng.normal(size=len(q)))

@@ -3,6 +3,7 @@
 
 """The demo as a user runs it: a process that starts real nodes."""
 
+import io
 import os
 import re
 import signal
@@ -296,23 +297,15 @@ def test_domain_settings_of_the_user_are_kept():
 
 
 def test_progress_on_a_terminal_is_one_line(tmp_path):
-    class Terminal:
-        def __init__(self):
-            self.text = ''
-
+    class Terminal(io.StringIO):
         def isatty(self):
             return True
-
-        def write(self, text):
-            self.text += text
-
-        def flush(self):
-            pass
 
     terminal = Terminal()
     with Progress(2.0, 's', terminal) as progress:
         for done in (0.0, 1.0, 2.0, 3.0):
             progress.update(done)
-    assert terminal.text.count('\n') == 1
-    assert terminal.text.endswith('\n')
-    assert '100 %  2.0 / 2.0 s' in terminal.text
+    text = terminal.getvalue()
+    assert text.count('\n') == 1
+    assert text.endswith('\n')
+    assert '100 %  2.0 / 2.0 s' in text

@@ -22,7 +22,7 @@ from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
-from verb_bench import Ask, assert_refused, finish, first_line, PROGRAM, start
+from verb_bench import assert_refused, finish, first_line, PROGRAM, start
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -44,7 +44,7 @@ def ros() -> Iterator[RosClient]:
 # --- move ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('is_conditioned', [True, False])
-def test_the_arm_reaches_the_goal(ask: Ask, ros: RosClient, is_conditioned: bool) -> None:
+def test_the_arm_reaches_the_goal(ask, ros, is_conditioned):
     ros.set_parameters('/dynamics', {'condition_references': is_conditioned})
     try:
         status, out, _ = ask('move', '1.0', '0.5', '--duration', '1.5', '--json')
@@ -64,7 +64,7 @@ def test_the_arm_reaches_the_goal(ask: Ask, ros: RosClient, is_conditioned: bool
     assert 'joint   goal [rad]  position [rad]  error [mrad]\n' in out
 
 
-def test_a_joint_that_does_not_arrive_is_no_success(ask: Ask) -> None:
+def test_a_joint_that_does_not_arrive_is_no_success(ask):
     """The model has a payload that the arm does not have."""
     try:
         assert ask('payload', 'tool0', '2')[0] == 0
@@ -76,7 +76,7 @@ def test_a_joint_that_does_not_arrive_is_no_success(ask: Ask) -> None:
     assert ask('move', '0.4', '0.3', '--duration', '1')[0] == 0
 
 
-def test_the_duration_follows_from_velocities(ask: Ask) -> None:
+def test_the_duration_follows_from_velocities(ask):
     ask('move', '0', '0', '--duration', '1')
     by_limits = json.loads(ask('move', '2.5', '0', '--json')[1])['duration']
     # The limit is 10 rad/s, of which 60 % are used; the acceleration of 6 rad/s² lasts longer.
@@ -85,7 +85,7 @@ def test_the_duration_follows_from_velocities(ask: Ask) -> None:
     assert by_option == pytest.approx(1.875 * 1.0 / 0.75, rel=1e-2)
 
 
-def test_move_returns_without_waiting(ask: Ask) -> None:
+def test_move_returns_without_waiting(ask):
     status, out, _ = ask('move', '0.5', '0.5', '--duration', '30', '--no-wait')
     assert (status, out) == (0, '/dynamics follows a motion of 30.00 s\n')
     # A goal that replaces a motion is accepted, too.
@@ -93,7 +93,7 @@ def test_move_returns_without_waiting(ask: Ask) -> None:
     np.testing.assert_allclose(answer['position'], [0.8, 0.5], atol=5e-3)
 
 
-def test_a_rejected_motion(ask: Ask, ros: RosClient) -> None:
+def test_a_rejected_motion(ask, ros):
     ros.set_parameters('/dynamics', {'command': 'gravity_compensation'})
     try:
         for _ in range(2):  # the second rejection changes no level
@@ -106,7 +106,7 @@ def test_a_rejected_motion(ask: Ask, ros: RosClient) -> None:
     assert ask('move', '0.1', '0.1')[0] == 0
 
 
-def test_an_interrupt_stops_the_arm(ask: Ask) -> None:
+def test_an_interrupt_stops_the_arm(ask):
     process = start('move', '-0.5', '-0.5', '--duration', '600')
     assert '0 %' in first_line(process)
     process.send_signal(signal.SIGINT)
@@ -118,7 +118,7 @@ def test_an_interrupt_stops_the_arm(ask: Ask) -> None:
     assert 'ended early: ~/stop was called' in [check['message'] for check in checks]
 
 
-def test_an_interrupt_waits_for_the_end_of_a_callback(dynamics_client: DynamicsClient) -> None:
+def test_an_interrupt_waits_for_the_end_of_a_callback(dynamics_client):
     completed = []
 
     def interrupt(_: JointState) -> None:
@@ -136,7 +136,7 @@ def test_an_interrupt_waits_for_the_end_of_a_callback(dynamics_client: DynamicsC
     assert completed == [True]
 
 
-def test_a_motion_that_ends_early(ros: RosClient) -> None:
+def test_a_motion_that_ends_early(ros):
     process = start('move', '-0.5', '-0.5', '--duration', '600')
     assert '0 %' in first_line(process)
     ros.call(Trigger, '/dynamics/stop', Trigger.Request())
@@ -145,7 +145,7 @@ def test_a_motion_that_ends_early(ros: RosClient) -> None:
     assert 'ros2 dynamics move: the motion ended early: ~/stop was called\n' in err
 
 
-def test_a_motion_that_another_one_replaces(ask: Ask) -> None:
+def test_a_motion_that_another_one_replaces(ask):
     process = start('move', '-0.5', '-0.5', '--duration', '600')
     assert '0 %' in first_line(process)
     assert ask('move', '0.25', '0.25', '--duration', '1')[0] == 0
@@ -154,7 +154,7 @@ def test_a_motion_that_another_one_replaces(ask: Ask) -> None:
     assert 'another goal has replaced this one: [0.25, 0.25]\n' in err
 
 
-def test_a_motion_without_further_joint_states_ends() -> None:
+def test_a_motion_without_further_joint_states_ends():
     with running(NodeProcess(DYNAMICS, namespace='/cut', patient=False)):
         with running(NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace='/cut')):
             process = start(
@@ -167,7 +167,7 @@ def test_a_motion_without_further_joint_states_ends() -> None:
 
 # --- stop, command, reset ------------------------------------------------------------------------
 
-def test_stop_holds_the_arm(ask: Ask) -> None:
+def test_stop_holds_the_arm(ask):
     assert ask('move', '-0.6', '-0.6', '--duration', '60', '--no-wait')[0] == 0
     status, out, _ = ask('stop')
     assert (status, out) == (
@@ -176,7 +176,7 @@ def test_stop_holds_the_arm(ask: Ask) -> None:
         ask('watch', '--count', '1', '--json')[1])['velocity'], 4)), 'the rest')
 
 
-def test_the_command_is_shown_and_changed(ask: Ask, ros: RosClient) -> None:
+def test_the_command_is_shown_and_changed(ask, ros):
     assert ask('command')[1] == "/dynamics: command is 'computed_torque'\n"
     status, out, _ = ask('command', 'none')
     assert status == 0
@@ -189,7 +189,7 @@ def test_the_command_is_shown_and_changed(ask: Ask, ros: RosClient) -> None:
         'node': '/dynamics', 'command': 'computed_torque', 'before': 'none'}
 
 
-def test_reset_says_that_no_fault_is_latched(ask: Ask) -> None:
+def test_reset_says_that_no_fault_is_latched(ask):
     assert_refused(ask, ['reset'], 'there is no fault')
 
 
@@ -200,13 +200,13 @@ def test_reset_says_that_no_fault_is_latched(ask: Ask) -> None:
     (['0', '0', '--velocity', '0', '1'], 'velocity of joint1 is 0, expected'),
     (['0', '0', '--velocity', '1', '1', '--duration', '1'], 'expected one of the two'),
 ])
-def test_invalid_arguments_of_move(ask: Ask, words: list[str], said: str) -> None:
+def test_invalid_arguments_of_move(ask, words, said):
     assert_refused(ask, ['move', *words], said)
 
 
 # --- payload -------------------------------------------------------------------------------------
 
-def test_a_load_of_model_and_simulated_arm_leaves_no_error() -> None:
+def test_a_load_of_model_and_simulated_arm_leaves_no_error():
     node = '/loaded/dynamics'
     with running(
             NodeProcess(DYNAMICS, namespace='/loaded', patient=False),
@@ -225,7 +225,7 @@ def test_a_load_of_model_and_simulated_arm_leaves_no_error() -> None:
 
 # --- watch ---------------------------------------------------------------------------------------
 
-def test_tables_are_appended_without_a_terminal(ask: Ask) -> None:
+def test_tables_are_appended_without_a_terminal(ask):
     status, out, _ = ask('watch', '--rate', '20', '--count', '3')
     assert status == 0
     assert '\x1b' not in out
@@ -237,7 +237,7 @@ def test_tables_are_appended_without_a_terminal(ask: Ask) -> None:
     assert [json.loads(line)['joint_names'] for line in lines] == [['joint1', 'joint2']] * 2
 
 
-def test_watch_shows_the_values_of_the_node(ask: Ask) -> None:
+def test_watch_shows_the_values_of_the_node(ask):
     ask('move', '0.7', '0.3', '--duration', '1')
     table = json.loads(ask('watch', '--count', '1', '--json')[1])
     np.testing.assert_allclose(table['position'], [0.7, 0.3], atol=5e-3)
@@ -251,7 +251,7 @@ def test_watch_shows_the_values_of_the_node(ask: Ask) -> None:
     assert 'measured [N·m]' in ask('watch', '--count', '1')[1]
 
 
-def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> None:
+def test_watch_and_status_show_the_stiffness_of_computed_torque(ask):
     ask('move', '0.7', '0.3', '--duration', '1')
     wait_until(lambda: 'stiffness' in json.loads(ask('watch', '--count', '1', '--json')[1]),
                'the stiffness')
@@ -270,7 +270,7 @@ def test_watch_and_status_show_the_stiffness_of_computed_torque(ask: Ask) -> Non
     np.testing.assert_allclose(list(at_rest['stiffness'].values()), table['stiffness'], rtol=1e-2)
 
 
-def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask: Ask) -> None:
+def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask):
     friction, rotors = [3.0, 2.0], [0.5, 0.2]
     parameters = {
         'joints': ['joint1', 'joint2'], 'friction.coulomb': friction,
@@ -295,7 +295,7 @@ def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask: Ask
         assert 'check actuator.reflected_inertia' in message
 
 
-def test_without_computed_torque_no_stiffness_is_shown(ask: Ask, ros: RosClient) -> None:
+def test_without_computed_torque_no_stiffness_is_shown(ask, ros):
     ros.set_parameters('/dynamics', {'command': 'gravity_compensation'})
     try:
         wait_until(lambda: not any(
@@ -306,7 +306,7 @@ def test_without_computed_torque_no_stiffness_is_shown(ask: Ask, ros: RosClient)
         ros.set_parameters('/dynamics', {'command': 'computed_torque'})
 
 
-def test_a_terminal_shows_one_table() -> None:
+def test_a_terminal_shows_one_table():
     leader, follower = pty.openpty()
     process = children.popen(
         [*PROGRAM, 'watch', '--rate', '20', '--count', '2', '--node',
@@ -330,7 +330,7 @@ def test_a_terminal_shows_one_table() -> None:
     assert output.count(b'joint2') == 2
 
 
-def test_watch_without_joint_states(ask: Ask) -> None:
+def test_watch_without_joint_states(ask):
     said = 'ros2 dynamics watch: no joint states on /idle/joint_states in 2 s\n'
     with DynamicsClient('/idle/dynamics', TIMEOUT) as idle:
         assert idle.name == '/idle/dynamics'

@@ -22,7 +22,7 @@ from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics.tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
 from simulated_arms import default_dynamics
-from verb_bench import Ask, assert_refused
+from verb_bench import assert_refused
 
 ROOT = Path(__file__).parents[2]
 START = '; a restart begins with no payload'
@@ -75,11 +75,11 @@ def texts(*values: float) -> list[str]:
 
 @pytest.mark.parametrize(('typed', 'values'), [
     ('0.1 -0.2', [0.1, -0.2]), ('b=1e-3 a=-2', [-2.0, 1e-3])])
-def test_joint_values(typed: str, values: list[float]) -> None:
+def test_joint_values(typed, values):
     assert joint_values('position', typed.split(), ['a', 'b']) == values
 
 
-def test_joints_left_out_have_the_rest() -> None:
+def test_joints_left_out_have_the_rest():
     assert joint_values('velocity', ['b=3'], ['a', 'b'], 0.0) == [0.0, 3.0]
 
 
@@ -93,12 +93,12 @@ def test_joints_left_out_have_the_rest() -> None:
     ('1 x', "position is 'x', expected a number"),
     ('a=nan b=1', "position of a is 'nan', expected a number"),
 ])
-def test_what_is_typed_wrong_is_reported_with_the_names(typed: str, words: str) -> None:
+def test_what_is_typed_wrong_is_reported_with_the_names(typed, words):
     with pytest.raises(InvalidInputError, match=re.escape(words)):
         joint_values('position', typed.split(), ['a', 'b'])
 
 
-def test_numbers_line_up_at_the_right_and_text_at_the_left() -> None:
+def test_numbers_line_up_at_the_right_and_text_at_the_left():
     assert text_table(['joint', 'effort'], [['a', 1.5], ['elbow', -22.25], ['c', 1e-17]]) == (
         'joint    effort\n'
         'a        1.5000\n'
@@ -108,7 +108,7 @@ def test_numbers_line_up_at_the_right_and_text_at_the_left() -> None:
 
 # --- results -------------------------------------------------------------------------------------
 
-def test_inverse_is_that_of_the_library(ask: Ask) -> None:
+def test_inverse_is_that_of_the_library(ask):
     terms = DYNAMICS_OF.terms(np.array(Q), np.array(V), np.array(A))
     status, out, _ = ask('inverse', *texts(*Q), '-v', *texts(*V), '-a', *texts(*A), '--json')
     answer = json.loads(out)
@@ -124,7 +124,7 @@ def test_inverse_is_that_of_the_library(ask: Ask) -> None:
     assert again == answer
 
 
-def test_tables_have_units(ask: Ask, lift: DynamicsClient) -> None:
+def test_tables_have_units(ask, lift):
     status, out, _ = ask('inverse', *texts(*Q), '--velocity', *texts(*V))
     assert status == 0
     assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s²]' in out
@@ -143,12 +143,12 @@ def test_tables_have_units(ask: Ask, lift: DynamicsClient) -> None:
     assert json.loads(out)['effort_deviation'] == pytest.approx([4.905, 0.0])
 
 
-def test_negative_numbers_are_no_options(ask: Ask) -> None:
+def test_negative_numbers_are_no_options(ask):
     answer = json.loads(ask('inverse', '-1e-3', '-.5', '-a', '-2.', '-3E+0', '--json')[1])
     assert (answer['position'], answer['acceleration']) == ([-1e-3, -0.5], [-2.0, -3.0])
 
 
-def test_equation_is_that_of_the_library(ask: Ask) -> None:
+def test_equation_is_that_of_the_library(ask):
     body, q, v = DYNAMICS_OF.rigid_body, np.array(Q), np.array(V)
     _, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '--christoffel', '--json')
     answer = json.loads(out)
@@ -162,7 +162,7 @@ def test_equation_is_that_of_the_library(ask: Ask) -> None:
     assert 'joint1  joint1  joint2  -0.6000' in out
 
 
-def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
+def test_a_payload_is_shown_put_on_and_taken_away(ask):
     def gravity() -> float:
         return float(json.loads(ask('inverse', '1.0', '0', '--json')[1])['effort'][0])
 
@@ -192,7 +192,7 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask: Ask) -> None:
     assert gravity() == pytest.approx(without)
 
 
-def test_a_payload_is_estimated(ask: Ask) -> None:
+def test_a_payload_is_estimated(ask):
     assert_refused(ask, ['estimate_payload'], 'no estimation is active')
     assert ask('estimate_payload', 'tool0')[1] == "/dynamics: estimation for 'tool0' started\n"
     wait_until(lambda: ask('estimate_payload')[0] == 0, 'an estimate')
@@ -205,7 +205,7 @@ def test_a_payload_is_estimated(ask: Ask) -> None:
     assert ask('estimate_payload', '--apply')[0] == 2
 
 
-def test_check_judges_the_model_of_the_node(ask: Ask, lift: DynamicsClient) -> None:
+def test_check_judges_the_model_of_the_node(ask, lift):
     status, out, _ = ask('check')
     assert (status, out.splitlines()[-1]) == (0, '/dynamics: no errors')
     status, out, _ = ask('check', client=lift)
@@ -218,7 +218,7 @@ def test_check_judges_the_model_of_the_node(ask: Ask, lift: DynamicsClient) -> N
     assert_refused(ask, ['check', '--ignore', 'everything'], 'gravity_capability')
 
 
-def test_status(ask: Ask) -> None:
+def test_status(ask):
     status, out, _ = ask('status', '--verbose')
     assert status == 0
     assert re.search(r'^state +active$', out, re.MULTILINE)
@@ -232,7 +232,7 @@ def test_status(ask: Ask) -> None:
 
 # --- errors --------------------------------------------------------------------------------------
 
-def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
+def test_several_nodes_and_none(capsys):
     with DynamicsClient() as client:
         wait_until(lambda: len(client.nodes()) == 2, 'both nodes')
         with pytest.raises(NoAnswerError, match='expected --node with one of: /dynamics, /lift/'):
@@ -246,7 +246,7 @@ def test_several_nodes_and_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert "no dynamics node '/absent' in 0.1 s" in capsys.readouterr().err
 
 
-def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_by_itself(capsys):
     assert main(['inverse', '0', '0', '-n', 'dynamics', '--timeout', str(TIMEOUT)]) == 0
     assert 'Effort by term [N·m]' in capsys.readouterr().out
     assert main([]) == 2
@@ -263,7 +263,7 @@ def test_the_command_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
     (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
 ])
-def test_a_refusal_is_one_line(ask: Ask, words: list[str], said: str) -> None:
+def test_a_refusal_is_one_line(ask, words, said):
     assert_refused(ask, words, said)
 
 
@@ -280,7 +280,7 @@ def test_a_refusal_is_one_line(ask: Ask, words: list[str], said: str) -> None:
     ('dynamics inverse 1 2 --node ', {'/dynamics', '/lift/dynamics'}),
     ('dynamics check --ignore grav', {'gravity_capability'}),
 ])
-def test_completion(line: str, offered: set[str]) -> None:
+def test_completion(line, offered):
     pytest.importorskip('argcomplete')
     environment = os.environ | {
         '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
@@ -296,7 +296,7 @@ def test_completion(line: str, offered: set[str]) -> None:
     wait_until(lambda: found() == offered, f'{offered}')  # discovery is slow on a busy machine
 
 
-def test_every_verb_is_an_extension_of_ros2cli() -> None:
+def test_every_verb_is_an_extension_of_ros2cli():
     module = ROOT / 'robot_dynamics' / 'tools' / 'ros2_dynamics' / 'ros2cli.py'
     source = module.read_text(encoding='utf-8')
     helps = {node.name: ast.get_docstring(node) for node in ast.parse(source).body
@@ -309,7 +309,7 @@ def test_every_verb_is_an_extension_of_ros2cli() -> None:
         assert f"'{name} = {entry}'" in setup
 
 
-def test_ros2_dynamics() -> None:
+def test_ros2_dynamics():
     """The command as users type it, if ros2cli is installed."""
     pytest.importorskip('ros2cli', reason='ros2cli comes with apt, and has no wheel')
     words = ['inverse', '-0.1', '-2e-1', '--node', '/dynamics', '--timeout', str(TIMEOUT)]

@@ -44,6 +44,7 @@ POSES = 'poses: [{joint1: 0.9, joint2: 0.6}, {joint1: -0.9, joint2: 0.9}, ' \
         '{joint1: 0.4, joint2: -1.2}, {joint1: -0.5, joint2: -0.8}]'
 WEIGHT = make_payload('link2', 1.5, (0.0, 0.0, 0.3))
 KINDS = ('revolute', 'revolute')
+QUICK = '--hold', '1.5', '--step', '2', '--velocity', '1'
 FAST = MotionSettings(hold=1.5, step=2.0, velocity=2.0)
 STOPPED = 'Called ~/stop: stopping along the reference, then holding the position'
 COULOMB = 1.5
@@ -108,20 +109,16 @@ def status_of(message: DiagnosticArray, name: str) -> str:
 
 
 @contextmanager
-def standard_input(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+def standard_input(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], int]]:
     """Connect standard input to a terminal; yield a function that types."""
     leader, follower = pty.openpty()
     with os.fdopen(follower, encoding='utf-8') as stream:
         monkeypatch.setattr(sys, 'stdin', stream)
         try:
-            yield lambda text: void(os.write(leader, text.encode()))
+            yield lambda text: os.write(leader, text.encode())
         finally:
             monkeypatch.undo()
             os.close(leader)
-
-
-def void(_: object) -> None:
-    """Ignore a result."""
 
 
 def recorded(bag: Path) -> JointSeries:
@@ -136,17 +133,19 @@ def recorded(bag: Path) -> JointSeries:
         return recording.joint_series('/joint_states')
 
 
+def calibrate(poses: Path, bag: Path, output: Path, *options: str) -> int:
+    """Run the tool without a question; return its exit status."""
+    return main([
+        '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses', str(poses),
+        '--recording', str(bag), '--output', str(output), *options])
+
+
 # --- the whole sequence --------------------------------------------------------------------------
 
 @pytest.mark.soak
-def test_the_tool_moves_the_arm_and_calibrates(
-    request_of: Callable[..., MotionRequest], capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_the_tool_moves_the_arm_and_calibrates(request_of, capsys, tmp_path):
     bag, output = tmp_path / 'bag', tmp_path / 'calibrated.yaml'
-    assert main([
-        '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
-        str(request_of().choice.file), '--hold', '1.5', '--step', '2', '--velocity', '1',
-        '--recording', str(bag), '--output', str(output)]) == 0
+    assert calibrate(request_of().choice.file, bag, output, *QUICK) == 0
     out = capsys.readouterr().out
     assert '/dynamics: 4 poses of planar_arm, in this order' in out
     assert f'Recorded: {bag}\n' in out
@@ -155,10 +154,7 @@ def test_the_tool_moves_the_arm_and_calibrates(
 
 
 @pytest.mark.soak
-def test_the_tool_calibrates_with_a_weight(
-    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_the_tool_calibrates_with_a_weight(request_of, client, monkeypatch, capsys, tmp_path):
     first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
     output = tmp_path / 'calibrated.yaml'
 
@@ -170,12 +166,10 @@ def test_the_tool_calibrates_with_a_weight(
 
     with (standard_input(monkeypatch) as type_text, meanwhile(operate),
           client.collect(InertiaStamped, '/dynamics/payload') as payloads):
-        assert main([
-            '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
-            str(request_of().choice.file), '--hold', '1.5', '--step', '2', '--velocity', '1',
-            '--recording', str(first), '--with-weight-after', '--weight-mass', '1.5',
-            '--weight-link', 'link2', '--weight-position', '0', '0', '0.3',
-            '--output', str(output)]) == 0
+        assert calibrate(
+            request_of().choice.file, first, output, *QUICK, '--with-weight-after',
+            '--weight-mass', '1.5', '--weight-link', 'link2', '--weight-position', '0', '0', '0.3',
+        ) == 0
         payloads.wait_for(lambda message: message.inertia.m == 0.0)
         assert [message.inertia.m for message in payloads.messages] == [1.5, 0.0]
     out = capsys.readouterr().out
@@ -211,10 +205,7 @@ def check_calibrated(output: Path) -> None:
 
 # --- confirmation and rejections -----------------------------------------------------------------
 
-def test_no_motion_without_a_confirmation(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_no_motion_without_a_confirmation(request_of, client, monkeypatch, capsys):
     before = client.wait_for(JointState, '/joint_states')
     request = request_of(is_confirmed=False)
     with Path(os.devnull).open(encoding='utf-8') as nothing:
@@ -232,9 +223,7 @@ def test_no_motion_without_a_confirmation(
     np.testing.assert_allclose(after.position, before.position, atol=1e-6)
 
 
-def test_a_node_that_another_client_uses_is_rejected(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_node_that_another_client_uses_is_rejected(request_of, client):
     """The goals are where the arm is, because a motion is another reason, which may come first."""
     publisher = client.publisher(JointTrajectory, '/dynamics/joint_trajectory')
     with client.collect(JointState, '/dynamics/reference') as references:
@@ -258,9 +247,7 @@ def test_a_node_that_another_client_uses_is_rejected(
         client.node.destroy_publisher(publisher)
 
 
-def test_a_node_that_does_not_follow_references_is_rejected(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_node_that_does_not_follow_references_is_rejected(request_of, client):
     client.set_parameters('/dynamics', {'command': 'gravity_compensation'})
     try:
         with pytest.raises(InvalidInputError) as raised:
@@ -273,10 +260,7 @@ def test_a_node_that_does_not_follow_references_is_rejected(
 
 # --- errors, interrupts, the weight --------------------------------------------------------------
 
-def test_states_that_stop_are_an_error(client: RosClient) -> None:
-    def pause(paused: bool) -> None:
-        client.set_parameters('/simulated_arm', {'paused': paused})
-
+def test_states_that_stop_are_an_error(client):
     arm = load_arm(default_arm_urdf())
     with RecordingClient('dynamics', TIMEOUT) as one:
         watch = ArmWatch(one, arm)
@@ -286,19 +270,17 @@ def test_states_that_stop_are_an_error(client: RosClient) -> None:
             with goal_publication(one, arm.joint_names) as publish:
                 watch.move(Move(goal, 0.5, 0.0), publish, lambda _: None)
             watch.wait_held(goal, 0.1)
-            pause(True)
+            client.set_parameters('/simulated_arm', {'paused': True})
             try:
                 one.timeout = 2.0
                 with pytest.raises(NoAnswerError, match='for 2 s'):
                     watch.wait_held(goal, 1e9)
             finally:
-                pause(False)
+                client.set_parameters('/simulated_arm', {'paused': False})
 
 
 @pytest.mark.soak
-def test_a_joint_that_does_not_arrive_is_an_error(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-) -> None:
+def test_a_joint_that_does_not_arrive_is_an_error(request_of, client):
     request = request_of(settings=FAST._replace(tolerance=1e-7))
     with pytest.raises(ToolError) as raised:
         record_holds(request)
@@ -309,10 +291,7 @@ def test_a_joint_that_does_not_arrive_is_an_error(
     wait_for_stop(client)
 
 
-def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
-    request_of: Callable[..., MotionRequest], client: RosClient,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+def test_an_interrupt_stops_the_arm_and_keeps_the_recording(request_of, client, capsys, tmp_path):
     during: list[str] = []
 
     def interrupt() -> None:
@@ -322,10 +301,8 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
 
     bag, poses = tmp_path / 'bag', request_of().choice.file
     with meanwhile(interrupt):
-        assert main([
-            '--move', '--yes', '--node', 'dynamics', '--timeout', str(TIMEOUT), '--poses',
-            str(poses), '--velocity', '0.002', '--recording', str(bag), '--output',
-            str(tmp_path / 'calibrated.yaml')]) == 130
+        assert calibrate(
+            poses, bag, tmp_path / 'calibrated.yaml', '--velocity', '0.002') == 130
     wait_for_stop(client)
     assert during == ['none']  # it pushes joints at rest, and friction would not cancel
     assert client.get_parameter('/dynamics', 'friction_compensation') == 'reference'
@@ -336,9 +313,8 @@ def test_an_interrupt_stops_the_arm_and_keeps_the_recording(
 
 
 def test_an_interrupt_keeps_the_compensation_of_the_weight(
-    request_of: Callable[..., MotionRequest], client: RosClient, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], tmp_path: Path,
-) -> None:
+    request_of, client, monkeypatch, capsys, tmp_path,
+):
     file = tmp_path / 'one.yaml'
     file.write_text('poses: [{joint1: 0.5, joint2: 0.4}]', encoding='utf-8')
     first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']

@@ -45,7 +45,7 @@ def written(path: Path, text: str) -> PoseChoice:
 
 # --- the moves -----------------------------------------------------------------------------------
 
-def test_each_pose_is_held_from_both_sides(limited: ArmModel) -> None:
+def test_each_pose_is_held_from_both_sides(limited):
     poses = np.array([[1.2, 0.3], [-0.8, 0.9], [0.1, -0.7]])
     plan = make_plan(limited, np.array([0.4, 0.2]), poses, MotionSettings())
     here, held = plan.start, []
@@ -58,7 +58,7 @@ def test_each_pose_is_held_from_both_sides(limited: ArmModel) -> None:
     assert held == [(i, side, side) for i in range(3) for side in (1.0, -1.0)]
 
 
-def test_moves_stay_within_step_velocity_and_the_box_of_the_poses(limited: ArmModel) -> None:
+def test_moves_stay_within_step_velocity_and_the_box_of_the_poses(limited):
     poses = np.array([[1.2, 0.3], [-0.8, 0.9], [0.1, -0.7]])
     start = np.array([0.4, 0.2])
     plan = make_plan(limited, start, poses, MotionSettings(step=0.3, velocity=0.25))
@@ -73,7 +73,7 @@ def test_moves_stay_within_step_velocity_and_the_box_of_the_poses(limited: ArmMo
         6 * 2.0 + sum(move.duration for _, move in plan.moves()))
 
 
-def test_a_continuous_joint_does_not_wind_up(arm: ArmModel) -> None:
+def test_a_continuous_joint_does_not_wind_up(arm):
     start = np.array([2.5 + 4.0 * np.pi, 0.0])
     poses = np.array([[-3.0, 0.0], [3.0, 0.0]])
     plan = make_plan(arm, start, poses, MotionSettings(step=10.0))
@@ -84,7 +84,7 @@ def test_a_continuous_joint_does_not_wind_up(arm: ArmModel) -> None:
     assert np.abs(np.diff(goals, axis=0)).max() <= 1.5  # the node takes the shortest angle
 
 
-def test_defaults_follow_the_kind_of_the_joint() -> None:
+def test_defaults_follow_the_kind_of_the_joint():
     arm = load_arm(SLIDING)
     np.testing.assert_allclose(approach_of(arm, None), [0.02, 0.1])
     small = load_arm(SLIDING.replace('lower="-1.5" upper="2.0"', 'lower="0" upper="0.1"'))
@@ -97,7 +97,7 @@ def test_defaults_follow_the_kind_of_the_joint() -> None:
 
 # --- the poses -----------------------------------------------------------------------------------
 
-def test_selected_poses_stay_within_ranges_and_efforts(limited: ArmModel) -> None:
+def test_selected_poses_stay_within_ranges_and_efforts(limited):
     weight = make_payload('link2', 2.0, (0.0, 0.0, 0.4))
     choice = PoseChoice(number=8, ranges=[['joint2', '-0.6', '0.9']])
     poses = chosen_poses(limited, choice, np.array([0.2, 0.2]), weight)
@@ -121,15 +121,13 @@ def test_selected_poses_stay_within_ranges_and_efforts(limited: ArmModel) -> Non
     ('poses: [{joint1: 0, joint2: 1.95}]', 'pose 1 has joint2 at 1.95, expected a value in '
                                            '[-1.4, 1.9]'),
 ])
-def test_files_of_poses_are_checked(
-    limited: ArmModel, tmp_path: Path, text: str, said: str,
-) -> None:
+def test_files_of_poses_are_checked(limited, tmp_path, text, said):
     with pytest.raises(InvalidInputError) as raised:
         chosen_poses(limited, written(tmp_path, text), approach_of(limited, None), None)
     assert said in str(raised.value)
 
 
-def test_a_pose_that_the_arm_can_hardly_hold_is_rejected(arm: ArmModel, tmp_path: Path) -> None:
+def test_a_pose_that_the_arm_can_hardly_hold_is_rejected(arm, tmp_path):
     choice = written(tmp_path, 'poses: [{joint2: 0, joint1: 0.4}, {joint1: 1.5707, joint2: 0}]')
     delta = approach_of(arm, None)
     np.testing.assert_array_equal(
@@ -151,7 +149,7 @@ def test_a_pose_that_the_arm_can_hardly_hold_is_rejected(arm: ArmModel, tmp_path
     (['joint1', '0.1', '0.2'], 'the range of joint1 is [0.1, 0.2], expected one of at least 0.2'),
     (['joint1', '1', '0'], 'the range of joint1 is [1, 0], expected'),
 ])
-def test_ranges_are_checked(limited: ArmModel, ranges: list[str], said: str) -> None:
+def test_ranges_are_checked(limited, ranges, said):
     with pytest.raises(InvalidInputError) as raised:
         position_bounds(limited, [ranges], np.array([0.1, 0.1]))
     assert said in str(raised.value)
@@ -163,13 +161,13 @@ def test_ranges_are_checked(limited: ArmModel, ranges: list[str], said: str) -> 
     (MotionSettings(velocity=-1.0), '--velocity is -1, expected'),
     (MotionSettings(tolerance=float('nan')), '--tolerance is nan, expected'),
 ])
-def test_settings_are_checked(arm: ArmModel, settings: MotionSettings, said: str) -> None:
+def test_settings_are_checked(arm, settings, said):
     with pytest.raises(InvalidInputError) as raised:
         make_plan(arm, np.zeros(2), np.zeros((1, 2)), settings)
     assert said in str(raised.value)
 
 
-def test_the_preview_has_units_torques_and_the_duration() -> None:
+def test_the_preview_has_units_torques_and_the_duration():
     arm = load_arm(SLIDING)
     plan = make_plan(arm, np.zeros(2), np.array([[0.5, np.pi / 6.0]]), MotionSettings())
     weight = make_payload('link2', 1.0, (0.0, 0.0, 0.4))

@@ -26,7 +26,7 @@ def without_control_msgs(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize('side', ['tool', 'node'])
-def test_move_without_the_action(without_control_msgs: dict[str, str], side: str) -> None:
+def test_move_without_the_action(without_control_msgs, side):
     namespace = f'/without_{side}'
     node = NodeProcess(
         DYNAMICS, {'condition_references': True}, namespace=namespace,

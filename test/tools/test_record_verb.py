@@ -6,7 +6,6 @@
 from collections.abc import Iterator
 import json
 import os
-from pathlib import Path
 import signal
 from typing import Any
 
@@ -14,9 +13,8 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.recordings.reader import Recording
-from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-from verb_bench import Ask, assert_refused, finish, first_line, start
+from verb_bench import assert_refused, finish, first_line, start
 
 TOPICS = {
     '/joint_states', '/effort_command', '/dynamics/terms', '/dynamics/computed_torque',
@@ -37,7 +35,7 @@ def counts(answer: dict[str, Any]) -> dict[str, int]:
     return {row['topic']: row['recorded'] for row in answer['topics']}
 
 
-def test_a_recording_has_the_description_and_all_topics(ask: Ask, tmp_path: Path) -> None:
+def test_a_recording_has_the_description_and_all_topics(ask, tmp_path):
     ask('move', '0.5', '0.5', '--duration', '1')
     for attempt in range(20):  # a loaded machine may deliver nothing in the given time
         bag = tmp_path / str(attempt)
@@ -63,7 +61,7 @@ def test_a_recording_has_the_description_and_all_topics(ask: Ask, tmp_path: Path
         assert list(terms.joint_names) == ['joint1', 'joint2']
 
 
-def test_topics_by_name_and_the_table(ask: Ask, tmp_path: Path) -> None:
+def test_topics_by_name_and_the_table(ask, tmp_path):
     bag = tmp_path / 'bag'
     status, out, err = ask(
         'record', 'joint_states', '~/residual', '-o', str(bag), '--duration', '0.5')
@@ -76,7 +74,7 @@ def test_topics_by_name_and_the_table(ask: Ask, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_recording_in_order(tmp_path: Path, number: int) -> None:
+def test_a_signal_ends_the_recording_in_order(tmp_path, number):
     bag = tmp_path / 'bag'
     process = start('record', '--output', str(bag), '--json')
     assert first_line(process) == f'Recording 8 topics to {bag}; Ctrl-C ends.\n'
@@ -94,10 +92,7 @@ def test_a_signal_ends_the_recording_in_order(tmp_path: Path, number: int) -> No
     (['joint_states', '/joint_states'], "TOPIC has '/joint_states' twice, expected"),
     (['--duration', '-1'], '--duration is -1, expected'),
 ])
-def test_invalid_arguments_of_record(
-    ask: Ask, dynamics_client: DynamicsClient, monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
-    words: list[str], said: str,
-) -> None:
+def test_invalid_arguments_of_record(ask, dynamics_client, monkeypatch, tmp_path, words, said):
     assert dynamics_client.name == '/dynamics'
     monkeypatch.setattr(dynamics_client, 'timeout', 2.0)
     bag = tmp_path / 'bag'
@@ -105,7 +100,7 @@ def test_invalid_arguments_of_record(
     assert not bag.exists()
 
 
-def test_a_directory_is_not_overwritten(ask: Ask, tmp_path: Path) -> None:
+def test_a_directory_is_not_overwritten(ask, tmp_path):
     (tmp_path / 'notes').write_text('keep')
     assert_refused(ask, ['record', '-o', tmp_path],
                    f'--output is {str(tmp_path)!r}, which exists; expected a new directory')

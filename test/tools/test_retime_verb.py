@@ -19,7 +19,7 @@ from robot_dynamics.trajectories import (
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from ros_harness import DYNAMICS, NodeProcess
 from simulated_arms import default_dynamics
-from verb_bench import Ask, assert_refused
+from verb_bench import assert_refused
 
 NAMES = ('joint1', 'joint2')
 ARM = default_dynamics()
@@ -38,7 +38,7 @@ def motion(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_fastest_timing_is_written(ask: Ask, motion: Path, tmp_path: Path) -> None:
+def test_the_fastest_timing_is_written(ask, motion, tmp_path):
     output = tmp_path / 'faster.yaml'
     status, out, err = ask('retime', motion, '--output', output, '--efforts-may-jump')
     assert (status, err) == (0, '')
@@ -52,7 +52,7 @@ def test_the_fastest_timing_is_written(ask: Ask, motion: Path, tmp_path: Path) -
     assert 'effort' in out
 
 
-def test_json(ask: Ask, motion: Path) -> None:
+def test_json(ask, motion):
     status, out, _ = ask('retime', motion, '--method', 'slow_down', '--json')
     data = json.loads(out)
     assert status == 0
@@ -60,7 +60,7 @@ def test_json(ask: Ask, motion: Path) -> None:
     assert data['limiting'][0]['joint'] in NAMES
 
 
-def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
+def test_acceleration_limits_take_time(ask, motion):
     durations = [json.loads(ask(
         'retime', motion, '--json', '--efforts-may-jump', *options)[1])['duration']
         for options in (
@@ -75,13 +75,11 @@ def test_acceleration_limits_take_time(ask: Ask, motion: Path) -> None:
     (('--acceleration', '1'), 'acceleration has 1 value, expected 2: joint1, joint2'),
     (('--output', '/absent/faster.yaml'), "--output '/absent/faster.yaml' cannot be written"),
 ])
-def test_bad_arguments_are_rejected_by_name(
-    ask: Ask, motion: Path, words: tuple[str, ...], message: str,
-) -> None:
+def test_bad_arguments_are_rejected_by_name(ask, motion, words, message):
     assert_refused(ask, ['retime', motion, *words], message)
 
 
-def test_bad_files_are_rejected_by_name(ask: Ask, tmp_path: Path) -> None:
+def test_bad_files_are_rejected_by_name(ask, tmp_path):
     assert_refused(ask, ['retime', tmp_path / 'absent.yaml'], 'cannot be read')
     corner = tmp_path / 'corner.yaml'
     write_trajectory(corner, make_trajectory(NAMES, [0, 1, 2], [[0, 0], [1, 0], [1, 1]]))

@@ -14,7 +14,7 @@ from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space import TaskSpace
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-from verb_bench import Ask, assert_refused
+from verb_bench import assert_refused
 
 ARM = load_arm(default_arm_urdf())
 Q, V = [0.785398, 0.523599], [0.5, 0.3]
@@ -26,7 +26,7 @@ def nodes() -> Iterator[None]:
         yield
 
 
-def test_json_is_that_of_the_library(ask: Ask) -> None:
+def test_json_is_that_of_the_library(ask):
     status, out, _ = ask(
         'task_space', 'link2', *Q, '-v', *V, '--point', 0.1, 0, 0.8, '--reference', 'local',
         '--json')
@@ -42,7 +42,7 @@ def test_json_is_that_of_the_library(ask: Ask) -> None:
     assert 'Infinity' not in out
 
 
-def test_tables_have_units_and_the_lost_directions(ask: Ask) -> None:
+def test_tables_have_units_and_the_lost_directions(ask):
     status, out, _ = ask('task_space', 'tool0', *Q, '--velocity', *V)
     assert status == 0
     assert 'tool0, point (0.0000, 0.0000, 0.0000) m, axes base_aligned' in out
@@ -52,13 +52,13 @@ def test_tables_have_units_and_the_lost_directions(ask: Ask) -> None:
     assert 'Rank 2 of 6. Lost directions' in out
 
 
-def test_without_a_position_it_is_the_measured_one(ask: Ask) -> None:
+def test_without_a_position_it_is_the_measured_one(ask):
     status, out, _ = ask('task_space', 'tool0', '--json')
     assert status == 0
     assert json.loads(out)['translation'] == pytest.approx([0.0, 0.0, 1.8], abs=1e-3)
 
 
-def test_derivatives(ask: Ask) -> None:
+def test_derivatives(ask):
     status, out, _ = ask('inverse', *Q, '--velocity', *V, '--derivatives', '--json')
     data, by = json.loads(out), ArmDerivatives(ARM).inverse_dynamics(Q, V, [0.0, 0.0])
     assert status == 0
@@ -75,5 +75,5 @@ def test_derivatives(ask: Ask) -> None:
     (['tool0', *Q, '--reference', 'world'], "reference is 'world', expected one of"),
     (['tool0', 0.1], 'position has 1 value, expected 2: joint1, joint2'),
 ])
-def test_bad_arguments_are_rejected_by_name(ask: Ask, words: list[object], reason: str) -> None:
+def test_bad_arguments_are_rejected_by_name(ask, words, reason):
     assert_refused(ask, ['task_space', *words], reason)

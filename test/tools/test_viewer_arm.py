@@ -184,7 +184,8 @@ def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
     (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
     (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")])
 def test_states_that_cannot_be_shown_are_reported_until_others_come(
-        client, tmp_path, names, position, words):
+    client, tmp_path, names, position, words,
+):
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
     states = client.publisher(JointState, '/stated/joint_states', subscribers=0)
     with watched('/stated', str(tmp_path / 'arm.urdf')) as page:

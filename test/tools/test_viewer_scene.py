@@ -93,7 +93,8 @@ def test_a_mesh_that_cannot_be_read_is_named_with_the_reason(server, tmp_path, n
        'a description from a topic names a mesh outside packages and declared directories',
        'not opened; the page names the mesh')
 def test_meshes_of_a_description_from_a_topic_are_drawn_from_declared_directories_only(
-        server, tmp_path):
+    server, tmp_path,
+):
     trimesh.creation.box().export(tmp_path / 'body.stl')
     file = str(tmp_path / 'body.stl')
     with scene_with_mesh(server, tmp_path, file) as scene:

@@ -38,22 +38,9 @@ def test_a_continuous_joint_has_no_range_and_needs_no_limit():
     assert joint.effort_limit == 4.0
 
 
-def test_an_effort_or_velocity_limit_of_zero_is_not_known():
-    zero = parse_urdf(joint_of('', limit='<limit velocity="0" effort="0.0"/>')).joints[0]
-    assert (zero.velocity_limit, zero.effort_limit) == (math.inf, math.inf)
-
-
 def test_a_range_may_be_open():
     joint = parse_urdf(joint_of('', limit='<limit lower="-inf" upper="inf"/>')).joints[0]
     assert (joint.lower, joint.upper) == (-math.inf, math.inf)
-
-
-def test_joints_are_in_the_order_of_the_document():
-    body = LINKS + '<link name="tip"/>' + (
-        f'<joint name="zz" type="fixed"><parent link="arm"/><child link="tip"/></joint>{JOINT}')
-    parsed = parse_urdf(robot(body))
-    assert [joint.name for joint in parsed.joints] == ['zz', 'turn']
-    assert [joint.moves for joint in parsed.joints] == [False, True]
 
 
 def test_a_fixed_joint_mimics_nothing():

@@ -14,26 +14,24 @@ from robot_dynamics.urdf.sample_robots import SAMPLE_ROBOTS
 
 
 @pytest.mark.parametrize('name', SAMPLE_ROBOTS)
-def test_each_name_is_an_arm(name: str) -> None:
+def test_each_name_is_an_arm(name):
     arm = load_arm(read_description_file(name, '--urdf'))
     assert arm.joint_count >= 6
     assert (arm.limits.effort > 0.0).all()
 
 
-def test_a_file_of_that_name_is_read_instead(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_file_of_that_name_is_read_instead(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path('ur10').write_text('<robot/>', encoding='utf-8')
     assert description_path('ur10', '--urdf') == Path('ur10')
 
 
-def test_another_name_is_rejected_with_the_names() -> None:
+def test_another_name_is_rejected_with_the_names():
     with pytest.raises(ModelError, match=r"is 'ur99', which .* one of \['kinova', 'panda'"):
         read_description_file('ur99', '--urdf')
 
 
-def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(sample_robots, 'robot_directories', lambda: iter(()))
     with pytest.raises(MissingDependencyError, match='needs the library example-robot-data'):
         read_description_file('ur10', '--urdf')

@@ -207,7 +207,8 @@ def test_a_relative_name_belongs_to_the_directory_of_the_urdf_alone(mesh):
 
 
 def test_packages_of_the_environment_are_found_after_those_next_to_the_urdf(
-        mesh, tmp_path, monkeypatch):
+    mesh, tmp_path, monkeypatch,
+):
     urdf = mesh.parent.parent / 'urdf'
     others = []
     for prefix in ('one', 'two'):
