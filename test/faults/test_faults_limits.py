@@ -21,8 +21,7 @@ from fault_stimuli import (
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from sensor_msgs.msg import JointState
 

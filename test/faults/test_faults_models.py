@@ -13,8 +13,7 @@ from lifecycle_bench import ACTIVATE, DEACTIVATE, lifecycle_bench, LifecycleBenc
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import RosClient

@@ -13,14 +13,10 @@ from typing import Any, NamedTuple
 from fuzz_arms import ARMS, CROWD
 from fuzz_law import check_finite, check_words, over_the_wire
 import numpy as np
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
+from robot_dynamics.control import Controller, ControllerOptions, make_gains
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.model.payload import Payload
+from robot_dynamics.model import ArmModel, JointOrder, Payload
 from robot_dynamics.references.follower import TrajectoryFollower
 from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,

@@ -20,8 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model import arm_from_parameters, ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.model_source import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS

@@ -13,8 +13,7 @@ from disturbances import set_payload
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient

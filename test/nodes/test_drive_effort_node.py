@@ -12,9 +12,7 @@ from closed_loop import closed_loop, NAMES, START
 import numpy as np
 import pytest
 from recordings import joint_state_messages, write_recording
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model import arm_from_parameters, ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros

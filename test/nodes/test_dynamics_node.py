@@ -9,8 +9,7 @@ import threading
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
 from robot_dynamics.ros.dynamics.state_log import StateReport

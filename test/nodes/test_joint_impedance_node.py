@@ -7,9 +7,7 @@ from closed_loop import closed_loop, NAMES, send, START
 from disturbances import set_payload
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
 from sensor_msgs.msg import JointState

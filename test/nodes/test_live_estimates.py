@@ -15,10 +15,7 @@ from geometry_msgs.msg import WrenchStamped
 from held_robot import HeldRobot, STEP
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmDynamics, ExternalWrench, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance

@@ -12,9 +12,7 @@ from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import load_arm, make_payload, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import EstimatePayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until

@@ -11,9 +11,7 @@ from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import (
     payload_from_ros,

@@ -12,8 +12,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from recordings import KnownMotion, recording_path, recordings_of
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording
 from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RosClient

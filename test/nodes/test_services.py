@@ -8,8 +8,7 @@ from collections.abc import Iterator
 from disturbances import wrench
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model import ArmModel, ExternalWrench
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.quintics import quintic_via_points

@@ -13,8 +13,7 @@ from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
 from fault_stimuli import follow, move_by_hand
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint

@@ -10,8 +10,7 @@ import time
 from typing import Any
 
 import numpy as np
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
