@@ -137,9 +137,7 @@ def test_files_command_nothing_and_tune_nothing(file: str) -> None:
     assert 'robot_description_file' in (FILES / file).read_text(encoding='utf-8')
 
 
-def answer(
-    client: RosClient, states: Any, message: JointState, answers: Collector,
-) -> JointState:
+def answer(client: RosClient, states: Any, message: JointState, answers: Collector) -> JointState:
     """Publish the message with the present time until it is answered; return the answer."""
     found: list[JointState] = []
 

@@ -6,14 +6,7 @@
 from pathlib import Path
 import re
 
-from page_commands import (
-    files_and_commands,
-    final_errors,
-    NODES,
-    printed_by,
-    run_all,
-    write_files,
-)
+from page_commands import files_and_commands, final_errors, NODES, printed_by, run_all, write_files
 import pytest
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'sagging_arm.md'

@@ -100,9 +100,7 @@ def damages(topic: str, expected: str) -> Any:
 
 @damages('joint_states',
          'dropped and reported, or answered with a finite command; commands resume')
-def test_joint_states(
-    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
-) -> None:
+def test_joint_states(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
     bench.check_alive()
     before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
     bench.driver.be_quiet()
@@ -150,9 +148,7 @@ def test_a_name_that_is_not_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
 
 
 @damages('~/joint_trajectory', 'rejected and reported, or followed within all limits')
-def test_references(
-    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
-) -> None:
+def test_references(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
     bench.check_alive()
     before = bench.known('reference', 'refused')
     sent = send_until(

@@ -61,9 +61,7 @@ def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None
              'a service that returns `None`'),
             ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
              'a service that returns another type'))])
-def test_a_service_that_fails(
-    bench: FaultBench, service: str, kind: Any, words: str,
-) -> None:
+def test_a_service_that_fails(bench: FaultBench, service: str, kind: Any, words: str) -> None:
     begun = time.monotonic()
     for _ in range(CALLS):
         response = bench.ask(service, kind)

@@ -98,9 +98,7 @@ def wait_first(bench: FaultBench, joint: int, value: float) -> None:
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
         ('before its lower limit', 1, LOWER + 0.005, -1.0),
         ('past its lower limit', 1, LOWER - 0.005, -1.0)))
-def test_a_position_limit_ahead(
-    bench: FaultBench, joint: int, limit: float, sign: float,
-) -> None:
+def test_a_position_limit_ahead(bench: FaultBench, joint: int, limit: float, sign: float) -> None:
     q = list(Q)
     q[joint] = limit
     be_at(bench, q)

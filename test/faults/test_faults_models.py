@@ -71,9 +71,7 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
 
 
 @fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
-def test_a_bad_description(
-    bench: LifecycleBench, describe: Describe, bad: Bad,
-) -> None:
+def test_a_bad_description(bench: LifecycleBench, describe: Describe, bad: Bad) -> None:
     bench.check_alive()
     describe(bad.xml)
     bench.node.wait_for_log(f'Kept the model in use: .*({bad.words})')
@@ -105,9 +103,7 @@ def test_a_new_model_waits_until_commands_have_ended(
 
 @fault(GROUP, 'another arm while the node commands, then deactivation and activation',
        'loaded while inactive; the first command is exactly its g(q)')
-def test_a_new_model_is_loaded_while_inactive(
-    bench: LifecycleBench, describe: Describe,
-) -> None:
+def test_a_new_model_is_loaded_while_inactive(bench: LifecycleBench, describe: Describe) -> None:
     settle(bench, describe, LIGHT, 'arm_2')
     describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
@@ -143,9 +139,7 @@ def test_the_newest_description_counts(
     check_model(bench, LIGHT)
 
 
-def settle(
-    bench: LifecycleBench, describe: Describe, xml: str, name: str,
-) -> None:
+def settle(bench: LifecycleBench, describe: Describe, xml: str, name: str) -> None:
     """Make this arm the active model."""
     if bench.change(DEACTIVATE):
         describe(xml)

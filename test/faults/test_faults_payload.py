@@ -97,9 +97,7 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
         ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
         ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
         ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
-def test_an_invalid_payload(
-    bench: FaultBench, request_: dict[str, Any], reported: str,
-) -> None:
+def test_an_invalid_payload(bench: FaultBench, request_: dict[str, Any], reported: str) -> None:
     bench.check_alive()
     answer = set_payload(bench, **request_)
     assert not answer.success

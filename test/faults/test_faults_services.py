@@ -171,9 +171,7 @@ def begins(count: int) -> bytes:
 
 
 @fault(GROUP, 'random bytes as requests, to every service', IGNORED)
-def test_random_bytes_as_requests(
-    control: ControlContinues, raw: RawRequests, seen: Any,
-) -> None:
+def test_random_bytes_as_requests(control: ControlContinues, raw: RawRequests, seen: Any) -> None:
     source = random.Random(1)
     requests = [
         (name, kind, source.randbytes(LENGTH)) for name, kind in RAW_TYPES.items()

@@ -167,9 +167,7 @@ def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> Non
 
 @fault(GROUP, 'set-points that jump by 4 rad at 50 Hz, `condition_references: false`',
        'the command stays within the effort limits and `effort_rate_limit`')
-def test_a_stream_of_set_points_that_jump(
-    direct: FaultBench, seen: Callable[[str], Any],
-) -> None:
+def test_a_stream_of_set_points_that_jump(direct: FaultBench, seen: Callable[[str], Any]) -> None:
     bench = direct
     bench.check_alive()
     poses = cycle(([Q[0] + 2.0, Q[1]], [Q[0] - 2.0, Q[1]]))

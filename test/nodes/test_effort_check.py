@@ -113,9 +113,7 @@ def test_a_new_model_is_checked_again(client: RosClient) -> None:
 
 # --- wrong declarations --------------------------------------------------------------------------
 
-def test_a_self_compensating_robot_is_found_before_the_first_command(
-    client: RosClient,
-) -> None:
+def test_a_self_compensating_robot_is_found_before_the_first_command(client: RosClient) -> None:
     """As in a start with a real robot: command none, while the robot's own controller holds it."""
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             closed_loop('/alone', {'command': 'none'}, **{

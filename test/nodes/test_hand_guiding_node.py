@@ -11,15 +11,7 @@ from disturbances import push, ZERO
 import numpy as np
 import pytest
 from rclpy.publisher import Publisher
-from ros_harness import (
-    DYNAMICS,
-    LONG,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 

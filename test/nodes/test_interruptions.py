@@ -11,15 +11,7 @@ independent of the reference before the interruption and of messages sent during
 from fault_bench import FaultBench, figure_of, G, Q
 from fault_stimuli import follow, move_by_hand, RATE, Swing, wait_effort
 from fault_table import fault, fault_cases
-from interruption_bench import (
-    check_held,
-    ELSEWHERE,
-    gravity,
-    GROUP,
-    HELD,
-    LIMIT,
-    wait_rejected,
-)
+from interruption_bench import check_held, ELSEWHERE, gravity, GROUP, HELD, LIMIT, wait_rejected
 from lifecycle_bench import ACTIVATE, DEACTIVATE
 import numpy as np
 import pytest

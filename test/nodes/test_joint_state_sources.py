@@ -15,14 +15,7 @@ from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    has_stamp,
-    NodeProcess,
-    RosClient,
-    TIMEOUT,
-)
+from ros_harness import Collector, DYNAMICS, has_stamp, NodeProcess, RosClient, TIMEOUT
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 

@@ -53,9 +53,7 @@ def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) 
     assert answer.success
 
 
-def test_invalid_messages_are_named_and_nothing_ends(
-    client: RosClient, loop: NodeProcess,
-) -> None:
+def test_invalid_messages_are_named_and_nothing_ends(client: RosClient, loop: NodeProcess) -> None:
     loop.provoke(
         lambda: push(client, '/mujoco/mujoco_arm', ZERO, 'elbow'),
         "Rejected a message of ~/external_wrench: header.frame_id is 'elbow', expected a body of "

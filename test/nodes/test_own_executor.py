@@ -56,9 +56,7 @@ def test_dynamics_answers_joint_states(
     assert node.callback_errors == 0
 
 
-def test_a_node_that_changes_its_executor_answers(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_a_node_that_changes_its_executor_answers(client: RosClient, process: OwnProcess) -> None:
     node = process.dynamics()
     first = SingleThreadedExecutor(context=process.context)
     first.add_node(node)

@@ -117,9 +117,7 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
      r'payload\.com has 2 values, expected 3 for each'),
     ({'payload.links': ['tool0', 'tool0'], 'payload.mass': [1.0, 2.0]}, 'expected each link once'),
     ({'payload.links': ['tool0'], 'payload.mass': [-1.0]}, r'payload\.mass.* -1')])
-def test_mismatched_payload_parameters_end_the_start(
-    changes: dict[str, Any], words: str,
-) -> None:
+def test_mismatched_payload_parameters_end_the_start(changes: dict[str, Any], words: str) -> None:
     assert re.search(words, log_of_failed_start(DYNAMICS, changes))
 
 

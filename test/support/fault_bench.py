@@ -22,15 +22,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import numpy.typing as npt
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    KEEP_MANY,
-    NodeProcess,
-    RosClient,
-    TIMEOUT,
-    wait_until,
-)
+from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
