@@ -15,7 +15,6 @@ import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import RosClient
 
 GROUP = 'Robot descriptions on the topic `robot_description`'
@@ -58,8 +57,7 @@ def bench(client: RosClient, describe: Describe) -> Iterator[LifecycleBench]:
 def check_model(bench: LifecycleBench, xml: str) -> None:
     """Check that services and commands use this arm, without a fault."""
     bench.hold = hold_of(xml)
-    response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
-    assert response.effort == pytest.approx(bench.hold, abs=1e-6)
+    bench.check_answers()
     bench.check_alive()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
+from fault_bench import fault_bench, FaultBench, NAMES, Q
 from fault_stimuli import follow, move_by_hand
 import numpy as np
 import pytest
@@ -71,8 +71,7 @@ def wait_rejected(bench: FaultBench, reason: str) -> None:
     before = bench.figure('reference', 'refused')
     bench.trajectories.publish(trajectory_to(FAR, 2))
     bench.set_point(FAR)
-    status = bench.wait_status(
-        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
+    status = bench.wait_figure('reference', 'refused', before + 2)
     assert status.level == DiagnosticStatus.WARN
     refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
     assert reason in refusal
