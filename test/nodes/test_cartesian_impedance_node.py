@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import json
 
 from children import run, TIMEOUT
-from closed_loop import closed_loop, NAMES, START
+from closed_loop import closed_loop, NAMES, publish, START
 from diagnostic_msgs.msg import DiagnosticArray
 from disturbances import set_payload
 from geometry_msgs.msg import PoseStamped
@@ -45,10 +45,7 @@ def send_pose(
     p = message.pose.position
     p.x, p.y, p.z = map(float, translation)
     message.pose.orientation.w = w
-    publisher = client.publisher(PoseStamped, f'{NAMESPACE}/dynamics/pose_reference')
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
-    client.node.destroy_publisher(publisher)
+    publish(client, f'{NAMESPACE}/dynamics/pose_reference', message)
 
 
 def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_stiffness(

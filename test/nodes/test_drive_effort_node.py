@@ -54,7 +54,6 @@ def move(
     answer = client.ask(goals, goal, answers, is_answer, LONG)
     end = stamp_from_ros(answer.header.stamp) + seconds * SECOND
     states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
-    client.node.destroy_publisher(goals)
 
 
 def is_any(message: Any) -> bool:

@@ -65,7 +65,6 @@ def test_invalid_messages_are_named_and_nothing_ends(client: RosClient, loop: No
     loop.provoke(
         lambda: effort.publish(JointState(name=NAMES, effort=[float('inf'), 0.0])),
         'Rejected an effort: .*inf')
-    client.node.destroy_publisher(effort)
     with client.collect(JointState, '/mujoco/joint_states') as states:
         time = states.wait_for(lambda _: True).header.stamp
         states.wait_for(lambda state: state.header.stamp.sec > time.sec + 1)
@@ -82,7 +81,6 @@ def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
             states.wait_for(lambda state: not any(state.velocity))
         efforts.publish(JointState(name=NAMES, effort=[900.0, 0.0]))
         node.wait_for_log("Clipped the effort of 'joint1': received 900 N·m, its effort limit is")
-        client.node.destroy_publisher(efforts)
 
 
 @pytest.mark.parametrize(('parameters', 'words'), [

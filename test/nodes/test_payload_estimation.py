@@ -112,7 +112,6 @@ def test_an_estimation_ends_with_its_model_and_needs_effort(client: RosClient) -
         client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -5.0]})
         wait_until(lambda: 'the gravity of the base has changed' in ask(client).message,
                    'the end of the estimation', LONG)
-        client.node.destroy_publisher(states)
 
 
 def check(answer: Any) -> None:

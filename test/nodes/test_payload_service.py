@@ -108,7 +108,6 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
         wait_until(lambda: is_rejected(stretched) != '', 'the rejection after that')
         client.set_parameters('/heavy/dynamics', {'gravity': [0.0, 0.0, -1.0]})
         wait_until(lambda: is_rejected(stretched) == '', 'the gravity of the base in use')
-        client.node.destroy_publisher(states)
 
 
 @pytest.mark.parametrize(('changes', 'words'), [

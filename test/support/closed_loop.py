@@ -34,6 +34,13 @@ def closed_loop(
         yield node
 
 
+def publish(client: RosClient, topic: str, message: Any) -> None:
+    """Publish one message; wait until it has been received."""
+    publisher = client.publisher(type(message), topic)
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+
+
 def send(
     client: RosClient, namespace: str, *points: tuple[float, Sequence[float]],
     names: Sequence[str] = NAMES,
@@ -44,7 +51,4 @@ def send(
             positions=list(map(float, q)),
             time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))
         for t, q in points])
-    publisher = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
-    client.node.destroy_publisher(publisher)
+    publish(client, f'{namespace}/dynamics/joint_trajectory', message)
