@@ -4,11 +4,12 @@
 """Both nodes as processes, which close the loop in lock-step."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 from typing import Any
 
 from builtin_interfaces.msg import Duration
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
@@ -32,6 +33,14 @@ def closed_loop(
     defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
     with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
         yield node
+
+
+@contextmanager
+def collecting(client: RosClient, namespace: str, *topics: str) -> Iterator[list[Collector]]:
+    """Record the messages of several topics of the type JointState."""
+    with ExitStack() as stack:
+        yield [stack.enter_context(client.collect(JointState, f'{namespace}/{topic}'))
+               for topic in topics]
 
 
 def publish(client: RosClient, topic: str, message: Any) -> None:
