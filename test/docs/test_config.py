@@ -17,11 +17,7 @@ from sensor_msgs.msg import JointState
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOTS = {
-    'default_arm.yaml': '',
-    'ur10.yaml': 'ur10',
-    'xarm7.yaml': 'xarm7',
-}
+ROBOTS = {'default_arm.yaml': '', 'ur10.yaml': 'ur10', 'xarm7.yaml': 'xarm7'}
 
 
 def flat(tree: dict[str, Any], prefix: str = '') -> dict[str, Any]:

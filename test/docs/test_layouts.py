@@ -165,9 +165,7 @@ def test_every_path_of_foxglove_leads_to_a_number(messages: dict[str, Any]) -> N
             assert path['timestampMethod'] != 'headerStamp' or has_header
 
 
-def test_the_scene_of_foxglove_is_published(
-    client: RosClient, messages: dict[str, Any],
-) -> None:
+def test_the_scene_of_foxglove_is_published(client: RosClient, messages: dict[str, Any]) -> None:
     published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
         'dynamics', '/')}
     shown = set(FOXGLOVE['configById']['3D!arm']['topics'])

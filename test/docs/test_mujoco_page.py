@@ -6,7 +6,7 @@
 from pathlib import Path
 import shutil
 
-from page_commands import files_and_commands, final_errors, run_all, write_files
+from page_commands import final_errors, run_page
 import pytest
 from robots import robot_path
 
@@ -17,10 +17,8 @@ TOUCH = 'ros2 run robot_dynamics dynamics move 0.0 0.35'
 
 def test_the_panda_moves_and_touches_the_table(tmp_path: Path) -> None:
     pytest.importorskip('mujoco')
-    files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
-    write_files(files, tmp_path)
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
-    printed = run_all(commands, tmp_path, {TOUCH: 1})
+    printed = run_page(PAGE.read_text(encoding='utf-8'), tmp_path, {TOUCH: 1})
     moved, touched = [out for command, out in printed if ' dynamics move ' in command]
     assert len(final_errors(moved)) == len(final_errors(touched)) == 7
     assert max(map(abs, final_errors(moved))) < 0.04

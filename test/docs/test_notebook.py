@@ -77,13 +77,9 @@ CLOSED_FORMS = [
 ]
 
 
-def cells_of(notebook: Path) -> list[dict[str, Any]]:
-    cells: list[dict[str, Any]] = json.loads(notebook.read_text(encoding='utf-8'))['cells']
-    return cells
-
-
 def code_cells(notebook: Path) -> list[dict[str, Any]]:
-    return [cell for cell in cells_of(notebook) if cell['cell_type'] == 'code']
+    cells = json.loads(notebook.read_text(encoding='utf-8'))['cells']
+    return [cell for cell in cells if cell['cell_type'] == 'code']
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
@@ -114,12 +110,10 @@ def test_the_cells_print_and_draw_what_is_stored(notebook: Path, tmp_path: Path)
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
-def test_figures_have_the_common_style(notebook: Path) -> None:
-    assert any('**style.STYLE' in ''.join(cell['source']) for cell in code_cells(notebook))
-
-
-def test_it_has_two_figures_that_are_small(notebook: Path) -> None:
-    sizes = [len(figure) for cell in code_cells(notebook) for figure in stored_figures(cell)]
+def test_it_has_two_small_figures_of_the_common_style(notebook: Path) -> None:
+    cells = code_cells(notebook)
+    assert any('**style.STYLE' in ''.join(cell['source']) for cell in cells)
+    sizes = [len(figure) for cell in cells for figure in stored_figures(cell)]
     assert len(sizes) == 2
     assert max(sizes) < LARGEST_FIGURE
 

@@ -16,7 +16,7 @@ from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from robots import robot_urdf
-from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, wait_until
+from ros_harness import Collector, DYNAMICS, has_stamp, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
 import yaml
 
@@ -137,20 +137,20 @@ def test_files_command_nothing_and_tune_nothing(file: str) -> None:
     assert 'robot_description_file' in (FILES / file).read_text(encoding='utf-8')
 
 
-def answer(
-    client: RosClient, states: Any, message: JointState, answers: Collector,
-) -> JointState:
-    """Publish the message with the present time until it is answered; return the answer."""
-    found: list[JointState] = []
+def publish_now(client: RosClient, states: Any, message: JointState) -> None:
+    """Publish the message with the present time."""
+    message.header.stamp = client.node.get_clock().now().to_msg()
+    states.publish(message)
 
+
+def answer(client: RosClient, states: Any, message: JointState, answers: Collector) -> JointState:
+    """Publish the message with the present time until it is answered; return the answer."""
     def is_answered() -> bool:
-        message.header.stamp = client.node.get_clock().now().to_msg()
-        states.publish(message)
-        result = answers.find(lambda m: m.header.stamp == message.header.stamp, 0.5)
-        found.extend([result] if result else [])
-        return bool(found)
+        publish_now(client, states, message)
+        return answers.find(has_stamp(message.header.stamp), 0.5) is not None
+
     wait_until(is_answered, 'effort for the joint states of the driver')
-    return found[0]
+    return answers.wait_for(has_stamp(message.header.stamp))
 
 
 def running(file: str) -> NodeProcess:
@@ -169,8 +169,7 @@ def check_effort(
     message.effort = [held.get(name, NAN) for name in message.name]
 
     def is_judged() -> bool:
-        message.header.stamp = client.node.get_clock().now().to_msg()
-        states.publish(message)
+        publish_now(client, states, message)
         return bool(re.search(f'{PASSED}|Effort check: in a static hold', node.log))
     wait_until(is_judged, 'a result of the effort check')
 

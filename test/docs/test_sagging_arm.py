@@ -6,14 +6,7 @@
 from pathlib import Path
 import re
 
-from page_commands import (
-    files_and_commands,
-    final_errors,
-    NODES,
-    printed_by,
-    run_all,
-    write_files,
-)
+from page_commands import files_and_commands, final_errors, NODES, printed_by, run_page
 import pytest
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'sagging_arm.md'
@@ -23,10 +16,9 @@ SAGS = 'ros2 run robot_dynamics dynamics move 1.0'
 
 @pytest.mark.soak
 def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path: Path) -> None:
-    files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
-    write_files(files, tmp_path)
-    printed = run_all(commands, tmp_path, {SAGS: 1})
-    assert {command[3] for command in commands} >= {'calibrate_gravity', *NODES}
+    page = PAGE.read_text(encoding='utf-8')
+    printed = run_page(page, tmp_path, {SAGS: 1})
+    assert {command[3] for command in files_and_commands(page)[1]} >= {'calibrate_gravity', *NODES}
     before, *_, after = [
         final_errors(out) for command, out in printed if ' dynamics move ' in command]
     assert len(before) == len(after) == 2

@@ -6,7 +6,7 @@
 from pathlib import Path
 import re
 
-from page_commands import files_and_commands, printed_by, run_all, write_files
+from page_commands import files_and_commands, printed_by, run_page
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'tutorial.md'
 DATA_SHEET_LEAVES = (4.1, 1.8)
@@ -26,11 +26,9 @@ def table_headings(text: str) -> set[str]:
 
 def test_the_tutorial(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding='utf-8')
-    files, commands = files_and_commands(page)
-    write_files(files, tmp_path)
-    printed = run_all(commands, tmp_path)
+    printed = run_page(page, tmp_path)
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
-    used = {command[3] for command in commands if command[0] == 'ros2'}
+    used = {command[3] for command in files_and_commands(page)[1] if command[0] == 'ros2'}
     assert used >= {'excite', 'demo', 'analyze_bag', 'identify', 'dynamics_node', 'simulated_arm'}
     analyze = 'ros2 run robot_dynamics analyze_bag '
     before = relative_residuals(printed_by(printed, analyze, '--output before'))

@@ -20,6 +20,14 @@ def bench(client, request):
         yield one
 
 
+@pytest.fixture
+def holding(bench):
+    """Check before and after a test that the node commands g(q), without an error."""
+    bench.check_alive()
+    yield
+    bench.check_alive()
+
+
 @pytest.fixture(scope='module')
 def control(bench):
     """Return checks that control continues during requests."""

@@ -15,6 +15,7 @@ from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Fault actions'
 SILENCE = 'joint states time out'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
@@ -90,7 +91,6 @@ def check_return(bench: FaultBench) -> None:
        'g(q) for `hold_time`, then a linear ramp to zero over `ramp_time`, then no command; '
        'the first command after recovery is g(q)')
 def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
-    bench.check_alive()
     answer, action = go_silent(bench)
     check_course(answer, action, HOLD)
     answered, times = answer[0], [t for t, _ in action]
@@ -103,7 +103,6 @@ def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
 @fault(GROUP, f'{SILENCE} while the command is 150 N·m; `hold_gravity_then_ramp`',
        'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
 def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
-    bench.check_alive()
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
     bench.set_parameters(hold_time=60.0)  # longer than the change to g(q) takes
@@ -145,15 +144,12 @@ def test_stop_publishing(bench: FaultBench) -> None:
 @fault(GROUP, 'a set-point 2 rad away, sent while joint states are missing',
        'rejected with the reason; the first command after recovery is g(q), and the arm is held')
 def test_a_reference_during_a_timeout(bench: FaultBench) -> None:
-    bench.check_alive()
     go_silent(bench)
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.node.wait_for_log('no reference can be followed now: fault state_timeout')
     bench.efforts.clear()
     bench.driver.go_on()
-    for message in bench.efforts.wait_count(100):
-        assert message.effort == pytest.approx(G, abs=1e-6)
-    bench.check_alive()
+    bench.check_hold(100)
 
 
 # --- a robot that compensates gravity ------------------------------------------------------------

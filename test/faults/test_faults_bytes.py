@@ -25,6 +25,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Damaged messages'
 STATE = JointState(name=NAMES, position=Q, velocity=V)
 GOAL = [Q[0] + 0.01, Q[1]]
@@ -100,10 +101,7 @@ def damages(topic: str, expected: str) -> Any:
 
 @damages('joint_states',
          'dropped and reported, or answered with a finite command; commands resume')
-def test_joint_states(
-    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
-) -> None:
-    bench.check_alive()
+def test_joint_states(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
     before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
     bench.driver.be_quiet()
     sent = send_until(
@@ -122,7 +120,6 @@ def test_joint_states(
 @fault(GROUP, '`joint_states`: truncated messages between valid ones',
        'dropped and reported; the valid ones are answered without a fault')
 def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublisher) -> None:
-    bench.check_alive()
     faults = bench.known('command', 'faults: state_timeout')
     before = bench.known('joint states', 'dropped: unreadable')
     send_until(
@@ -133,27 +130,21 @@ def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublish
     assert 'cannot be read, expected a serialized JointState' in status.message
     assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
     assert bench.known('command', 'faults: state_timeout') == faults
-    bench.check_alive()
 
 
 @fault(GROUP, '`joint_states`: a joint name that is not valid UTF-8',
        'reported as incomplete, with the name of the missing joint; commands resume')
 def test_a_name_that_is_not_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
-    bench.check_alive()
     bench.driver.be_quiet()
     data = bytes_of(STATE).replace(b'joint1', b'\xff\xfe\xc0\x80t1')
     send_until(
         raw, f'{bench.namespace}/joint_states', JointState, lambda: [now_stamped(data)],
         lambda: "no samples of ['joint1']" in bench.next_status('joint states').message)
     bench.wait_state_timeout()
-    bench.check_alive()
 
 
 @damages('~/joint_trajectory', 'rejected and reported, or followed within all limits')
-def test_references(
-    bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen,
-) -> None:
-    bench.check_alive()
+def test_references(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
     before = bench.known('reference', 'refused')
     sent = send_until(
         raw, bench.name('joint_trajectory'), JointTrajectory,
@@ -169,19 +160,16 @@ def test_references(
         return np.allclose(bench.efforts.messages[-1].effort, bench.hold, atol=1e-5)
 
     wait_until(is_held_again, 'g(q)')
-    bench.check_alive()
 
 
 @damages('robot_description', 'rejected and reported; the active model stays')
 def test_descriptions(bench: FaultBench, raw: RawPublisher, damage: Damage) -> None:
-    bench.check_alive()
     before = bench.node.log.count('Kept the model in use')
     send_until(
         raw, f'{bench.namespace}/robot_description', String,
         lambda: damage(bytes_of(DESCRIPTION), String),
         lambda: bench.node.log.count('Kept the model in use') > before)
     assert bench.status('model').message == 'planar_arm'
-    bench.check_alive()
 
 
 def check_arm(client: RosClient, arm: NodeProcess) -> None:

@@ -4,15 +4,13 @@
 """Unexpected exceptions in callbacks: they are answered and logged; the node continues."""
 
 from collections.abc import Iterator
-import os
-from pathlib import Path
 import re
 import time
 from typing import Any
 
 from failing_node import WORDS
 from fault_bench import FaultBench, STEADY
-from fault_table import fault
+from fault_table import fault, fault_cases
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import GetState
 import pytest
@@ -29,11 +27,7 @@ CALLS = 10
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a commanding node with failing callbacks; tests restore its state."""
-    support = Path(__file__).parents[1] / 'support'
-    path = os.pathsep.join([str(support), os.environ.get('PYTHONPATH', '')])
-    with NodeProcess(
-            'failing_node', STEADY, namespace='/failing', environment={'PYTHONPATH': path},
-            patient=False) as node:
+    with NodeProcess('failing_node', STEADY, namespace='/failing', patient=False) as node:
         one = FaultBench(client, node, '/failing')
         one.driver.start()
         one.check_commanding()
@@ -52,18 +46,15 @@ def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None
     bench.check_commanding()
 
 
-@pytest.mark.parametrize(('service', 'kind', 'words'), [
-    pytest.param(service, kind, words, marks=fault(GROUP, injected, (
-        f'`success` false and the exception; {REPORTED}'))) for service, kind, words, injected in (
-            ('raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)",
-             'a service that raises an exception'),
-            ('answers_nothing', SetBool, r"TypeError\('the service .* answered None'\)",
-             'a service that returns `None`'),
-            ('answers_another_type', Trigger, r'TypeError\(.the service .* answered .*SetBool',
-             'a service that returns another type'))])
-def test_a_service_that_fails(
-    bench: FaultBench, service: str, kind: Any, words: str,
-) -> None:
+@fault_cases(
+    ('service', 'kind', 'words'), GROUP, 'a service that {}',
+    f'`success` false and the exception; {REPORTED}', (
+        ('raises an exception', 'raises', Trigger, rf"ZeroDivisionError\('{WORDS}'\)"),
+        ('returns `None`', 'answers_nothing', SetBool,
+         r"TypeError\('the service .* answered None'\)"),
+        ('returns another type', 'answers_another_type', Trigger,
+         r'TypeError\(.the service .* answered .*SetBool')))
+def test_a_service_that_fails(bench: FaultBench, service: str, kind: Any, words: str) -> None:
     begun = time.monotonic()
     for _ in range(CALLS):
         response = bench.ask(service, kind)
@@ -79,7 +70,6 @@ def test_a_subscription_that_fails(bench: FaultBench) -> None:
     for _ in range(CALLS):
         publisher.publish(String())
     check_reported(bench, '~/raises', 'ZeroDivisionError', begun)
-    bench.client.node.destroy_publisher(publisher)
 
 
 @fault(GROUP, 'a parameter callback that raises an exception',

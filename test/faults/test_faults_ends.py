@@ -125,6 +125,16 @@ def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
 
 # --- nothing to ramp -----------------------------------------------------------------------------
 
+def end_in_order(nodes: list[NodeProcess], words: str) -> None:
+    """Send SIGINT and SIGTERM to two nodes each; check that they exit cleanly and log this."""
+    for node, end_signal in zip(nodes, 2 * SIGNALS):
+        signal_node(node, end_signal)
+    for node in nodes:
+        assert node.wait() == 0, node.log
+        assert 'Traceback' not in node.log, node.log
+        assert words in node.log
+
+
 @fault(GROUP, 'SIGINT and SIGTERM before the first joint state, or before a URDF arrives',
        f'no command; {IN_ORDER}')
 def test_before_it_commands(client: RosClient) -> None:
@@ -132,12 +142,7 @@ def test_before_it_commands(client: RosClient) -> None:
              for parameters in ({}, {}, {'joints': ['elbow']}, {'joints': ['elbow']})]
     with client.collect(JointState, '/idle/effort_command') as efforts, running(*nodes):
         efforts.wait_matched(len(nodes))
-        for node, end_signal in zip(nodes, 2 * SIGNALS):
-            signal_node(node, end_signal)
-        for node in nodes:
-            assert node.wait() == 0, node.log
-            assert 'Traceback' not in node.log, node.log
-            assert 'Ending: no command was active.' in node.log
+        end_in_order(nodes, 'Ending: no command was active.')
         assert not efforts.messages
 
 
@@ -151,12 +156,7 @@ def test_the_simulated_arm(client: RosClient) -> None:
     with client.collect(JointState, '/arms/joint_states') as states, running(*nodes):
         states.wait_matched(len(nodes))
         states.wait_for()
-        for node, end_signal in zip(nodes, 2 * SIGNALS):
-            signal_node(node, end_signal)
-        for node in nodes:
-            assert node.wait() == 0, node.log
-            assert 'Traceback' not in node.log, node.log
-            assert 'Ending: the simulation stops.' in node.log
+        end_in_order(nodes, 'Ending: the simulation stops.')
 
 
 # --- while it starts -----------------------------------------------------------------------------

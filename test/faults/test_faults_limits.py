@@ -21,8 +21,7 @@ from fault_stimuli import (
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from sensor_msgs.msg import JointState
 
@@ -99,9 +98,7 @@ def wait_first(bench: FaultBench, joint: int, value: float) -> None:
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
         ('before its lower limit', 1, LOWER + 0.005, -1.0),
         ('past its lower limit', 1, LOWER - 0.005, -1.0)))
-def test_a_position_limit_ahead(
-    bench: FaultBench, joint: int, limit: float, sign: float,
-) -> None:
+def test_a_position_limit_ahead(bench: FaultBench, joint: int, limit: float, sign: float) -> None:
     q = list(Q)
     q[joint] = limit
     be_at(bench, q)
@@ -190,8 +187,7 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then
     wait_agreement(bench)
     bench.set_point([center[0] + sign * 0.4, 0.0])
-    bench.wait_status('command', lambda status: (
-        figure_of(status, 'held back by velocity limit') > before))
+    bench.wait_figure('command', 'held back by velocity limit', before + 1)
     bench.efforts.clear()
     motion = [(swing.at(nanoseconds_of(m.header.stamp))[1][0], acceleration(swing, m)[0])
               for m in bench.efforts.wait_count(200)
@@ -203,13 +199,11 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
 
 # --- effort --------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('scale', [
-    pytest.param(scale, marks=fault(
-        GROUP,
-        f'a reference that needs more than the effort limit, `effort_limit_fraction` {scale}',
-        'clamped to the URDF limit × `effort_limit_fraction`, counted; changes within the rate '
-        'limit'))
-    for scale in (1.0, 0.5)])
+@fault_cases(
+    'scale', GROUP,
+    'a reference that needs more than the effort limit, `effort_limit_fraction` {}',
+    'clamped to the URDF limit × `effort_limit_fraction`, counted; changes within the rate limit',
+    (('1.0', 1.0), ('0.5', 0.5)))
 def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
     bench.set_parameters(effort_limit_fraction=scale, **STIFF)
     limits = scale * np.array(EFFORT)
@@ -217,8 +211,7 @@ def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
     for sign in (1.0, -1.0):
         bench.set_point(np.add(Q, 0.2 * sign).tolist())
         wait_effort(bench, sign * limits)
-    bench.wait_status('command', lambda status: (
-        figure_of(status, 'held back by effort limit') > before))
+    bench.wait_figure('command', 'held back by effort limit', before + 1)
     messages = bench.efforts.messages
     assert all((np.abs(message.effort) <= limits).all() for message in messages)
     check_rate(bench.efforts)

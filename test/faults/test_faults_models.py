@@ -13,10 +13,8 @@ from lifecycle_bench import ACTIVATE, DEACTIVATE, lifecycle_bench, LifecycleBenc
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import RosClient
 
 GROUP = 'Robot descriptions on the topic `robot_description`'
@@ -59,8 +57,7 @@ def bench(client: RosClient, describe: Describe) -> Iterator[LifecycleBench]:
 def check_model(bench: LifecycleBench, xml: str) -> None:
     """Check that services and commands use this arm, without a fault."""
     bench.hold = hold_of(xml)
-    response = bench.ask('inverse_dynamics', InverseDynamics, position=Q)
-    assert response.effort == pytest.approx(bench.hold, abs=1e-6)
+    bench.check_answers()
     bench.check_alive()
 
 
@@ -72,9 +69,7 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
 
 
 @fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
-def test_a_bad_description(
-    bench: LifecycleBench, describe: Describe, bad: Bad,
-) -> None:
+def test_a_bad_description(bench: LifecycleBench, describe: Describe, bad: Bad) -> None:
     bench.check_alive()
     describe(bad.xml)
     bench.node.wait_for_log(f'Kept the model in use: .*({bad.words})')
@@ -106,9 +101,7 @@ def test_a_new_model_waits_until_commands_have_ended(
 
 @fault(GROUP, 'another arm while the node commands, then deactivation and activation',
        'loaded while inactive; the first command is exactly its g(q)')
-def test_a_new_model_is_loaded_while_inactive(
-    bench: LifecycleBench, describe: Describe,
-) -> None:
+def test_a_new_model_is_loaded_while_inactive(bench: LifecycleBench, describe: Describe) -> None:
     settle(bench, describe, LIGHT, 'arm_2')
     describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
@@ -144,9 +137,7 @@ def test_the_newest_description_counts(
     check_model(bench, LIGHT)
 
 
-def settle(
-    bench: LifecycleBench, describe: Describe, xml: str, name: str,
-) -> None:
+def settle(bench: LifecycleBench, describe: Describe, xml: str, name: str) -> None:
     """Make this arm the active model."""
     if bench.change(DEACTIVATE):
         describe(xml)

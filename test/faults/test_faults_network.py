@@ -19,6 +19,7 @@ from ros_harness import LATCHED, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Network and quality of service'
 SECOND = Duration(seconds=1)
 VISIBLE = ('the log names the incompatible policy, /diagnostics warns and counts; other '
@@ -31,16 +32,13 @@ PROMISING = QoSProfile(
 
 # --- subscribers that request more than is offered ----------------------------------------------
 
-@pytest.mark.parametrize(('policy', 'qos'), [
-    pytest.param(policy, qos, marks=fault(GROUP, f'a subscriber {words}', VISIBLE))
-    for policy, qos, words in (
-        ('DURABILITY', LATCHED, 'to `effort_command` that requests transient local'),
-        ('DEADLINE', QoSProfile(depth=1, deadline=SECOND),
-         'to `effort_command` that requests a deadline'))])
+@fault_cases(
+    ('policy', 'qos'), GROUP, 'a subscriber to `effort_command` that requests {}', VISIBLE, (
+        ('transient local', 'DURABILITY', LATCHED),
+        ('a deadline', 'DEADLINE', QoSProfile(depth=1, deadline=SECOND))))
 def test_a_subscriber_that_requests_too_much(
     bench: FaultBench, policy: str, qos: QoSProfile,
 ) -> None:
-    bench.check_alive()
     key = 'incompatible subscribers of effort_command'
     before = bench.figure('command', key)
     node, got = bench.client.node, []
@@ -50,8 +48,7 @@ def test_a_subscriber_that_requests_too_much(
         line = bench.node.wait_for_log(
             f'Incompatible QoS: a subscriber of effort_command requests a different {policy}')
         assert '[WARN]' in line
-        status = bench.wait_status('command', lambda status: any(
-            value.key == key and int(value.value) > before for value in status.values))
+        status = bench.wait_figure('command', key, before + 1)
         assert status.message == 'a subscriber requests an incompatible QoS'
         bench.check_alive()
         assert not got
@@ -64,7 +61,6 @@ def test_a_subscriber_that_requests_too_much(
 @fault(GROUP, 'a volatile publisher of `robot_description`',
        'the log names the incompatible policy; the active model stays')
 def test_a_volatile_description(bench: FaultBench) -> None:
-    bench.check_alive()
     publisher = bench.client.node.create_publisher(
         String, f'{bench.namespace}/robot_description', 1)
     try:
@@ -83,7 +79,6 @@ def test_a_volatile_description(bench: FaultBench) -> None:
     ('best effort, with a deadline and a lease', PROMISING)))
 def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
     """The node requests no policy that a publisher might not offer, so it receives all."""
-    bench.check_alive()
     topic = f'{bench.namespace}/joint_states'
     requested = bench.client.node.get_subscriptions_info_by_topic(topic)[0].qos_profile
     assert requested.reliability is ReliabilityPolicy.BEST_EFFORT
@@ -97,7 +92,6 @@ def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
     finally:
         other.close()
     wait_until(lambda: bench.client.node.count_publishers(topic) == 1, 'the end of the other')
-    bench.check_alive()
 
 
 # --- partition -----------------------------------------------------------------------------------

@@ -6,8 +6,7 @@
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from fault_bench import FaultBench
-from fault_table import fault
-import pytest
+from fault_table import fault, fault_cases
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -21,16 +20,12 @@ def is_alone(status: DiagnosticStatus) -> bool:
             and status.message == 'no other publisher or node of this name')
 
 
-@pytest.mark.parametrize(('topic', 'key', 'kind'), [
-    pytest.param(topic, key, kind, marks=fault(GROUP, f'a second publisher of `{key}`', WARNED))
-    for topic, key, kind in (
-        ('effort_command', 'effort_command', JointState),
-        ('dynamics/commands', '~/commands', Float64MultiArray))])
-def test_a_second_publisher_of_the_command(
-    bench: FaultBench, topic: str, key: str, kind: type,
-) -> None:
+@fault_cases(('key', 'kind'), GROUP, 'a second publisher of `{}`', WARNED, (
+    ('effort_command', 'effort_command', JointState),
+    ('~/commands', '~/commands', Float64MultiArray)))
+def test_a_second_publisher_of_the_command(bench: FaultBench, key: str, kind: type) -> None:
     bench.wait_status('other nodes', is_alone)
-    full = f'{bench.namespace}/{topic}'
+    full = f'{bench.namespace}/{key}'.replace('~', 'dynamics')
     words = f'{full} has other publishers: [{bench.client.node.get_fully_qualified_name()!r}]'
     publisher = bench.client.node.create_publisher(kind, full, 1)
     try:
@@ -49,8 +44,7 @@ def test_a_second_node_of_the_same_name(bench: FaultBench) -> None:
     full_name = f'{bench.namespace}/dynamics'
     bench.wait_status('other nodes', is_alone)
     with NodeProcess(DYNAMICS, {'autostart': False}, namespace=bench.namespace, ready=None):
-        status = bench.wait_status(
-            'other nodes', lambda status: f'another node is named {full_name}' in status.message)
+        status = bench.wait_message('other nodes', f'.*another node is named {full_name}.*')
         assert status.level == DiagnosticStatus.WARN
         line = bench.node.wait_for_log(f'another node is named {full_name}')
         assert '[WARN]' in line

@@ -8,8 +8,10 @@ from typing import Any
 from fault_bench import FaultBench, figure_of, G
 from fault_stimuli import follow, NO_STREAM, overflow, wait_effort, wait_states
 from fault_table import fault
+import pytest
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Non-finite commands'
 BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False}}
 """The node uses the measured velocity."""
@@ -25,7 +27,6 @@ def reset(bench: FaultBench) -> Any:
        'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
        'valid')
 def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
-    bench.check_alive()
     follow(bench, bench.driver.q)
     overflow(bench)
     status = bench.wait_fault('non_finite')
@@ -39,19 +40,17 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
     bench.efforts.clear()
     wait_effort(bench, G)
     wait_states(bench, 100)
-    status = bench.wait_status(  # that of the change of the level may be older than the count
-        'command', lambda status: figure_of(status, 'faults: non_finite') == 1)
+    # the status of the change of the level may be older than the count
+    status = bench.wait_figure('command', 'faults: non_finite', 1)
+    assert figure_of(status, 'faults: non_finite') == 1
     assert status.message.startswith('fault non_finite')
     answer = reset(bench)
     assert answer.success
     assert answer.message.startswith('reset non_finite: ')
-    bench.check_alive()
 
 
 @fault(GROUP, '`~/reset_fault` without a fault', '`success` false; the message reports it')
 def test_nothing_to_reset(bench: FaultBench) -> None:
-    bench.check_alive()
     answer = reset(bench)
     assert not answer.success
     assert answer.message == 'there is no fault'
-    bench.check_alive()

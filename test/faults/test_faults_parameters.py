@@ -114,18 +114,19 @@ def test_unknown_names(control: ControlContinues, before: Any) -> None:
     check_unchanged(control, before)
 
 
-@pytest.mark.parametrize('service', [
-    pytest.param(service, marks=fault(
-        GROUP, f'`~/{service}` with the type 77 among valid values',
-        'rejected with name, type and the valid types; no value of the request is set; '
-        'control continues'))
-    for service in ('set_parameters', 'set_parameters_atomically')])
-def test_an_unknown_type(control: ControlContinues, service: str, before: Any) -> None:
-    good = Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg()
+GOOD = Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg()
+
+
+@fault_cases(
+    ('service', 'kind'), GROUP, '`~/{}` with the type 77 among valid values',
+    'rejected with name, type and the valid types; no value of the request is set; '
+    'control continues', (
+        ('set_parameters', 'set_parameters', SetParameters),
+        ('set_parameters_atomically', 'set_parameters_atomically', SetParametersAtomically)))
+def test_an_unknown_type(control: ControlContinues, service: str, kind: Any, before: Any) -> None:
     bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
-    kind = SetParameters if service == 'set_parameters' else SetParametersAtomically
     with control.checked():
-        response = control.ask(service, kind, parameters=[good, bad, good])
+        response = control.ask(service, kind, parameters=[GOOD, bad, GOOD])
     results = response.results if kind is SetParameters else [response.result]
     assert len(results) == (3 if kind is SetParameters else 1)
     for result in results:
@@ -137,11 +138,10 @@ def test_an_unknown_type(control: ControlContinues, service: str, before: Any) -
 @fault(GROUP, 'a valid and an invalid value in `~/set_parameters_atomically`',
        'rejected with the reason of the invalid one; neither is set; control continues')
 def test_all_or_none(control: ControlContinues, before: Any) -> None:
+    bad = Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()
     with control.checked():
         result = control.ask(
-            'set_parameters_atomically', SetParametersAtomically, parameters=[
-                Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg(),
-                Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()]).result
+            'set_parameters_atomically', SetParametersAtomically, parameters=[GOOD, bad]).result
     assert not result.successful
     assert 'gains.kp[0] is nan' in result.reason
     check_unchanged(control, before)

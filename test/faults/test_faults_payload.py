@@ -27,6 +27,7 @@ from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import LATCHED, RosClient, wait_until
 from std_msgs.msg import Header
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Payloads'
 NAN, INF = float('nan'), float('inf')
 MASS = 5.0
@@ -50,7 +51,6 @@ def set_payload(
 @fault(GROUP, '5 kg at the tip without a transition time, then removed',
        'the command changes to the new g(q) within the rate limit')
 def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> None:
-    bench.check_alive()
     assert set_payload(bench, MASS).success
     wait_effort(bench, LOADED)
     assert set_payload(bench, 0.0).success
@@ -58,18 +58,15 @@ def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> Non
         lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q) alone')
     check_rate(bench.efforts)
     seen(f'from {G[0]:.0f} to {LOADED[0]:.0f} N·m')
-    bench.check_alive()
 
 
 @fault(GROUP, '5 kg at the tip with a transition time of 0.5 s',
        'the command changes to the new g(q) over that time')
 def test_a_payload_that_fades_in(bench: FaultBench) -> None:
-    bench.check_alive()
     assert set_payload(bench, MASS, 0.5).success
     wait_effort(bench, LOADED)
     check_rate(bench.efforts, abs(LOADED[0] - G[0]) / 0.5)
     assert set_payload(bench, 0.0).success
-    bench.check_alive()
 
 
 @fault_cases(
@@ -97,15 +94,11 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
         ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
         ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
         ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
-def test_an_invalid_payload(
-    bench: FaultBench, request_: dict[str, Any], reported: str,
-) -> None:
-    bench.check_alive()
+def test_an_invalid_payload(bench: FaultBench, request_: dict[str, Any], reported: str) -> None:
     answer = set_payload(bench, **request_)
     assert not answer.success
     assert reported in answer.message
     assert all(m.effort == pytest.approx(G, abs=1e-6) for m in bench.efforts.messages)
-    bench.check_alive()
 
 
 @contextmanager
@@ -126,7 +119,6 @@ def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
 @fault(GROUP, '100 kg at the tip with `allow_implausible_payload: true`',
        'accepted; the command changes to the effort limits within the rate limit')
 def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
-    bench.check_alive()
     with permitted(bench):
         answer = set_payload(bench, 100.0)
         assert answer.success
@@ -135,13 +127,11 @@ def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
         wait_effort(bench, [-150.0, -60.0])
         check_rate(bench.efforts)
         assert set_payload(bench, 0.0).success
-    bench.check_alive()
 
 
 @fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first is removed, then all',
        'both are compensated and listed by link; after removing one the other stays active')
 def test_payloads_on_two_links(bench: FaultBench) -> None:
-    bench.check_alive()
     elbow = np.array([-2.0 * 9.81 * SHOULDER[0], 0.0])  # g(q) of 2 kg at the elbow
     assert set_payload(bench, MASS).message.startswith("5 kg on 'tool0';")
     answer = set_payload(bench, 2.0, link='link2')
@@ -160,7 +150,6 @@ def test_payloads_on_two_links(bench: FaultBench) -> None:
         topic.wait_for(lambda m: m.inertia.m == 0.0)
     bench.efforts.clear()
     wait_effort(bench, G)
-    bench.check_alive()
 
 
 def restart(bench: LifecycleBench) -> bool:

@@ -14,9 +14,11 @@ from fault_stimuli import wait_effort
 from fault_table import fault
 from joint_state_driver import DriverProcess
 import numpy as np
+import pytest
 from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import wait_until
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Timeouts, stalls and kills of processes'
 SOON = 'the fault action starts after `state_timeout` and is reported'
 BACK = 'commands resume with the next state'
@@ -34,20 +36,16 @@ def pause() -> None:
 
 @fault(GROUP, 'SIGKILL of the driver', f'{SOON}; {BACK}, which another driver publishes')
 def test_the_driver_is_killed(bench: FaultBench) -> None:
-    bench.check_alive()
     bench.driver.kill()
     bench.wait_state_timeout()
     bench.wait_silent()
-    bench.check_alive()
 
 
 @fault(GROUP, 'SIGSTOP of the driver, SIGCONT when commands have ended', f'{SOON}; {BACK}')
 def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
-    bench.check_alive()
     bench.driver.be_quiet()
     bench.wait_state_timeout()
     bench.wait_silent()
-    bench.check_alive()
 
 
 @fault(GROUP, 'the driver stalls for 200 ms, `state_timeout` 0.1 s', f'{SOON}; {BACK}')
@@ -66,7 +64,6 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
         wait_until(stall_is_reported, 'the fault')
     finally:
         bench.set_parameters(**STEADY)
-    bench.check_alive()
 
 
 # --- the node ------------------------------------------------------------------------------------

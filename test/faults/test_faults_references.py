@@ -160,7 +160,7 @@ def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory
     bench.set_point(Q)
     bench.check_alive()
     bench.trajectories.publish(message)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.wait_message('reference', 'following')
     bench.efforts.clear()
     for effort in bench.efforts.wait_count(50):
         assert effort.effort == pytest.approx(G, abs=0.1)
@@ -179,8 +179,7 @@ def test_a_stream_with_set_points_beyond_a_limit(bench: FaultBench) -> None:
     bench.efforts.clear()
     with SetPoints(bench, lambda: [next(goals), 0.0]) as stream:
         wait_until(lambda: stream.sent >= 20, 'twenty set-points')
-    bench.wait_status(
-        'reference', lambda one: figure_of(one, 'refused') >= refused + stream.sent)
+    bench.wait_figure('reference', 'refused', refused + stream.sent)
     assert all(map(is_torque, bench.efforts.messages))
     assert 1 <= len(refusals(bench)) - before <= 1 + stream.sent // 200 + 1
     bench.set_point(Q)

@@ -5,33 +5,24 @@
 
 from contextlib import ExitStack
 import time
-from typing import Any
 
+from closed_loop import NAMES
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, G, stamp_of, STEADY
+from fault_bench import fault_bench, FaultBench, G, stamp_of
 from fault_stimuli import shifted
 from fault_table import fault
+from lock_stepped_arm import lock_stepped
 import numpy as np
 import pytest
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.simulated_arm.loops import RESEND_PERIOD
 from robot_dynamics.ros.simulated_arm.unanswered_state import UNANSWERED_AFTER
-from ros2_control_standin import ros2_control
-from ros_harness import (
-    DYNAMICS,
-    KEEP_MANY,
-    NO_SHARED_MEMORY,
-    NodeProcess,
-    RosClient,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros2_control_standin import commanding, ros2_control
+from ros_harness import KEEP_MANY, NodeProcess, RosClient, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 GROUP = 'ros2_control and replayed recordings'
-NAMES = ['joint1', 'joint2']
 
 # ------------------------------------------------------------------ the drives of simulated_arm
 
@@ -40,29 +31,14 @@ NAMES = ['joint1', 'joint2']
        '60 N·m act on the arm and are reported; a warning names joint, value, limit and '
        '`clip_efforts`; with `clip_efforts: false` 5,000 N·m act')
 def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
-    parameters = {'lock_step': True, 'rate': 500.0}
-    with NodeProcess(
-            SIMULATED_ARM, parameters, namespace='/clips',
-            remaps={'/clock': '/clips/clock'}) as node, \
-            client.collect(JointState, '/clips/joint_states', KEEP_MANY) as states:
-        publisher = client.publisher(JointState, '/clips/effort_command', 1)
-
-        def answer(effort: list[float]) -> JointState:
-            state = states.wait_for()
-            command = JointState(header=state.header, name=NAMES, effort=effort)
-            after = client.ask(
-                publisher, command, states, lambda m: m.header.stamp != state.header.stamp)
-            states.clear()
-            return after
-
-        clipped = answer([1.0, -5000.0])
+    with lock_stepped(client, '/clips', rate=500.0) as arm:
+        clipped = arm.step([1.0, -5000.0])
         assert list(clipped.effort) == [1.0, -60.0]
         assert np.isfinite(clipped.position).all()
-        line = node.wait_for_log("Clipped the effort of 'joint2'")
+        line = arm.node.wait_for_log("Clipped the effort of 'joint2'")
         assert 'received -5000 N·m, its effort limit is 60 N·m (clip_efforts)' in line
         client.set_parameters('/clips/simulated_arm', {'clip_efforts': False})
-        assert list(answer([0.0, 5000.0]).effort) == [0.0, 5000.0]
-        client.node.destroy_publisher(publisher)
+        assert list(arm.step([0.0, 5000.0]).effort) == [0.0, 5000.0]
 
 
 # ------------------------------------------------------------------ lock-step without commands
@@ -98,7 +74,6 @@ def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> 
             before = states.messages[-1].header.stamp
             effort.header.stamp = before
             client.ask(publisher, effort, states, lambda m: m.header.stamp != before)
-            client.node.destroy_publisher(publisher)
 
 
 # ------------------------------------------------------------------ replayed recordings
@@ -133,16 +108,6 @@ def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> No
 
 
 # ------------------------------------------------------------------ the order of the joints
-
-
-def commanding(namespace: str, **more: Any) -> NodeProcess:
-    """Return a dynamics node that commands the effort controller of this namespace."""
-    return NodeProcess(
-        DYNAMICS, {
-            **STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES, **more},
-        namespace=namespace, patient=False,
-        remaps={'~/commands': f'{namespace}/effort_controller/commands'},
-        environment=NO_SHARED_MEMORY)
 
 
 @fault(GROUP, 'the effort controller has another joint order than `joints`',

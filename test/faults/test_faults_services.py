@@ -147,8 +147,7 @@ def test_a_client_that_dies_mid_call(control: ControlContinues) -> None:
     with control.checked():
         doomed.send('points')
         doomed.kill()
-        response = control.ask('inverse_dynamics', InverseDynamics, position=Q)
-        assert response.effort == pytest.approx(G, abs=5e-9)
+        control.bench.check_answers()
 
 
 @fault(GROUP, 'a client of another service type with the name of a service',
@@ -171,9 +170,7 @@ def begins(count: int) -> bytes:
 
 
 @fault(GROUP, 'random bytes as requests, to every service', IGNORED)
-def test_random_bytes_as_requests(
-    control: ControlContinues, raw: RawRequests, seen: Any,
-) -> None:
+def test_random_bytes_as_requests(control: ControlContinues, raw: RawRequests, seen: Any) -> None:
     source = random.Random(1)
     requests = [
         (name, kind, source.randbytes(LENGTH)) for name, kind in RAW_TYPES.items()
@@ -196,8 +193,7 @@ def test_truncated_requests(control: ControlContinues, raw: RawRequests) -> None
         for start in (0, 12, 24)]
     with control.checked():
         raw.send(requests)
-        response = control.ask('inverse_dynamics', InverseDynamics, position=Q)
-        assert response.effort == pytest.approx(G, abs=5e-9)
+        control.bench.check_answers()
 
 
 @fault(GROUP, 'requests with a wrong element count, 4 billion or 500 million',

@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, FaultBench, figure_of, G, Q, stamp_of
+from fault_bench import Change, FaultBench, G, Q, stamp_of
 from fault_stimuli import (
     another_publisher,
     check_rate,
@@ -25,6 +25,7 @@ from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Stamps of joint states'
 PUBLISHERS = 'Inconsistent joint states'
 ELSEWHERE = [Q[0] + 3.0, Q[1]]
@@ -32,23 +33,17 @@ GOAL = [Q[0] + 0.05, Q[1]]
 DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
 
 
-@pytest.mark.parametrize(('seconds', 'reason', 'words'), [
-    pytest.param(-10.0, 'too old', 's old, expected at most 9 s (state_max_age)',
-                 marks=fault(GROUP, 'stamps 10 s in the past', DROPPED)),
-    pytest.param(10.0, 'from the future', 's in the future, expected at most 9 s',
-                 marks=fault(GROUP, 'stamps 10 s in the future', DROPPED)),
-    pytest.param(-1.7e9, 'too old', 's old',
-                 marks=fault(GROUP, 'stamps 54 years in the past', DROPPED)),
-])
+@fault_cases(('seconds', 'reason', 'words'), GROUP, 'stamps {}', DROPPED, (
+    ('10 s in the past', -10.0, 'too old', 's old, expected at most 9 s (state_max_age)'),
+    ('10 s in the future', 10.0, 'from the future', 's in the future, expected at most 9 s'),
+    ('54 years in the past', -1.7e9, 'too old', 's old')))
 def test_stamps_of_another_time(
     bench: FaultBench, seconds: float, reason: str, words: str,
 ) -> None:
-    bench.check_alive()
     before = bench.known('joint states', f'dropped: {reason}')
     bench.driver.change = shifted(seconds)
     assert words in bench.wait_dropped(reason, before).message
     bench.wait_state_timeout()
-    bench.check_alive()
 
 
 def moving(message: JointState) -> JointState:
@@ -70,8 +65,7 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
     freeze = stamped(stamp)
     bench.efforts.clear()
     bench.driver.change = lambda message: change(freeze(message))
-    bench.wait_status('joint states', lambda status: figure_of(
-        status, 'not new (stamp repeated)') > before)
+    bench.wait_figure('joint states', 'not new (stamp repeated)', before + 1)
     bench.wait_state_timeout()
     bench.wait_silent()
     efforts = [message.effort for message in bench.efforts.messages
@@ -88,14 +82,12 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
 @fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
        'old stamps are answered while it is true, and dropped while it is false')
 def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
-    bench.check_alive()
     bench.set_parameters(use_sim_time=True)
     bench.driver.change = shifted(-100.0)
     bench.efforts.wait_for(lambda m: m.header.stamp.sec < time.time() - 50.0)
     before = bench.known('joint states', 'dropped: too old')
     bench.set_parameters(use_sim_time=False)
     bench.wait_dropped('too old', before)
-    bench.check_alive()
 
 
 # --- several publishers --------------------------------------------------------------------------
@@ -110,7 +102,6 @@ def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
 def test_two_publishers(
     bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
 ) -> None:
-    bench.check_alive()
     before = bench.known('command', 'faults: several_publishers')
     dropped = bench.known('joint states', f'dropped: {reason}')
     with another_publisher(bench, change, **driver):
@@ -129,7 +120,6 @@ def test_two_publishers(
             assert (message.effort <= poses.max(axis=0) + 1e-6).all()
         assert bench.status('command').level == DiagnosticStatus.ERROR
     seen('one continuous fault while both publish')
-    bench.check_alive()
 
 
 # --- one publisher -------------------------------------------------------------------------------
@@ -178,14 +168,12 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
     disturb_until_noticed(
         bench, 'jump', lambda: stand_at(ELSEWHERE), lambda: stand_at(list(Q)))
     wait_effort(bench, gravity(ELSEWHERE))
-    bench.wait_status('reference', lambda status: (
-        status.message == 'ended early: joint states restarted: jump'))
+    bench.wait_message('reference', 'ended early: joint states restarted: jump')
     assert bench.known('command', 'faults: several_publishers') == faults
     bench.driver.q = list(Q)
     bench.efforts.clear()
     wait_effort(bench, G)
     check_rate(bench.efforts)
-    bench.check_alive()
 
 
 @fault(PUBLISHERS, 'one publisher whose stamps go back by 1 s',
@@ -197,9 +185,7 @@ def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
         bench.driver.change = shifted(seconds)
 
     disturb_until_noticed(bench, 'stamp went back', lambda: shift(-1.0), lambda: shift(0.0))
-    bench.wait_status('reference', lambda status: (
-        status.message == 'ended early: joint states restarted: stamp went back'))
+    bench.wait_message('reference', 'ended early: joint states restarted: stamp went back')
     wait_until(
         lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q)')
     check_rate(bench.efforts)
-    bench.check_alive()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, FaultBench, figure_of, G, NAMES, Q
+from fault_bench import Change, FaultBench, figure_of, NAMES, Q
 from fault_stimuli import altered
 from fault_table import fault, fault_cases
 import pytest
@@ -15,6 +15,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from sensor_msgs.msg import JointState
 
 NAN, INF = float('nan'), float('inf')
+pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Joint states'
 DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
 ANSWERED = 'answered as usual'
@@ -29,7 +30,6 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
     bench.wait_status('joint states', lambda status: (
         figure_of(status, key) > before and reported in status.message))
     bench.wait_state_timeout()
-    bench.check_alive()
 
 
 @fault_cases(('fields', 'reported'), GROUP, '{}', DROPPED, (
@@ -62,23 +62,19 @@ def test_a_joint_that_is_missing(bench: FaultBench) -> None:
         status.level == DiagnosticStatus.ERROR
         and "no samples of ['joint2']" in status.message))
     bench.wait_state_timeout()
-    bench.check_alive()
 
 
 @fault_cases('velocity', GROUP, '{}', 'velocities are estimated from the positions; logged once', (
     ('NaN in a velocity of a joint in use', [NAN, 0.0]),
     ('no velocities', [])))
 def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -> None:
-    bench.check_alive()
     bench.driver.change = altered(velocity=velocity)
     bench.wait_status('joint states', lambda status: any(
         value.key == 'velocities' and value.value == 'estimated from positions'
         for value in status.values))
     bench.node.wait_for_log('The joint states have no velocities: they are estimated')
-    before = bench.efforts.messages
-    for message in bench.efforts.wait_count(len(before) + 50)[len(before):]:
-        assert message.effort == pytest.approx(G, abs=1e-6)
-    bench.check_alive()
+    bench.efforts.clear()
+    bench.check_hold(50)
 
 
 @fault_cases(
@@ -106,12 +102,10 @@ def test_a_state_of_no_joint_of_this_arm(
         'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
     ('no stamp (0)', {'header': JointState().header})))
 def test_an_anomalous_state(bench: FaultBench, fields: dict[str, Any]) -> None:
-    bench.check_alive()
-    before = bench.efforts.messages
+    bench.efforts.clear()
     bench.driver.change = altered(**fields)
-    for message in bench.efforts.wait_count(len(before) + 50)[len(before):]:
-        assert list(message.name) == NAMES
-        assert message.effort == pytest.approx(G, abs=1e-6)
+    bench.check_hold(50)
+    bench.check_efforts()
     bench.check_alive()
     assert bench.status('command').level != DiagnosticStatus.ERROR
 
@@ -132,12 +126,9 @@ def many_joints(names: list[str], count: int) -> Change:
 
 @fault(GROUP, '10,000 additional joints', ANSWERED)
 def test_many_joints(bench: FaultBench) -> None:
-    bench.check_alive()
-    before = bench.efforts.messages
+    bench.efforts.clear()
     bench.driver.change = many_joints(NAMES, 10_000)
-    for message in bench.efforts.wait_count(len(before) + 5)[len(before):]:
-        assert message.effort == pytest.approx(G, abs=1e-6)
-    bench.check_alive()
+    bench.check_hold(5)
 
 
 @fault_cases(

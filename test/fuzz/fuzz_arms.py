@@ -9,8 +9,7 @@ effect, and motors. `CROWD` has as many joints and links as a humanoid, with nam
 length: messages that list the names must stay readable.
 """
 
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints import make_actuators, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 

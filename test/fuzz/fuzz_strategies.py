@@ -14,13 +14,7 @@ from random import Random
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
-from fuzz_arms import (
-    LOCKED_JOINT,
-    MIMIC_JOINT,
-    MIMIC_LEADER,
-    MIMIC_MULTIPLIER,
-    MIMIC_OFFSET,
-)
+from fuzz_arms import LOCKED_JOINT, MIMIC_JOINT, MIMIC_LEADER, MIMIC_MULTIPLIER, MIMIC_OFFSET
 from geometry_msgs.msg import InertiaStamped, Point, WrenchStamped
 from hypothesis import strategies as st
 from robot_dynamics.model.arm import ArmModel

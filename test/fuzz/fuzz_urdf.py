@@ -180,24 +180,22 @@ def _any_value() -> st.SearchStrategy[ParameterValue]:
     whole = st.integers(-2**63, 2**63 - 1)
     number = st.one_of(small_numbers, wild_numbers)
 
-    def of(kind: Any, field: str, value: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-        return value.map(lambda v: ParameterValue(type=kind.value, **{field: v}))
+    def of(kind: Type, value: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+        return value.map(lambda v: _value_message(kind, v))
 
     return st.one_of(
         st.just(ParameterValue()),
-        of(Type.BOOL, 'bool_value', st.booleans()), of(Type.INTEGER, 'integer_value', whole),
-        of(Type.DOUBLE, 'double_value', number), of(Type.STRING, 'string_value', wild_texts),
-        of(Type.BYTE_ARRAY, 'byte_array_value', st.lists(st.binary(min_size=1, max_size=1))),
-        of(Type.BOOL_ARRAY, 'bool_array_value', st.lists(st.booleans(), max_size=3)),
-        of(Type.INTEGER_ARRAY, 'integer_array_value', st.lists(whole, max_size=3)),
-        of(Type.DOUBLE_ARRAY, 'double_array_value', st.lists(number, max_size=300)),
-        of(Type.STRING_ARRAY, 'string_array_value', st.lists(wild_texts, max_size=3)))
+        of(Type.BOOL, st.booleans()), of(Type.INTEGER, whole), of(Type.DOUBLE, number),
+        of(Type.STRING, wild_texts),
+        of(Type.BYTE_ARRAY, st.lists(st.binary(min_size=1, max_size=1))),
+        of(Type.BOOL_ARRAY, st.lists(st.booleans(), max_size=3)),
+        of(Type.INTEGER_ARRAY, st.lists(whole, max_size=3)),
+        of(Type.DOUBLE_ARRAY, st.lists(number, max_size=300)),
+        of(Type.STRING_ARRAY, st.lists(wild_texts, max_size=3)))
 
 
-_FIELDS = {
-    Type.BOOL: 'bool_value', Type.INTEGER: 'integer_value', Type.DOUBLE: 'double_value',
-    Type.STRING: 'string_value', Type.DOUBLE_ARRAY: 'double_array_value',
-    Type.STRING_ARRAY: 'string_array_value'}
+def _value_message(kind: Type, value: Any) -> ParameterValue:
+    return ParameterValue(type=kind.value, **{f'{kind.name.lower()}_value': value})
 
 
 @st.composite
@@ -207,6 +205,5 @@ def parameter_messages(draw: Draw, specs: Sequence[ParameterSpec], joints: int) 
     if draw(st.integers(0, 9)) == 0:
         return ParameterMsg(name=draw(mostly(st.just(spec.name), wild_texts)),
                             value=draw(_any_value()))
-    value = ParameterValue(type=spec.kind.value)
-    setattr(value, _FIELDS[spec.kind], draw(values(spec, joints)))
-    return ParameterMsg(name=spec.name, value=value)
+    value = draw(values(spec, joints))
+    return ParameterMsg(name=spec.name, value=_value_message(spec.kind, value))

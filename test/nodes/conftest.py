@@ -23,9 +23,7 @@ def planar(client: 'RosClient') -> Iterator['Served']:
 
 
 @pytest.fixture(scope='module')
-def arm_with_limits(
-    client: 'RosClient', request: pytest.FixtureRequest,
-) -> Iterator['FaultBench']:
+def arm_with_limits(client: 'RosClient', request: pytest.FixtureRequest) -> Iterator['FaultBench']:
     """Return a node with default parameters for an arm with limits, as left by the last test."""
     from interruption_bench import interruption_bench
     with interruption_bench(client, f'/{request.path.stem.removeprefix("test_")}') as bench:

@@ -10,8 +10,7 @@ from geometry_msgs.msg import Quaternion, Vector3
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.base_gravity import gravity_from_imu
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, wait_until

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 import json
 
 from children import run, TIMEOUT
-from closed_loop import closed_loop, NAMES, START
+from closed_loop import closed_loop, NAMES, publish, START
 from diagnostic_msgs.msg import DiagnosticArray
 from disturbances import set_payload
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
@@ -46,10 +45,7 @@ def send_pose(
     p = message.pose.position
     p.x, p.y, p.z = map(float, translation)
     message.pose.orientation.w = w
-    publisher = client.publisher(PoseStamped, f'{NAMESPACE}/dynamics/pose_reference')
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
-    client.node.destroy_publisher(publisher)
+    publish(client, f'{NAMESPACE}/dynamics/pose_reference', message)
 
 
 def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_stiffness(

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import os
 import signal
 import threading
-from typing import Any
 
+from closed_loop import NAMES, START
 from fault_table import fault
 import numpy as np
 import pytest
@@ -27,8 +27,6 @@ from ros_harness import (
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-NAMES = ['joint1', 'joint2']
-START = [0.8, 0.5]
 RATE = 100.0
 PERIOD_NS = 10_000_000
 VISCOUS = 10.0
@@ -39,46 +37,27 @@ ARM = {'rate': RATE, 'initial_position': START, 'joints': NAMES, 'gravity': [0.0
 TIMED_OUT = r'\[WARN\].*No valid effort for ([\d.]+) s'
 
 
-class Controller:
-    """Answers each state of the arm with a constant effort; without an effort, does not answer."""
+class Driven:
+    """A running arm, a collector of its states, and a controller with a constant effort."""
 
-    def __init__(self, client: RosClient, namespace: str) -> None:
-        self.effort: JointState | None = None
-        self.answered = 0
-        """Stamp [ns] of the last state that got an effort."""
-        self._node = client.node
+    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
+        self.node, self.answered = node, 0
+        """The process, and the stamp [ns] of the last state that got an effort."""
+        self.states = client.collect(JointState, f'{namespace}/joint_states')
+        self._client, self._effort = client, None
         self._publisher = client.publisher(JointState, f'{namespace}/effort_command', 1)
         self._subscription = client.node.create_subscription(
             JointState, f'{namespace}/joint_states', self._answer, 1)
 
     def _answer(self, state: JointState) -> None:
-        effort = self.effort
+        effort = self._effort
         if effort is not None:
             self.answered = stamp_from_ros(state.header.stamp)
-            self._publisher.publish(effort)
+            self._publisher.publish(JointState(name=NAMES, effort=effort))
 
-    def close(self) -> None:
-        self._node.destroy_subscription(self._subscription)
-        self._node.destroy_publisher(self._publisher)
-
-
-class Driven:
-    """A running arm with a controller and a collector of its states."""
-
-    def __init__(self, client: RosClient, node: NodeProcess, namespace: str) -> None:
-        self.node = node
-        self.states = client.collect(JointState, f'{namespace}/joint_states')
-        self._controller = Controller(client, namespace)
-
-    @property
-    def answered(self) -> int:
-        """Return the stamp [ns] of the last state that was answered with an effort."""
-        return self._controller.answered
-
-    def command(self, effort: Any) -> None:
+    def command(self, effort: list[float] | None) -> None:
         """Answer with this effort from now on; None for no answer."""
-        self._controller.effort = None if effort is None else JointState(
-            name=NAMES, effort=effort)
+        self._effort = effort
 
     def move(self) -> JointState:
         """Command the effort until the arm moves."""
@@ -88,7 +67,7 @@ class Driven:
 
     def close(self) -> None:
         self.states.close()
-        self._controller.close()
+        self._client.node.destroy_subscription(self._subscription)
 
 
 @pytest.fixture(scope='module')
@@ -214,4 +193,3 @@ def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
             assert np.abs([m.position for m in held] - np.array(standing.position)).max() < 1e-3
             client.ask(publisher, trajectory_to_ros(back), states, is_moving)
             states.wait_for(lambda m: m.position == pytest.approx(START, abs=1e-3), LONG)
-        client.node.destroy_publisher(publisher)

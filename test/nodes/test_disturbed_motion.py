@@ -18,14 +18,7 @@ import signal
 import time
 from typing import Any
 
-from disturbed_arm import (
-    alternating,
-    Array,
-    disturbed_arm,
-    DisturbedArm,
-    PERIOD,
-    run_to,
-)
+from disturbed_arm import alternating, Array, disturbed_arm, DisturbedArm, PERIOD, run_to
 from fault_bench import NANOSECONDS
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState

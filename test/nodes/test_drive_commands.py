@@ -6,7 +6,7 @@
 from pathlib import Path
 from typing import Any
 
-from closed_loop import closed_loop, NAMES, send, START
+from closed_loop import closed_loop, collecting, NAMES, send, START
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
@@ -28,8 +28,8 @@ def stamp_of(message: JointState) -> int:
 def test_the_drives_hold_and_move_the_arm_without_sag(client: RosClient, rate: float) -> None:
     """Gravity alone would be an error of 140 and 370 mrad; the feed-forward leaves 2 mrad."""
     namespace = f'/drives{rate:.0f}'
-    with client.collect(JointState, f'{namespace}/joint_states') as states, \
-            client.collect(JointState, f'{namespace}/dynamics/feed_forward') as commands, \
+    with collecting(
+            client, namespace, 'joint_states', 'dynamics/feed_forward') as (states, commands), \
             closed_loop(
                 namespace, {'condition_references': True}, rate=rate, **DRIVES) as node:
         states.wait_count(200)
@@ -60,9 +60,8 @@ def test_drives_without_a_torque_input_take_the_offset(client: RosClient) -> Non
     node = NodeProcess(
         DYNAMICS, {'joints': NAMES, 'drive.stiffness': STIFFNESS}, namespace='/offset',
         patient=True)
-    with client.collect(JointState, '/offset/joint_states') as states, \
-            client.collect(JointState, '/offset/dynamics/position_offset') as commands, \
-            running(node, arm):
+    with running(node, arm), collecting(
+            client, '/offset', 'joint_states', 'dynamics/position_offset') as (states, commands):
         states.wait_count(500)
         found = commands.wait_for()
         assert states.messages[-1].position == pytest.approx(START, abs=1e-6)

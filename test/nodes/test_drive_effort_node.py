@@ -8,19 +8,16 @@ import re
 from typing import Any
 
 from bounded_waits import Collector, has_stamp
-from closed_loop import closed_loop, NAMES, START
+from closed_loop import closed_loop, collecting, NAMES, START
 import numpy as np
 import pytest
 from recordings import joint_state_messages, write_recording
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model import arm_from_parameters, ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import effort_rates, torque_rates
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.tools.analyze_bag import main as analyze_bag
 from ros_harness import LONG, RosClient, write_parameters
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -56,7 +53,6 @@ def move(
     answer = client.ask(goals, goal, answers, is_answer, LONG)
     end = stamp_from_ros(answer.header.stamp) + seconds * SECOND
     states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
-    client.node.destroy_publisher(goals)
 
 
 def is_any(message: Any) -> bool:
@@ -71,8 +67,8 @@ ARM_OF_DRIVES = {**DRIVES, 'rate': 200.0, 'real_time_factor': 3.0, 'effort_noise
 
 
 def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosClient) -> None:
-    with client.collect(JointState, '/sags/joint_states') as states, \
-            client.collect(JointState, '/sags/dynamics/computed_torque') as answers, \
+    with collecting(
+            client, '/sags', 'joint_states', 'dynamics/computed_torque') as (states, answers), \
             closed_loop('/sags', {'joints': NAMES, **SOFT}, **ARM_OF_DRIVES):
         move(client, '/sags', states, answers, to(START), is_any, 0.5)
     moved = np.abs(np.array([m.position for m in states.messages]) - START)
@@ -82,12 +78,10 @@ def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosCli
 def test_known_drives_hold_the_arm_and_a_recording_agrees_with_the_model(
     client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with client.collect(JointState, '/holds/joint_states') as states, \
-            client.collect(JointState, '/holds/dynamics/computed_torque') as answers, \
-            client.collect(JointState, '/holds/effort_command') as commands, \
-            client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, \
-            client.collect(JointState, '/holds/dynamics/gravity_compensation') as gravity, \
-            client.collect(JointState, '/holds/dynamics/residual') as residuals:
+    with client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, collecting(
+            client, '/holds', 'joint_states', 'effort_command', 'dynamics/computed_torque',
+            'dynamics/gravity_compensation', 'dynamics/residual') as topics:
+        states, commands, answers, gravity, residuals = topics
         with closed_loop('/holds', {**DRIVES, **SOFT}, **ARM_OF_DRIVES) as node:
             move(client, '/holds', states, answers, to(START), is_any, 0.3)
             node.wait_for_log('Effort check passed: ', LONG)

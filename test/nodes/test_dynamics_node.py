@@ -9,14 +9,12 @@ import threading
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
 from robot_dynamics.ros.dynamics.state_log import StateReport
 from robots import robot_urdf
-from ros_harness import BEST_EFFORT, DYNAMICS, NodeProcess, RosClient
-from sensor_msgs.msg import JointState
+from ros_harness import DYNAMICS, NodeProcess, RosClient
 from topic_bench import Bench, G, make_bench, NAMES
 
 
@@ -31,32 +29,20 @@ def bench(client: RosClient) -> Iterator[Bench]:
 
 # --- gravity compensation ------------------------------------------------------------------------
 
-def test_the_command_for_a_state_carries_its_stamp(bench: Bench) -> None:
+@pytest.mark.parametrize('stamp', [
+    Time(sec=1, nanosec=123_456_789), Time(sec=1_790_000_000, nanosec=987_654_321),
+    Time(sec=2**31 - 1, nanosec=999_999_999)])
+def test_the_command_for_a_state_carries_its_stamp(bench: Bench, stamp: Time) -> None:
     state = bench.state()
+    state.header.stamp = stamp
     message = bench.command(state)
-    assert message.header.stamp == state.header.stamp
+    assert message.header.stamp == stamp
     assert list(message.name) == NAMES
     assert message.effort == pytest.approx(G, abs=5e-9)
     assert list(message.position) == list(message.velocity) == []
-    gravity = bench.gravity.wait_for(lambda m: m.header.stamp == state.header.stamp)
+    gravity = bench.gravity.wait_for(lambda m: m.header.stamp == stamp)
     assert gravity.effort == message.effort
     assert bench.computed_torque.messages == []  # there is no reference
-
-
-@pytest.mark.parametrize('stamp', [
-    Time(sec=1_790_000_000, nanosec=987_654_321), Time(sec=2**31 - 1, nanosec=999_999_999)])
-def test_every_nanosecond_of_a_stamp_is_preserved(bench: Bench, stamp: Time) -> None:
-    state = bench.state()
-    state.header.stamp = stamp
-    assert bench.command(state).header.stamp == stamp
-
-
-def test_best_effort_subscribers_are_served_too(bench: Bench) -> None:
-    with bench.client.collect(
-            JointState, bench.topic('effort_command'), BEST_EFFORT) as efforts:
-        efforts.wait_matched()
-        answer = bench.client.answer_to(bench.states, bench.state(), efforts)
-        assert answer.effort == pytest.approx(G, abs=5e-9)
 
 
 # --- the robot description -----------------------------------------------------------------------

@@ -37,6 +37,11 @@ def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
             r'(joint\d): measured (\S+), command (\S+), g\(q\) (-?\d+\.\d+)', line)}
 
 
+def checks(message: Any, namespace: str) -> list[DiagnosticStatus]:
+    """Return the statuses of the check that a report has."""
+    return [s for s in message.status if s.name == f'{namespace}/dynamics: effort check']
+
+
 # --- correct declarations ------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('dynamics', 'arm', 'k'), [
@@ -113,27 +118,20 @@ def test_a_new_model_is_checked_again(client: RosClient) -> None:
 
 # --- wrong declarations --------------------------------------------------------------------------
 
-def test_a_self_compensating_robot_is_found_before_the_first_command(
-    client: RosClient,
-) -> None:
+def test_a_self_compensating_robot_is_found_before_the_first_command(client: RosClient) -> None:
     """As in a start with a real robot: command none, while the robot's own controller holds it."""
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             closed_loop('/alone', {'command': 'none'}, **{
                 'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False}) as node:
         line = node.wait_for_log(WARNED, LONG)
-
-        def is_warning(message: Any) -> bool:
-            return any(
-                status.name == '/alone/dynamics: effort check'
-                and status.level == DiagnosticStatus.WARN for status in message.status)
-
-        report = diagnostics.wait_for(is_warning)
+        report = diagnostics.wait_for(lambda message: any(
+            status.level == DiagnosticStatus.WARN for status in checks(message, '/alone')))
     k, joints = numbers(line)
     assert k == pytest.approx(1.0, abs=0.02)
     for j, name in enumerate(NAMES):
         assert joints[name] == pytest.approx([G[j], 0.0, G[j]], abs=0.05), name
     assert 'set robot_compensates: [gravity]' in line
-    status, = (s for s in report.status if s.name == '/alone/dynamics: effort check')
+    status, = checks(report, '/alone')
     values = {value.key: value.value for value in status.values}
     assert float(values['k']) == pytest.approx(1.0, abs=0.01)
     assert values['expected k'] == '0'
@@ -159,7 +157,6 @@ def test_states_without_an_effort_are_answered_all_the_same(
             state.header.stamp = Time(sec=1, nanosec=k * 10_000_000)
             assert client.answer_to(states, state, commands).effort == pytest.approx(G)
         node.wait_for_log(f'Effort check: {re.escape(words)}')
-        client.node.destroy_publisher(states)
     assert node.log.count('Effort check') == 1
 
 
@@ -177,9 +174,8 @@ def test_the_check_can_be_declared_away(
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             closed_loop('/away', {'command': 'none', **parameters}, **arm) as node:
         states.wait_count(200)
-        report = diagnostics.wait_for(lambda message: any(
-            status.name == '/away/dynamics: effort check' for status in message.status))
-    status, = (s for s in report.status if s.name == '/away/dynamics: effort check')
+        report = diagnostics.wait_for(lambda message: checks(message, '/away'))
+    status, = checks(report, '/away')
     assert status.message == words
     assert len(states.messages[-1].effort) == (0 if 'measured_effort' in parameters else 2)
     assert 'Effort check' not in node.log

@@ -10,19 +10,12 @@ import re
 import time
 from typing import Any
 
-from builtin_interfaces.msg import Time
+from fault_bench import stamp_of
 from fault_table import fault, fault_cases
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    has_stamp,
-    NodeProcess,
-    RosClient,
-    TIMEOUT,
-)
+from ros_harness import Collector, DYNAMICS, has_stamp, NodeProcess, RosClient, TIMEOUT
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
@@ -49,10 +42,9 @@ def arm_named(prefix: str) -> str:
 def message(
     stamp_ns: int, names: Sequence[str], q: Sequence[float], prefix: str = '',
 ) -> JointState:
-    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
     state = JointState(
         name=[prefix + name for name in names], position=list(q), velocity=[0.0] * len(q))
-    state.header.stamp = Time(sec=sec, nanosec=nanosec)
+    state.header.stamp = stamp_of(stamp_ns)
     return state
 
 
@@ -165,7 +157,6 @@ def send_until(
             end = time.monotonic() + 1.0
         publisher.publish(message(1_000_000_000 + k * PERIOD, names, [0.1] * len(names)))
         time.sleep(0.01)
-    client.node.destroy_publisher(publisher)
     assert end < deadline, f'{TIMEOUT:g} s passed before the condition was true'
 
 

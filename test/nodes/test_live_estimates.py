@@ -8,17 +8,14 @@ import math
 from typing import Any
 
 from bounded_waits import Collector, has_stamp
-from closed_loop import closed_loop, NAMES, send, START
+from closed_loop import closed_loop, collecting, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from disturbances import push, set_payload
 from geometry_msgs.msg import WrenchStamped
 from held_robot import HeldRobot, STEP
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmDynamics, ExternalWrench, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
@@ -55,10 +52,9 @@ def pairs(states: Collector, estimates: Collector) -> list[int]:
 
 def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
     """In lock-step, so that the values at each stamp do not depend on the machine."""
-    with client.collect(JointState, '/pushed/joint_states') as states, \
-            client.collect(JointState, '/pushed/dynamics/external_effort') as estimates, \
-            client.collect(JointState, '/pushed/dynamics/residual') as residuals, \
-            client.collect(JointState, '/pushed/dynamics/residual_deviation') as deviations, \
+    with collecting(
+            client, '/pushed', 'joint_states', 'dynamics/external_effort', 'dynamics/residual',
+            'dynamics/residual_deviation') as (states, estimates, residuals, deviations), \
             closed_loop(
                 '/pushed', {**ROBOT, 'external_effort_bandwidth': BANDWIDTH,
                             'gains.natural_frequency': [40.0]}, **ROBOT, rate=RATE):
@@ -243,14 +239,11 @@ def test_the_noise_of_the_estimates_is_the_published_deviation(client: RosClient
     rng = np.random.default_rng(0)
     with NodeProcess(DYNAMICS, uncertainty, namespace='/noisy'):
         robot, topic = HeldRobot(client, '/noisy', **HELD), '/noisy/dynamics'
-        with client.collect(JointState, f'{topic}/residual') as residuals, \
-                client.collect(JointState, f'{topic}/residual_deviation') as of_residual, \
-                client.collect(JointState, f'{topic}/external_effort') as external, \
-                client.collect(JointState, f'{topic}/external_effort_deviation') as of_external:
-            topics = residuals, of_residual, external, of_external
+        with collecting(client, topic, 'residual', 'residual_deviation', 'external_effort',
+                        'external_effort_deviation') as topics:
             for one in topics:
                 one.wait_matched()
-            wait_until(lambda: bool(robot.say() and of_residual.messages), 'estimates', LONG)
+            wait_until(lambda: bool(robot.say() and topics[1].messages), 'estimates', LONG)
             robot.say(50)
             begin = robot.stamp
             for sample in rng.normal(size=(500, 2)):

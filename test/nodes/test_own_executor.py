@@ -15,11 +15,11 @@ from typing import Any
 from action_clients import Client
 from children import TIMEOUT
 from control_msgs.action import FollowJointTrajectory
-from own_process import answer, own_process, OwnProcess, PATIENT, stamps_of
+from own_process import answer, own_process, OwnProcess, stamps_of
 import pytest
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from ros_harness import NodeProcess, RosClient, wait_until
+from ros_harness import NodeProcess, PATIENT, RosClient, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
@@ -56,9 +56,7 @@ def test_dynamics_answers_joint_states(
     assert node.callback_errors == 0
 
 
-def test_a_node_that_changes_its_executor_answers(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_a_node_that_changes_its_executor_answers(client: RosClient, process: OwnProcess) -> None:
     node = process.dynamics()
     first = SingleThreadedExecutor(context=process.context)
     first.add_node(node)

@@ -12,9 +12,7 @@ from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import load_arm, make_payload, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import EstimatePayload
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
@@ -114,7 +112,6 @@ def test_an_estimation_ends_with_its_model_and_needs_effort(client: RosClient) -
         client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -5.0]})
         wait_until(lambda: 'the gravity of the base has changed' in ask(client).message,
                    'the end of the estimation', LONG)
-        client.node.destroy_publisher(states)
 
 
 def check(answer: Any) -> None:

@@ -11,9 +11,7 @@ from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import (
     payload_from_ros,
@@ -110,7 +108,6 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
         wait_until(lambda: is_rejected(stretched) != '', 'the rejection after that')
         client.set_parameters('/heavy/dynamics', {'gravity': [0.0, 0.0, -1.0]})
         wait_until(lambda: is_rejected(stretched) == '', 'the gravity of the base in use')
-        client.node.destroy_publisher(states)
 
 
 @pytest.mark.parametrize(('changes', 'words'), [
@@ -119,9 +116,7 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
      r'payload\.com has 2 values, expected 3 for each'),
     ({'payload.links': ['tool0', 'tool0'], 'payload.mass': [1.0, 2.0]}, 'expected each link once'),
     ({'payload.links': ['tool0'], 'payload.mass': [-1.0]}, r'payload\.mass.* -1')])
-def test_mismatched_payload_parameters_end_the_start(
-    changes: dict[str, Any], words: str,
-) -> None:
+def test_mismatched_payload_parameters_end_the_start(changes: dict[str, Any], words: str) -> None:
     assert re.search(words, log_of_failed_start(DYNAMICS, changes))
 
 

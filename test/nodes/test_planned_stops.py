@@ -15,13 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, nanoseconds_of, Q
 from fault_stimuli import follow, move_by_hand, wait_effort
 from fault_table import fault
-from interruption_bench import (
-    check_held,
-    ELSEWHERE,
-    gravity,
-    GROUP,
-    trajectory_to,
-)
+from interruption_bench import check_held, ELSEWHERE, gravity, GROUP, trajectory_to
 from lifecycle_bench import ACTIVATE, CONFIGURE, DEACTIVATE, lifecycle_bench
 import numpy as np
 import pytest

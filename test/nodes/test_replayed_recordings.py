@@ -12,8 +12,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from recordings import KnownMotion, recording_path, recordings_of
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording
 from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RosClient
@@ -51,7 +50,6 @@ class Replay:
 
     def close(self) -> None:
         self.answers.close()
-        self._client.node.destroy_publisher(self._states)
 
 
 @pytest.fixture
@@ -107,6 +105,5 @@ def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(
             clock.publish(Clock(clock=stamp))
             replay.answer(data[:4] + STAMP.pack(stamp.sec, stamp.nanosec) + data[12:])
         replay.close()
-        client.node.destroy_publisher(clock)
         assert 'Dropped a joint state' not in node.log
         assert 'ros2 bag play' not in node.log

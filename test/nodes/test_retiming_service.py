@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros, trajectory_to_ros
 from robot_dynamics.trajectories import efforts_along, make_trajectory, retime
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
 from service_bench import Served, served
+from simulated_arms import two_link
 from trajectory_msgs.msg import JointTrajectory
 
 POINTS = [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]]
@@ -79,7 +78,7 @@ def test_the_order_is_that_of_the_request(planar: Served) -> None:
 
 def test_the_effort_limit_fraction_is_that_of_the_node(client: RosClient) -> None:
     with NodeProcess(DYNAMICS, {'effort_limit_fraction': 0.7}, namespace='/weak'):
-        weak = Served(client, '/weak', load_arm(default_arm_urdf()))
+        weak = Served(client, '/weak', two_link())
         message = request(weak)
         of_node = weak.answer('retime_trajectory', trajectory=message)
         named = weak.answer(

@@ -13,21 +13,18 @@ import itertools
 import time
 from typing import Any, NamedTuple
 
-from fault_bench import STEADY
+from closed_loop import NAMES, START
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from ros2_control_standin import DEFAULT_THRESHOLD, INTERFACES, ros2_control
+from ros2_control_standin import commanding, DEFAULT_THRESHOLD, INTERFACES, ros2_control
 from ros_harness import (
     Collector,
-    DYNAMICS,
     KEEP_MANY,
     LONG,
-    NO_SHARED_MEMORY,
     NodeProcess,
     RosClient,
     SIMULATED_ARM,
@@ -38,8 +35,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
 GROUP = 'ros2_control and replayed recordings'
-NAMES = ['joint1', 'joint2']
-START, GOAL = [0.8, 0.5], [0.4, 0.9]
+GOAL = [0.4, 0.9]
 ALWAYS = -1.0
 """A threshold with which every command is published."""
 
@@ -52,14 +48,6 @@ class Robot(NamedTuple):
     measured: Collector
     received: Collector
     broadcast: Collector
-
-    def dynamics(self) -> NodeProcess:
-        """Return a node that commands the effort controller."""
-        return NodeProcess(
-            DYNAMICS, {**STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES},
-            namespace=self.space, patient=False,
-            remaps={'~/commands': f'{self.space}/effort_controller/commands'},
-            environment=NO_SHARED_MEMORY)
 
     def set_active(self, client: RosClient, is_active: bool) -> None:
         """Activate or deactivate the effort controller."""
@@ -126,7 +114,7 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
     client: RosClient, stack: ExitStack,
 ) -> None:
     one = robot(client, stack, '/closed', ALWAYS, command_timeout=1.0)
-    dynamics = one.dynamics().start()
+    dynamics = commanding(one.space).start()
     try:
         publisher = client.publisher(JointTrajectory, '/closed/dynamics/joint_trajectory')
         path = trajectory_to_ros(quintic_point_to_point(NAMES, START, GOAL, 2.0))
@@ -146,7 +134,6 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
                         and np.abs(last.velocity).max() < 0.05)
 
         wait_until(is_at_goal, 'the goal', LONG)
-        client.node.destroy_publisher(publisher)
     finally:
         dynamics.kill()
     kept = wait_unchanged(one.received)
@@ -169,7 +156,7 @@ def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(
     client: RosClient, stack: ExitStack, seen: Any,
 ) -> None:
     one = robot(client, stack, '/threshold', DEFAULT_THRESHOLD)
-    stack.enter_context(one.dynamics())
+    stack.enter_context(commanding(one.space))
     one.received.wait_for(lambda m: np.isfinite(m.effort).all())
     one.measured.clear()
 

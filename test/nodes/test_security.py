@@ -73,10 +73,6 @@ def test_the_policy_is_that_of_the_running_node(client: RosClient, node: str, ki
     assert running() == expected
 
 
-def test_the_policy_allows_drives() -> None:
-    assert allowed('simulated_arm', 'subscribe') > WITH_DRIVES
-
-
 def test_the_policy_allows_the_action_of_the_running_node(client: RosClient) -> None:
     (expected,) = allowed('dynamics', 'execute')
     ask = client.node.get_service_names_and_types_by_node
@@ -84,12 +80,10 @@ def test_the_policy_allows_the_action_of_the_running_node(client: RosClient) -> 
         lambda: f'{expected}/_action/send_goal' in dict(ask('dynamics', '/')), 'the action')
 
 
-def test_the_policy_has_no_other_nodes() -> None:
+def test_the_policy_allows_drives_no_other_nodes_and_one_controller() -> None:
+    assert allowed('simulated_arm', 'subscribe') > WITH_DRIVES
     profiles = ElementTree.parse(POLICY).findall('.//profile')
     assert [profile.get('node') for profile in profiles] == list(NODES)
-
-
-def test_one_node_alone_may_publish_effort_command() -> None:
     assert [node for node in NODES if '/effort_command' in allowed(node, 'publish')] == [
         'dynamics']
 

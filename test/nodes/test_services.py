@@ -8,14 +8,13 @@ from collections.abc import Iterator
 from disturbances import wrench
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model import ArmModel, ExternalWrench
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, trajectory_to_ros
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
-from service_bench import A, Q, Served, served, TAU, V
+from service_bench import Q, Served, served, V
 from service_requests import SERVICES
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -36,21 +35,6 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 # --- reference values of the planar arm ----------------------------------------------------------
 
-def test_inverse_dynamics_of_the_planar_arm(planar: Served) -> None:
-    response = planar.answer('inverse_dynamics', position=Q, velocity=V, acceleration=A)
-    assert list(response.joint_names) == ['joint1', 'joint2']
-    assert response.effort == pytest.approx(TAU, abs=5e-9)
-    terms = response.terms
-    assert list(terms.joint_names) == ['joint1', 'joint2']
-    assert terms.coriolis == pytest.approx([-0.234, 0.15], abs=5e-9)
-    assert terms.gravity == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
-    assert terms.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
-    assert terms.potential_energy == pytest.approx(41.19876418, abs=5e-9)
-    assert list(response.warnings) == []
-    assert len(response.effort_deviation) == 0  # the arm has no uncertainty
-    assert terms.header.stamp.sec > 0
-
-
 def test_manipulator_equation_of_the_planar_arm(planar: Served) -> None:
     response = planar.answer(
         'manipulator_equation', position=Q, velocity=V, include_christoffel=True)
@@ -64,17 +48,6 @@ def test_manipulator_equation_of_the_planar_arm(planar: Served) -> None:
     h = 3.0 * 1.0 * 0.4 * np.sin(Q[1])
     assert response.christoffel == pytest.approx([0.0, -h, -h, -h, h, 0.0, 0.0, 0.0], abs=1e-12)
     assert response.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
-
-
-def test_christoffel_symbols_come_only_when_asked_for(planar: Served) -> None:
-    response = planar.answer('manipulator_equation', position=Q, velocity=V)
-    assert list(response.christoffel) == []
-    assert len(response.coriolis_matrix) == 4
-
-
-def test_forward_dynamics_of_the_planar_arm(planar: Served) -> None:
-    response = planar.answer('forward_dynamics', position=Q, velocity=V, effort=TAU)
-    assert response.acceleration == pytest.approx(A, abs=5e-8)
 
 
 def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
@@ -103,8 +76,12 @@ def test_numbers_are_those_of_the_library(robot: Served) -> None:
     fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v)}
     response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a), **fields)
     terms = dynamics.terms(q, v, a)
-    assert tuple(response.joint_names) == arm.joint_names
+    assert tuple(response.joint_names) == tuple(response.terms.joint_names) == arm.joint_names
     assert list(response.effort) == terms.effort.tolist()
+    assert response.terms.kinetic_energy == terms.kinetic_energy
+    assert response.terms.potential_energy == terms.potential_energy
+    assert response.terms.header.stamp.sec > 0
+    assert len(response.effort_deviation) == 0  # the arm has no uncertainty
     for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external'):
         assert list(getattr(response.terms, name)) == getattr(terms, name).tolist()
     back = robot.answer('forward_dynamics', effort=response.effort, **fields)
@@ -117,6 +94,7 @@ def test_numbers_are_those_of_the_library(robot: Served) -> None:
     assert np.reshape(equation.coriolis_matrix, (n, n)) @ v + equation.gravity == (
         pytest.approx(np.array(equation.nonlinear)))
     assert equation.kinetic_energy == pytest.approx(0.5 * v @ M @ v)
+    assert list(equation.christoffel) == []  # without `include_christoffel`
 
 
 def test_the_order_of_a_request_is_that_of_its_answer(robot: Served) -> None:
@@ -261,17 +239,13 @@ def test_a_trajectory_that_is_too_quick_is_not_feasible(planar: Served) -> None:
     assert response.message.startswith(f'effort of {response.worst_joint!r} is ')
 
 
-def test_the_efforts_of_a_trajectory_are_in_its_own_order(planar: Served) -> None:
+@pytest.mark.parametrize('names', [['joint2', 'joint1'], []])
+def test_a_trajectory_is_in_its_own_order_or_in_the_nodes(
+    planar: Served, names: list[str],
+) -> None:
+    back = -1 if names else 1
     response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
-        joint_names=['joint2', 'joint1'],
-        points=[JointTrajectoryPoint(positions=[Q[1], Q[0]])]))
-    assert response.trajectory.points[0].effort == pytest.approx(
-        [-11.37087883, -49.52282521], abs=5e-9)
-
-
-def test_a_trajectory_without_names_is_in_the_nodes_order(planar: Served) -> None:
-    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
-        points=[JointTrajectoryPoint(positions=Q)]))
-    assert response.trajectory.joint_names == list(planar.arm.joint_names)
-    assert response.trajectory.points[0].effort == pytest.approx(
+        joint_names=names, points=[JointTrajectoryPoint(positions=Q[::back])]))
+    assert response.trajectory.joint_names == list(planar.arm.joint_names[::back])
+    assert response.trajectory.points[0].effort[::back] == pytest.approx(
         [-49.52282521, -11.37087883], abs=5e-9)

@@ -9,8 +9,7 @@ import xml.etree.ElementTree as ET
 from closed_loop import closed_loop, NAMES, send, START
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import LONG, RosClient
 from sensor_msgs.msg import JointState

@@ -14,9 +14,7 @@ from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros
 from robot_dynamics.ros.simulated_arm.loops import WallTimeLoop

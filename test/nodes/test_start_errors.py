@@ -170,13 +170,6 @@ def test_a_node_that_cannot_start_logs_one_line(
     assert re.search(CASES[name].words, lines[0]), lines[0]
 
 
-@pytest.mark.parametrize('name', ['a floating joint', 'wrong number of initial positions'])
-def test_its_process_ends_with_status_1(name: str) -> None:
-    case = CASES[name]
-    line, = log_of_failed_start(case.module, case.parameters).splitlines()
-    assert re.search(case.words, line)
-
-
 @pytest.mark.parametrize(('arguments', 'words'), [
     pytest.param(arguments, words, marks=fault(
         'Parameters at the start', f'arguments that ROS cannot read: `{" ".join(arguments)}`',

@@ -3,17 +3,14 @@
 
 """The log of an ordinary start, and of joint states that are dropped, as a new user reads it."""
 
-from collections.abc import Callable
 import re
 
-from bounded_waits import wait_until
-from fault_bench import fault_bench, Q, STEADY
-from fault_stimuli import follow
+from fault_bench import fault_bench, NAMES, Q, STEADY
+from fault_stimuli import altered, follow, shifted
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
 from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
-from sensor_msgs.msg import JointState
 
 MOST_LINES = 6
 NS = '/start_log'
@@ -73,47 +70,26 @@ def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
         client.forget(NS)
 
 
-def late(message: JointState) -> JointState:
-    message.header.stamp.sec -= 60
-    return message
-
-
-def early(message: JointState) -> JointState:
-    message.header.stamp.sec += 60
-    return message
-
-
-def halved(message: JointState) -> JointState:
-    return JointState(
-        header=message.header, name=message.name[:1], position=message.position[:1])
-
-
-@pytest.mark.parametrize(('change', 'words'), [
-    (late, r'60\.\d+ s old.*; synchronise the clocks of driver and computer, or set '
-     '`state_max_age`'),
-    (early, r'in the future.*; synchronise the clocks of driver and computer, or set '
-     '`state_max_age`'),
-])
-def test_a_dropped_state_names_the_remedy(
-    client: RosClient, change: Callable[[JointState], JointState], words: str,
-) -> None:
+@pytest.mark.parametrize(('seconds', 'words'), [
+    (-60.0, r'60\.\d+ s old'), (60.0, 'in the future')])
+def test_a_dropped_state_names_the_remedy(client: RosClient, seconds: float, words: str) -> None:
+    words += '.*; synchronise the clocks of driver and computer, or set `state_max_age`'
     with fault_bench(client, NS) as bench:
-        bench.driver.change = change
+        bench.driver.change = shifted(seconds)
         line = bench.node.wait_for_log('Dropped a joint state')
         assert '[WARN]' in line
         assert re.search(words, line), line
-        wait_until(lambda: (status := bench.status('joint states')) is not None and bool(
-            re.search(words, status.message)), 'the same in the diagnostics')
+        bench.wait_message('joint states', f'.*{words}.*')
         client.forget(NS)
 
 
 def test_an_incomplete_state_names_the_remedy(client: RosClient) -> None:
     with fault_bench(client, NS) as bench:
-        bench.driver.change = halved
+        bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[])
         line = bench.node.wait_for_log('No joint state is complete')
         assert "no new samples of ['joint2']" in line
         assert 'set the parameter joints' in line
-        bench.wait_status('joint states', lambda status: "['joint2']" in status.message)
+        bench.wait_message('joint states', r".*\['joint2'\].*")
         client.forget(NS)
 
 
@@ -124,8 +100,7 @@ def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
             fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
         follow(bench, Q)
         publish(default_arm_urdf().replace('planar_arm', 'other_arm'))
-        bench.wait_status('reference', lambda status: (
-            status.message == 'ended early: another model was loaded'))
+        bench.wait_message('reference', 'ended early: another model was loaded')
         bench.efforts.clear()
         bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
         follow(bench, Q)

@@ -10,8 +10,7 @@ from geometry_msgs.msg import Point
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_dynamics.model.derivatives import ArmDerivatives
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmDerivatives, make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros, TASK_SPACE_ARRAYS
 from robot_dynamics.task_space import TaskSpace, TaskSpaceState
 from robots import robot_urdf

@@ -18,11 +18,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from rclpy.parameter import Parameter
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
-from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.live_residual import LiveResidual
+from robot_dynamics.monitoring import ExternalEffort, LiveResidual
 from robot_dynamics.ros.dynamics.state_log import MOST_ARRIVALS
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation

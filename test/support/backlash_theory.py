@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints import make_actuators, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation

@@ -110,9 +110,7 @@ def has_stamp(stamp: Any) -> Callable[[Any], bool]:
     return lambda message: bool(message.header.stamp == stamp)
 
 
-def wait_until(
-    condition: Callable[[], bool], what: str, timeout: float = TIMEOUT,
-) -> None:
+def wait_until(condition: Callable[[], bool], what: str, timeout: float = TIMEOUT) -> None:
     """Check a condition without notification every 10 ms; fail after the timeout."""
     deadline = time.monotonic() + timeout
     pause = threading.Event()

@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 from recordings import encoded, START_NS, write_recording
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.gravity_calibration.holds import Hold
-from robot_dynamics.gravity_calibration.poses import select_poses
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.gravity_calibration import Hold, select_poses
+from robot_dynamics.model import ArmModel, make_payload, RigidBody
 from robots import effort_limit
 
 TOOL_LINKS = {'default': 'tool0', 'ur10': 'tool0', 'panda': 'panda_link8', 'xarm7': 'link7'}

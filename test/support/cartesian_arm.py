@@ -11,10 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller
+from robot_dynamics.control import ControlLaw, Controller, LawInput, make_gains
 from robot_dynamics.control.laws.cartesian import Cartesian, make_cartesian
-from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
-from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions, default_effort_rates
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics

@@ -4,11 +4,12 @@
 """Both nodes as processes, which close the loop in lock-step."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, ExitStack
 from typing import Any
 
 from builtin_interfaces.msg import Duration
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
@@ -34,6 +35,21 @@ def closed_loop(
         yield node
 
 
+@contextmanager
+def collecting(client: RosClient, namespace: str, *topics: str) -> Iterator[list[Collector]]:
+    """Record the messages of several topics of the type JointState."""
+    with ExitStack() as stack:
+        yield [stack.enter_context(client.collect(JointState, f'{namespace}/{topic}'))
+               for topic in topics]
+
+
+def publish(client: RosClient, topic: str, message: Any) -> None:
+    """Publish one message; wait until it has been received."""
+    publisher = client.publisher(type(message), topic)
+    publisher.publish(message)
+    publisher.wait_for_all_acked()
+
+
 def send(
     client: RosClient, namespace: str, *points: tuple[float, Sequence[float]],
     names: Sequence[str] = NAMES,
@@ -44,7 +60,4 @@ def send(
             positions=list(map(float, q)),
             time_from_start=Duration(sec=int(t), nanosec=round(1e9 * (t % 1.0))))
         for t, q in points])
-    publisher = client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory')
-    publisher.publish(message)
-    publisher.wait_for_all_acked()
-    client.node.destroy_publisher(publisher)
+    publish(client, f'{namespace}/dynamics/joint_trajectory', message)

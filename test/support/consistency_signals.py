@@ -61,9 +61,7 @@ def smooth_motion(rng: np.random.Generator, seconds: float, speed: float) -> (
     return t, q, v
 
 
-def sampled(
-    t: FloatArray, q: FloatArray, v: FloatArray, times: FloatArray,
-) -> States:
+def sampled(t: FloatArray, q: FloatArray, v: FloatArray, times: FloatArray) -> States:
     """Return the states at these times [s]."""
     return States(
         SECOND + np.round(1e9 * times).astype(np.int64),

@@ -6,12 +6,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.control import Controller, ControllerOptions, make_gains
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 

@@ -16,8 +16,7 @@ from fault_bench import NANOSECONDS, nanoseconds_of, stamp_of
 from lock_step_loop import middle
 import numpy as np
 import numpy.typing as npt
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, ArmModel, load_arm
 from robots import JOINTS, robot_urdf
 from ros_harness import DYNAMICS, KEEP_MANY, NodeProcess, RESEND_PERIOD, RosClient
 from sensor_msgs.msg import JointState

@@ -18,10 +18,7 @@ import zlib
 
 from engines import Array, DrakeEngine, Engine, MOVING, MujocoEngine, Projected, Wrench
 import numpy as np
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import Payload
+from robot_dynamics.model import ArmModel, ExternalWrench, load_arm, Payload, RigidBody
 from robots import robot_urdf
 
 # Relative to the largest entry. Accelerations need a larger tolerance: if a wrist or a caster is

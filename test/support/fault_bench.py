@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import itertools
 import math
+import re
 import threading
 import time
 from typing import Any
@@ -22,15 +23,8 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import numpy.typing as npt
-from ros_harness import (
-    Collector,
-    DYNAMICS,
-    KEEP_MANY,
-    NodeProcess,
-    RosClient,
-    TIMEOUT,
-    wait_until,
-)
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import Collector, DYNAMICS, KEEP_MANY, NodeProcess, RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -265,6 +259,15 @@ class FaultBench:
         """Return a figure of a check in the newest report."""
         return figure_of(self.status(check), key)
 
+    def wait_message(self, check: str, pattern: str) -> DiagnosticStatus:
+        """Wait until the whole message of a check matches a pattern; return the status."""
+        return self.wait_status(
+            check, lambda status: re.fullmatch(pattern, status.message) is not None)
+
+    def wait_figure(self, check: str, key: str, least: int) -> DiagnosticStatus:
+        """Wait until a figure of a check is at least this number; return the status."""
+        return self.wait_status(check, lambda status: figure_of(status, key) >= least)
+
     def next_status(self, check: str) -> DiagnosticStatus:
         """Return the status of a check in the next report."""
         self._diagnostics.clear()
@@ -304,8 +307,7 @@ class FaultBench:
 
     def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
         """Wait until more than this number of states were dropped for a reason."""
-        return self.wait_status(
-            'joint states', lambda status: figure_of(status, f'dropped: {reason}') > more_than)
+        return self.wait_figure('joint states', f'dropped: {reason}', more_than + 1)
 
     def wait_silent(self) -> None:
         """Wait until the command has ended: zeros, then no message."""
@@ -319,6 +321,16 @@ class FaultBench:
             assert list(message.name) == self.driver.names
             assert len(message.effort) == len(self.driver.names)
             assert all(map(math.isfinite, message.effort)), message
+
+    def check_hold(self, count: int = 0) -> None:
+        """Check that the commands since the last `clear`, at least this number, are g(q)."""
+        for message in self.efforts.wait_count(count):
+            np.testing.assert_allclose(message.effort, self.hold, rtol=0.0, atol=1e-6)
+
+    def check_answers(self) -> None:
+        """Check that a service answers with g(q)."""
+        response = self.ask('inverse_dynamics', InverseDynamics, position=Q)
+        np.testing.assert_allclose(response.effort, self.hold, rtol=0.0, atol=5e-9)
 
     def check_alive(self) -> None:
         """Check that the node runs, commands g(q), and logged no exception."""

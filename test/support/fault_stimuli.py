@@ -96,7 +96,7 @@ class Swing:
 def follow(bench: FaultBench, q: Sequence[float]) -> None:
     """Make the node follow a set-point."""
     bench.set_point(q)
-    bench.wait_status('reference', lambda status: status.message == 'following')
+    bench.wait_message('reference', 'following')
 
 
 def move_by_hand(

@@ -8,8 +8,7 @@ from pathlib import Path
 from identification_bench import moves_with_pauses
 import numpy as np
 from recordings import encoded, START_NS, write_recording
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model import ArmModel, RigidBody
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.recordings.reader import JointSeries

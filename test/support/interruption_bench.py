@@ -9,12 +9,11 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, figure_of, NAMES, Q
+from fault_bench import fault_bench, FaultBench, NAMES, Q
 from fault_stimuli import follow, move_by_hand
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import RosClient
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -72,8 +71,7 @@ def wait_rejected(bench: FaultBench, reason: str) -> None:
     before = bench.figure('reference', 'refused')
     bench.trajectories.publish(trajectory_to(FAR, 2))
     bench.set_point(FAR)
-    status = bench.wait_status(
-        'reference', lambda status: figure_of(status, 'refused') >= before + 2)
+    status = bench.wait_figure('reference', 'refused', before + 2)
     assert status.level == DiagnosticStatus.WARN
     refusal, = (v.value for v in status.values if v.key == 'refusal of the latest')
     assert reason in refusal

@@ -6,9 +6,7 @@
 from robot_dynamics.references.jerk_profile import Phases
 
 
-def evaluate(
-    phases: Phases, t: float, q: float, v: float, a: float,
-) -> tuple[float, float, float]:
+def evaluate(phases: Phases, t: float, q: float, v: float, a: float) -> tuple[float, float, float]:
     """Return (q, v, a) at time t [s], with zero jerk after the end."""
     t = max(t, 0.0)
     for T, j in [*phases, (t, 0.0)]:

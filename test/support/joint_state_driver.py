@@ -43,9 +43,8 @@ class DriverProcess:
         """Start the process; do not wait for it."""
         self._process = NodeProcess(
             Path(__file__).stem, self._parameters, remaps={'joint_states': self._topic},
-            environment={**NO_SHARED_MEMORY, 'PYTHONPATH': os.pathsep.join(
-                [str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])},
-            ready=re.compile('Streaming'), prefix=self._prefix).launch()
+            environment=NO_SHARED_MEMORY, ready=re.compile('Streaming'),
+            prefix=self._prefix).launch()
         return self
 
     def be_quiet(self) -> None:

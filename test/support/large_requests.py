@@ -103,9 +103,7 @@ def wrenches() -> Large:
 class LargeRequests(ClientProcess):
     """The process that sends these requests."""
 
-    def __init__(
-        self, namespace: str, environment: Mapping[str, str] | None = None,
-    ) -> None:
+    def __init__(self, namespace: str, environment: Mapping[str, str] | None = None) -> None:
         super().__init__('large_requests', namespace, environment=environment)
 
     def call(self, case: str) -> Answer:

@@ -38,9 +38,7 @@ class LockStepped:
 
 
 @contextmanager
-def lock_stepped(
-    client: RosClient, namespace: str, **parameters: Any,
-) -> Iterator[LockStepped]:
+def lock_stepped(client: RosClient, namespace: str, **parameters: Any) -> Iterator[LockStepped]:
     """Run an arm at `START`, with a separate clock."""
     with NodeProcess(
             SIMULATED_ARM, {'lock_step': True, 'initial_position': START, **parameters},

@@ -9,8 +9,7 @@ from lock_step_loop import directions, LockStep, middle, smooth_arm, Trace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model import ArmModel, make_payload
 
 Q = np.array([0.8, 0.5])
 AT_REST = 1e-3

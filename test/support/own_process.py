@@ -17,14 +17,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
-from ros_harness import Collector, EXACT, RosClient
+from ros_harness import Collector, PATIENT, RosClient
 from sensor_msgs.msg import JointState
 
 COUNTER = itertools.count()
-PATIENT = {
-    'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
-    **EXACT}
-"""No faults on a busy machine, as in `NodeProcess`."""
 
 
 class OwnProcess:

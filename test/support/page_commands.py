@@ -73,15 +73,18 @@ def running_node(command: list[str], directory: Path) -> Iterator[None]:
     assert process.returncode == 0, f'{command[3]}:\n{out}'
 
 
-def run_all(
-    commands: list[list[str]], directory: Path, statuses: Mapping[str, int] = NO_STATUSES,
+def run_page(
+    page: str, directory: Path, statuses: Mapping[str, int] = NO_STATUSES,
 ) -> list[tuple[str, str]]:
     """
-    Run all commands in order; return each command with its output.
+    Write the files of a page and run its commands in order; return each with its output.
 
     A node runs in parallel with the later commands, until the same node is started again.
     `statuses` are the exit statuses other than 0, by the beginning of a command.
     """
+    files, commands = files_and_commands(page)
+    for name, text in files.items():
+        (directory / name).write_text(text, encoding='utf-8')
     printed: list[tuple[str, str]] = []
     with ExitStack() as nodes:
         running: dict[str, ExitStack] = {}
@@ -113,9 +116,3 @@ def final_errors(out: str) -> list[float]:
     """Return the column `error` of the output of `dynamics move` [rad], by joint."""
     return [1e-3 * float(error)
             for error in re.findall(r'^\w*joint\d .* (\S+)$', out, re.MULTILINE)]
-
-
-def write_files(files: dict[str, str], directory: Path) -> None:
-    """Write the files of a page."""
-    for name, text in files.items():
-        (directory / name).write_text(text, encoding='utf-8')

@@ -9,9 +9,7 @@ from identification_bench import fourier_motion, series_of
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model import ArmModel, make_payload, Payload, RigidBody
 from robot_dynamics.model.regressor import load_parameters, LoadRegressor
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.recordings import add_motion

@@ -8,8 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.testing as npt
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.planar.chain import PlanarChain
-from robot_dynamics.planar.urdf import planar_arm_urdf
+from robot_dynamics.planar import planar_arm_urdf, PlanarChain
 
 
 def random_chain(seed, n):

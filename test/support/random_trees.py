@@ -14,9 +14,7 @@ from xml.etree import ElementTree
 from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.external_wrench import ExternalWrench
+from robot_dynamics.model import ArmModel, ExternalWrench, load_arm, RigidBody
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 laws = settings(max_examples=40)

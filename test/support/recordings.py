@@ -9,8 +9,7 @@ import shutil
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.message_encoding import joint_state_messages
 from robot_dynamics.recordings.reader import JOINT_STATE

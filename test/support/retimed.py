@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 from one_joint_arm import arm_of, inertial
 import pinocchio as pin
-from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.joints import make_actuators, make_friction
 from robot_dynamics.model.arm import ArmModel, JointLimits, load_arm
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 from robot_dynamics.trajectories.segments import TrajectorySegments

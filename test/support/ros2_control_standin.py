@@ -21,20 +21,21 @@ packages. One process runs three nodes in a loop of `update_rate`, as a controll
 
 from collections.abc import Sequence
 import math
-import os
 from pathlib import Path
 import re
 import signal
 import threading
 from typing import Any
 
+from fault_bench import NAMES, STEADY
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
-from ros_harness import NodeProcess
+from robot_dynamics.planar.urdf import default_arm_urdf
+from ros_harness import DYNAMICS, NO_SHARED_MEMORY, NodeProcess
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
@@ -42,6 +43,14 @@ from std_srvs.srv import SetBool
 STRINGS = Parameter.Type.STRING_ARRAY
 INTERFACES = ('position', 'velocity', 'effort')
 DEFAULT_THRESHOLD = 1e-5
+
+
+def commanding(namespace: str) -> NodeProcess:
+    """Return a node `dynamics`, not yet started, that commands the effort controller."""
+    return NodeProcess(
+        DYNAMICS, {**STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES},
+        namespace=namespace, patient=False, environment=NO_SHARED_MEMORY,
+        remaps={'~/commands': f'{namespace}/effort_controller/commands'})
 
 
 def ros2_control(
@@ -54,12 +63,11 @@ def ros2_control(
     It reads NAMESPACE/simulated/joint_states and publishes NAMESPACE/joint_states and
     NAMESPACE/simulated/effort_command.
     """
-    path = os.pathsep.join([str(Path(__file__).parent), os.environ.get('PYTHONPATH', '')])
     return NodeProcess(
         Path(__file__).stem,
         {'joints': list(joints), 'state_interfaces': list(interfaces), 'update_rate': update_rate,
          'trigger_joint_command_threshold': threshold},
-        namespace=namespace, environment={'PYTHONPATH': path}, ready=re.compile('Updating'))
+        namespace=namespace, ready=re.compile('Updating'))
 
 
 class Hardware(Node):

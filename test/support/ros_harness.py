@@ -37,11 +37,9 @@ import yaml
 
 RESEND_PERIOD = 0.5
 """Time after which a message to a best-effort subscription is published again [s]."""
-
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics.ros.simulated_arm.mujoco_arm'
-
 EXACT = {
     'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0],
     'overspeed_factor': 0.0}
@@ -50,7 +48,10 @@ Parameters with which the command is the control law for the reference as sent, 
 
 The tests of references, of limits and of interruptions use the defaults of these parameters.
 """
-
+PATIENT = {
+    'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
+    **EXACT}
+"""No faults on a busy machine."""
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 """
@@ -77,7 +78,7 @@ def write_parameters(file: Path, parameters: Mapping[str, Any]) -> Path:
 
 class NodeProcess:
     """
-    A node in a separate process, for use in a `with` statement.
+    A node, of a package or of this directory, in a separate process; for a `with` statement.
 
     `parameters` are passed in a file, so that a URDF or an array arrives unchanged. At the end of
     the statement the process gets SIGINT and must exit with status 0 and without a traceback;
@@ -100,9 +101,7 @@ class NodeProcess:
         and follows references with the configured gains (`EXACT`).
         """
         if patient and module == DYNAMICS:
-            parameters = {
-                'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05,
-                'effort_rate_limit': 1e9, **EXACT, **(parameters or {})}
+            parameters = {**PATIENT, **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:
@@ -115,6 +114,8 @@ class NodeProcess:
             command += ['-r', f'{name}:={other}']
         self._command = command
         self._environment = {**os.environ, 'PYTHONUNBUFFERED': '1', **(environment or {})}
+        self._environment['PYTHONPATH'] = os.pathsep.join(
+            [self._environment.get('PYTHONPATH', ''), str(Path(__file__).parent)])
         self._ready = ready
         self._log: list[str] = []
         self._news = threading.Condition()

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
+from fault_bench import Driver, TimedCollector
 import numpy as np
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient, wait_until
+from ros_harness import DYNAMICS, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 from service_requests import SERVICES
 
@@ -45,28 +45,17 @@ class Served:
 
     def answer_while_streaming(self, q: Sequence[float], service: str, **fields: Any) -> Any:
         """Return the answer to a request; joint states at q must be answered meanwhile."""
-        answers: list[float] = []
-        node = self.client.node
-        publisher = node.create_publisher(JointState, f'{self.namespace}/joint_states', 10)
-        subscription = node.create_subscription(
-            JointState, f'{self.namespace}/dynamics/gravity_compensation',
-            lambda _: answers.append(time.monotonic()), 10)
-
-        def publish() -> None:
-            message = JointState(
-                name=self.arm.joint_names, position=q, velocity=[0.0] * len(q))
-            message.header.stamp = node.get_clock().now().to_msg()
-            publisher.publish(message)
-
-        timer = node.create_timer(0.005, publish)
-        wait_until(lambda: len(answers) > 20, 'answers to joint states')
-        begin = time.monotonic()
-        response = self.answer(service, **fields)
-        end = time.monotonic()
-        node.destroy_timer(timer)
-        node.destroy_subscription(subscription)
-        node.destroy_publisher(publisher)
-        assert len([one for one in answers if begin < one < end]) > 5
+        driver = Driver(
+            self.client, f'{self.namespace}/joint_states', self.arm.joint_names, q,
+            [0.0] * len(q)).start()
+        with TimedCollector(self.client.node, JointState,
+                            f'{self.namespace}/dynamics/gravity_compensation', 10) as answers:
+            answers.wait_count(20)
+            begin = time.monotonic()
+            response = self.answer(service, **fields)
+            end = time.monotonic()
+            driver.close()
+        assert len([t for t in answers.times if begin < t < end]) > 5
         return response
 
 

@@ -7,42 +7,26 @@ A process whose node offers a service in each given namespace, one after the oth
 Namespaces arrive as lines of JSON, from a `request_bench.ClientProcess`.
 """
 
-import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
 from typing import Any
 
-import rclpy
-from rclpy.context import Context
+from own_process import own_process
 from rclpy.executors import SingleThreadedExecutor
 from request_bench import answer_lines
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
 from std_srvs.srv import Trigger
 
 
-class ShortLivedServer:
-    """A node with a separate participant that spins in a thread."""
-
-    def __init__(self, namespace: str) -> None:
-        self._context = Context()
-        rclpy.init(args=[], context=self._context)
-        self._node = GuardedCallbacks('server', namespace=namespace, context=self._context)
-        self._node.create_service(Trigger, '~/trigger', _answer)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._ending = False
-        self._thread = threading.Thread(target=self._spin)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while not self._ending:
-            self._executor.spin_once(timeout_sec=0.1)
-
-    def close(self) -> None:
-        """Stop the thread; destroy the node and its participant."""
-        self._ending = True
-        self._thread.join()
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+@contextmanager
+def short_lived_server(namespace: str) -> Iterator[None]:
+    """Run a node with a separate participant that spins in a thread."""
+    with own_process() as process:
+        node = process.add(
+            GuardedCallbacks('server', namespace=namespace, context=process.context))
+        node.create_service(Trigger, '~/trigger', _answer)
+        with process.spun(SingleThreadedExecutor):
+            yield
 
 
 def _answer(_: Any, response: Trigger.Response) -> Trigger.Response:
@@ -51,16 +35,13 @@ def _answer(_: Any, response: Trigger.Response) -> Trigger.Response:
 
 
 def main() -> None:
-    servers: list[ShortLivedServer] = []
+    with ExitStack() as server:
+        def serve(namespace: str) -> str:
+            server.close()
+            server.enter_context(short_lived_server(namespace))
+            return namespace
 
-    def serve(namespace: str) -> str:
-        while servers:
-            servers.pop().close()
-        if namespace:
-            servers.append(ShortLivedServer(namespace))
-        return namespace
-
-    answer_lines(serve)
+        answer_lines(serve)
 
 
 if __name__ == '__main__':

@@ -8,8 +8,7 @@ from typing import Any
 
 from one_joint_arm import arm_of, inertial
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model import ArmDynamics, ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 

@@ -63,9 +63,7 @@ def trajectory(times: Sequence[float]) -> JointTrajectory:
     return message
 
 
-def payload(
-    mass: float, link: str = 'tool0', transition_time: float = 0.3,
-) -> dict[str, Any]:
+def payload(mass: float, link: str = 'tool0', transition_time: float = 0.3) -> dict[str, Any]:
     """Return the fields of a request for a load."""
     load = InertiaStamped()
     load.header.frame_id, load.inertia.m = link, mass

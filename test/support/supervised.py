@@ -8,9 +8,7 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, SafetyOptions
+from robot_dynamics.control import CommandSupervisor, EffortLimits, Fault, SafetyOptions
 
 NAMES = ('shoulder', 'elbow')
 HOLD, OTHER_HOLD = np.array([-50.0, 11.0]), np.array([-40.0, -6.0])
@@ -25,9 +23,7 @@ TROUBLE = Fault('trouble', 'something went wrong')
 LATCHED = Fault('broken', 'something is wrong', latched=True)
 
 
-def limits(
-    rate: float = RATE, reach: float = np.inf, velocity: float = np.inf,
-) -> EffortLimits:
+def limits(rate: float = RATE, reach: float = np.inf, velocity: float = np.inf) -> EffortLimits:
     return EffortLimits(np.full(2, -reach), np.full(2, reach), np.full(2, velocity), 0.01, rate)
 
 
@@ -46,9 +42,7 @@ def answer(
     return None if effort is None else list(effort)
 
 
-def running(
-    command: np.ndarray = HOLD, reach: float = 1.0, **options: Any,
-) -> CommandSupervisor:
+def running(command: np.ndarray = HOLD, reach: float = 1.0, **options: Any) -> CommandSupervisor:
     """Return a supervisor that has returned `command` at the time START."""
     one = make(reach, **options)
     one.activate()

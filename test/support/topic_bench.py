@@ -12,7 +12,6 @@ from ros_harness import Collector, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-NAN = float('nan')
 NAMES = ['joint1', 'joint2']
 Q, V = [np.pi / 4, np.pi / 6], [0.5, 0.3]
 G = [-49.52282521, -11.37087883]
@@ -53,11 +52,9 @@ class Bench:
     def topic(self, name: str) -> str:
         return f'{self.namespace}/{name}'
 
-    def follow(self, *points: JointTrajectoryPoint, stamp: Time | None = None) -> None:
-        """Send a trajectory."""
-        message = JointTrajectory(joint_names=NAMES, points=points)
-        message.header.stamp = stamp or Time()
-        self.trajectories.publish(message)
+    def follow(self, point: JointTrajectoryPoint) -> None:
+        """Send a set-point."""
+        self.trajectories.publish(JointTrajectory(joint_names=NAMES, points=[point]))
 
 
 def make_bench(client: RosClient, node: NodeProcess, namespace: str) -> Bench:

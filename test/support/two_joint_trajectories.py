@@ -8,8 +8,7 @@ from typing import Any
 from hypothesis import settings
 from hypothesis import strategies as st
 import numpy as np
-from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
+from robot_dynamics.trajectories import JointTrajectory, make_trajectory, Reference
 
 JOINTS = ('shoulder', 'elbow')
 EPOCH = 1_700_000_000_123_456_789

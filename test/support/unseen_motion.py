@@ -17,8 +17,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.friction import SMOOTHING_VELOCITY
 from robot_dynamics.joints.friction_terms import smooth_sign
 from robot_dynamics.joints.presliding import presliding_state
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model import ArmModel, RigidBody
 from robot_dynamics.monitoring.contact_levels import BLOCK, ContactLevels
 from scipy.signal import lfilter
 
