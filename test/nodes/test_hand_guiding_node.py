@@ -131,3 +131,12 @@ def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client: Ro
         point = JointState(name=['gripper', *NAMES], position=[0.0, *goal], velocity=[0.0] * 3)
         publish_until(publisher, point, lambda: bool(
             np.abs(np.subtract(states.messages[-1].position, goal)).max() < 1e-3))
+
+
+def test_illegal_options_are_refused_by_name(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/illegal') as node:
+        for name, value in (('hand_guiding.friction_share', [0.9]),
+                            ('hand_guiding.feedback_gain', [0.6]),
+                            ('hand_guiding.speed', [1.0, 2.0, 3.0])):
+            assert name in client.rejection('/illegal/dynamics', name, value)
+        assert 'Traceback' not in node.log

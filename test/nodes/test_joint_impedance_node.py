@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import LONG, RosClient
+from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 
 STIFFNESS = [100.0, 40.0]
@@ -40,3 +40,14 @@ def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffn
             return bool(np.allclose(np.subtract(goal, m.position), sag, rtol=0.02, atol=1e-4)
                         and np.abs(sag).min() > 0.01 and np.abs(m.velocity).max() < 1e-3)
         states.wait_for(rests_below, LONG)
+
+
+def test_a_wrong_stiffness_is_refused_at_the_start_and_at_run_time(client: RosClient) -> None:
+    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/stiff') as node:
+        for name, value in (('impedance.stiffness', [1.0, 2.0, 3.0]),
+                            ('impedance.damping_ratio', [-1.0])):
+            assert name in client.rejection('/stiff/dynamics', name, value)
+        client.set_parameters('/stiff/dynamics', {'command': 'joint_impedance'})
+        assert 'Traceback' not in node.log
+    assert 'impedance.stiffness has 3' in log_of_failed_start(
+        DYNAMICS, {'joints': NAMES, 'impedance.stiffness': [1.0, 2.0, 3.0]}, namespace='/stiff')
