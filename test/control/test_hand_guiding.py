@@ -104,6 +104,24 @@ def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name: str) -> 
     assert one.loop.supervisor.fault_count == 0
 
 
+def test_a_gearbox_that_yields_under_a_released_arm_starts_no_motion() -> None:
+    """An unknown load takes 90 % of the dry friction; without compensation the arm sags as far."""
+    arm, q = smooth_arm('ur5'), np.array([0.7, 0.03, -0.5, -1.0, -0.3, -0.2])
+    coulomb = np.array([3.75, 3.75, 3.75, 0.7, 0.7, 0.7])
+    gravity = [ArmDynamics(arm.with_payloads([make_payload('tool0', mass)])).gravity(q)
+               for mass in (0.0, 1.0)]
+    load = make_payload('tool0', 0.9 / float((np.abs(gravity[1] - gravity[0]) / coulomb).max()))
+    sag = []
+    for share in (0.0, 0.6):
+        one = BristledArm(
+            arm, Case('ur5', 250, 1, 5e-3), coulomb, command='hand_guiding', q=q,
+            true_arm=arm.with_payloads([load]), guiding=make_guiding(arm, share))
+        one.run(4.0)
+        assert np.abs(one.v).max() < 1e-3
+        sag.append(np.abs(one.q - q).max())
+    assert sag[1] < 1.1 * sag[0]
+
+
 def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm() -> None:
     one = guided(Case('ur10', 500, 2, 1e-3))
     hand(one, 1, SPEED, 0.5)

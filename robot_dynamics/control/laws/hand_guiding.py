@@ -18,7 +18,9 @@ yields before it slides it feeds a vibration (`JointFriction.tracking_effort`). 
 the compensation therefore follows the way of the joint: dz = dq / w − (v_d / w) z dt, within ±1,
 with the width w of the compensation at rest. Slower than v_d it is less than full, and at rest it
 fades, so that the whole dry friction holds the arm. In motion at least MASS_ERROR of gravity
-remains of dry friction, as far as the share exceeds LEAST_SHARE.
+remains of dry friction. If that is more than 1 − LEAST_SHARE, the compensation up to LEAST_SHARE
+begins after a way of PLAY: before, a gearbox that yields under a released arm would start a motion
+that the rest of friction does not stop.
 
 Towards a position limit it is at most the share of v_d that is allowed: nothing moves a joint into
 its limit. g and M are those of the position q + q̇ (T + LOOP_DELAY)/2 when the effort acts
@@ -43,6 +45,10 @@ FULL_SPEED = 0.05
 SLOWNESS = 0.02
 """Time constant [s] of the velocity at which viscous friction is compensated."""
 MASS_ERROR, LEAST_SHARE = 0.07, 0.42
+PLAY, FAR = 0.03, 0.04
+"""Ways [rad] or [m] after which the compensation up to LEAST_SHARE begins and is complete."""
+FORGETTING = 1.0
+"""Time constant [s] of the way."""
 DAMPING = 1.0
 """[1/s] of joints without known dry friction: they come to rest too."""
 WALL_PUSH, LARGEST_WALL = 10.0, 0.1
@@ -71,7 +77,7 @@ class HandGuiding(ControlLaw):
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(len(self._gains.kp))
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
-        self._z = self._v = self._external = self._zero
+        self._z = self._v = self._way = self._external = self._zero
         self._felt_until_ns = 0
 
     def feel(self, external: FloatArray, stamp_ns: int) -> None:
@@ -116,7 +122,7 @@ class HandGuiding(ControlLaw):
         last, self._last = self._last, (state.stamp_ns, state.q)
         dt = 0.0 if last is None else 1e-9 * (state.stamp_ns - last[0])
         if last is None or not 0.0 < dt <= LONGEST_STEP:
-            self._z = self._v = self._zero
+            self._z = self._v = self._way = self._zero
             self._feedback.restart()
             return self._zero, 0.0
         moved = state.feedback.position_error(state.q, last[1])
@@ -130,16 +136,20 @@ class HandGuiding(ControlLaw):
         """Return the compensation of friction (n,), and the dry friction that remains (n,)."""
         friction, alpha = state.dynamics.friction, self._guiding.friction_share
         w = friction.tracking_width
+        low = np.clip(least / FULL_SPEED, -1.0, 0.0)
+        high = np.clip(most / FULL_SPEED, 0.0, 1.0)
         self._z = np.clip(
-            self._z + moved / w - np.minimum(FULL_SPEED * dt / w, 1.0) * self._z,
-            np.clip(least / FULL_SPEED, -1.0, 0.0), np.clip(most / FULL_SPEED, 0.0, 1.0))
+            self._z + moved / w - np.minimum(FULL_SPEED * dt / w, 1.0) * self._z, low, high)
+        self._way = np.clip((1.0 - dt / FORGETTING) * self._way + moved, -FAR, FAR)
+        beyond = (self._way - np.clip(self._way, -PLAY, PLAY)) / (FAR - PLAY)
         dry = np.maximum(friction.at_rest.static, 1e-9)
-        spare = 1.0 - MASS_ERROR * np.abs(gravity) / dry
-        share = np.minimum(alpha, np.maximum(spare, LEAST_SHARE))
+        spare = np.clip(1.0 - MASS_ERROR * np.abs(gravity) / dry, 0.0, alpha)
+        more = np.clip(LEAST_SHARE - spare, 0.0, alpha - spare)
         direction = np.divide(
-            share, alpha, out=np.zeros_like(alpha), where=alpha > 0.0) * self._z
+            spare * self._z + more * np.clip(beyond, low, high), alpha,
+            out=np.zeros_like(alpha), where=alpha > 0.0)
         compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
-        return compensation, (1.0 - share) * dry
+        return compensation, (1.0 - spare - more) * dry
 
     def _braking(
         self, state: LawInput, v: FloatArray, least: FloatArray, most: FloatArray,
