@@ -193,7 +193,7 @@ class NodeUnderTest:
         self._data = bytearray(serialize_message(
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))
         parameters: Mapping[str, Any] = {
-            'robot_description_file': urdf, 'state_timeout': 10.0, 'state_max_age': 60.0,
+            'robot_description_file': urdf, 'state_timeout': 60.0, 'state_max_age': 60.0,
             'effort_check': False}
         self._node = DynamicsNode(parameter_overrides=[
             Parameter(name, value=value) for name, value in parameters.items()])
