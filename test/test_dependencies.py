@@ -65,7 +65,7 @@ IMPORTED = sorted(set().union(*map(imported_modules, SOURCES)))
 
 
 @pytest.mark.parametrize('module', IMPORTED)
-def test_every_import_is_declared(module: str) -> None:
+def test_every_import_is_declared(module):
     """A module has a package of ROS or a rosdep key in package.xml, or is in an extra."""
     in_extras = {re.split(r'[~=<>;]', required)[0].strip()
                  for requirements in extras().values() for required in requirements}
@@ -74,8 +74,7 @@ def test_every_import_is_declared(module: str) -> None:
 
 
 @pytest.mark.parametrize('library', LIBRARIES)
-def test_a_missing_library_is_named_with_its_command(
-        library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_named_with_its_command(library, monkeypatch):
     monkeypatch.setitem(sys.modules, library, None)
     name, _, packages, extra = LIBRARIES[library]
     words = f'a test needs the library {name}, which cannot be imported. Install it: '
@@ -86,8 +85,7 @@ def test_a_missing_library_is_named_with_its_command(
     assert set(packages) <= in_extra
 
 
-def test_all_missing_libraries_are_named_with_one_command(
-        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_missing_libraries_are_named_with_one_command(monkeypatch):
     for module in ('rosbags', 'scipy'):
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingDependencyError) as caught:
@@ -113,7 +111,7 @@ TOOLS = {
 
 
 @pytest.mark.parametrize('name', TOOLS)
-def test_a_tool_names_all_missing_libraries_before_its_work(name: str, tmp_path: Path) -> None:
+def test_a_tool_names_all_missing_libraries_before_its_work(name, tmp_path):
     arguments, missing = TOOLS[name]
     (site := tmp_path / 'site').mkdir()
     (place := tmp_path / 'here').mkdir()
@@ -132,8 +130,7 @@ def test_a_tool_names_all_missing_libraries_before_its_work(name: str, tmp_path:
 @pytest.mark.parametrize(('name', 'arguments'), [
     ('check_model', ['arm.urdf']), ('planar_urdf', ['-o', 'x.urdf']),
     ('excite', ['--urdf', 'package://arm/arm.urdf', '--duration', '2', '--harmonics', '2'])])
-def test_other_tools_need_neither_ros_nor_a_library(
-        name: str, arguments: list[str], tmp_path: Path) -> None:
+def test_other_tools_need_neither_ros_nor_a_library(name, arguments, tmp_path):
     """A description of a package is found without the modules of ROS."""
     from robot_dynamics.planar.urdf import default_arm_urdf
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
@@ -151,7 +148,7 @@ def test_other_tools_need_neither_ros_nor_a_library(
 
 
 @pytest.mark.parametrize('absent', ['rclpy', 'robot_dynamics_interfaces'])
-def test_a_node_without_ros_names_the_command(absent: str, tmp_path: Path) -> None:
+def test_a_node_without_ros_names_the_command(absent, tmp_path):
     environment = environment_without(tmp_path, [absent])
     done = children.run(
         [sys.executable, '-c', 'from robot_dynamics.ros import entry_points; '
@@ -167,7 +164,7 @@ def test_a_node_without_ros_names_the_command(absent: str, tmp_path: Path) -> No
 
 @pytest.mark.skipif(
     sys.prefix == sys.base_prefix, reason='not in a virtual environment, as scripts/test is')
-def test_the_command_in_a_virtual_environment_is_that_of_its_pip() -> None:
+def test_the_command_in_a_virtual_environment_is_that_of_its_pip():
     assert shlex.split(install_command('viser')) == [
         sys.executable, '-m', 'pip', 'install', 'viser', 'pycollada']
 
@@ -183,7 +180,7 @@ def command_of_system_python(library: str) -> str:
 @pytest.mark.skipif(
     not list(Path('/usr/lib').glob('python3*/EXTERNALLY-MANAGED')),
     reason='no Python of Debian or Ubuntu that refuses a plain pip install (PEP 668)')
-def test_the_system_python_gets_a_command_that_it_does_not_refuse() -> None:
+def test_the_system_python_gets_a_command_that_it_does_not_refuse():
     assert command_of_system_python('scipy') == 'sudo apt install python3-scipy'
     command = command_of_system_python('rosbags')
     needs_pip = command.startswith('sudo apt install python3-pip && ')
@@ -203,7 +200,7 @@ def test_the_system_python_gets_a_command_that_it_does_not_refuse() -> None:
     assert 'externally-managed-environment' in plain.stderr
 
 
-def test_a_module_inside_a_library_is_returned() -> None:
+def test_a_module_inside_a_library_is_returned():
     assert optional('yaml.nodes', 'a test').__name__ == 'yaml.nodes'
 
 
@@ -219,18 +216,18 @@ def names_in_table(heading: str) -> set[str]:
         '`([^`]+)`', line.split('|')[1])}
 
 
-def test_the_installation_page_has_every_extra() -> None:
+def test_the_installation_page_has_every_extra():
     assert names_in_table('\n| extra | for |\n') == set(extras())
 
 
-def test_the_installation_page_has_every_option_of_the_setup() -> None:
+def test_the_installation_page_has_every_option_of_the_setup():
     script = (ROOT / 'scripts' / 'setup').read_text(encoding='utf-8')
     usage = re.search(r'^#   scripts/setup (.*)$', script, re.MULTILINE)
     assert names_in_table('\n| option of `scripts/setup` | adds |\n') == set(
         re.findall(r'\[(.+?)\]', usage[1]))
 
 
-def test_the_pages_state_the_versions_of_python_that_are_tested() -> None:
+def test_the_pages_state_the_versions_of_python_that_are_tested():
     readme = (ROOT / 'README.md').read_text(encoding='utf-8')
     workflow = (ROOT / '.github' / 'workflows' / 'tests.yml').read_text(encoding='utf-8')
     versions = re.search(r"^ +python: \['([\d.]+)', '([\d.]+)'\]$", workflow, re.MULTILINE)

@@ -28,10 +28,7 @@ QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
 
 
 @pytest.mark.parametrize('name', QUICK)
-def test_an_existing_file_is_kept_unless_forced(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_existing_file_is_kept_unless_forced(name, tmp_path, monkeypatch, capsys):
     main, output, arguments = QUICK[name]
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('OPENBLAS_NUM_THREADS', '1')
@@ -59,7 +56,7 @@ def test_a_file_that_cannot_be_written_is_named(name, tmp_path, capsys):
     assert capsys.readouterr().err.splitlines()[-1].startswith(f'{name.split()[0]}: cannot write ')
 
 
-def test_a_device_is_no_file(capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_device_is_no_file(capfd):
     assert planar_urdf.main(['-o', '/dev/stdout']) == 0
     assert capfd.readouterr().out == default_arm_urdf()
 
@@ -69,7 +66,7 @@ def arguments_of(output: Path, **settings: object) -> Namespace:
         'output': output, 'cutoff': None, 'jobs': None, 'dask': None, 'force': False, **settings})
 
 
-def test_a_directory_is_used_again_by_the_same_command(tmp_path: Path) -> None:
+def test_a_directory_is_used_again_by_the_same_command(tmp_path):
     output = tmp_path / 'out'
     report = output / 'report.html'
     assert prepare_directory(output, [report], arguments_of(output)) == output / KEPT
@@ -87,7 +84,7 @@ def test_a_directory_is_used_again_by_the_same_command(tmp_path: Path) -> None:
         prepare_directory(output, [report], arguments_of(output))
 
 
-def test_files_of_others_are_kept(tmp_path: Path) -> None:
+def test_files_of_others_are_kept(tmp_path):
     (tmp_path / 'report.html').touch()
     with pytest.raises(InvalidInputError, match='is not of the same command'):
         prepare_directory(tmp_path, [tmp_path / 'report.html'], arguments_of(tmp_path))

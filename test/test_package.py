@@ -24,7 +24,7 @@ FOLDERS = sorted(
     if path.parent.name not in ('ros', 'tools'))
 
 
-def test_every_name_is_that_of_its_subpackage() -> None:
+def test_every_name_is_that_of_its_subpackage():
     assert len(robot_dynamics.__all__) >= 15
     for name in robot_dynamics.__all__:
         assert name in dir(robot_dynamics)
@@ -32,7 +32,7 @@ def test_every_name_is_that_of_its_subpackage() -> None:
     assert robot_dynamics.RobotDynamicsError is RobotDynamicsError
 
 
-def test_type_checkers_see_the_same_names() -> None:
+def test_type_checkers_see_the_same_names():
     tree = ast.parse(Path(robot_dynamics.__file__).read_text(encoding='utf-8'))
     block, = (node for node in tree.body if isinstance(node, ast.If))
     seen = {alias.asname: node.module for node in block.body
@@ -40,12 +40,12 @@ def test_type_checkers_see_the_same_names() -> None:
     assert seen == robot_dynamics._MODULES
 
 
-def test_another_name_is_an_attribute_error() -> None:
+def test_another_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="has no attribute 'load_robot'"):
         robot_dynamics.load_robot  # noqa: B018
 
 
-def test_the_package_alone_loads_no_library() -> None:
+def test_the_package_alone_loads_no_library():
     program = 'import sys, robot_dynamics; print(*sorted({n.split(".")[0] for n in sys.modules}))'
     loaded = subprocess.run(
         [sys.executable, '-c', program], capture_output=True, text=True, check=True).stdout.split()
@@ -54,14 +54,14 @@ def test_the_package_alone_loads_no_library() -> None:
 
 
 @pytest.mark.parametrize('folder', FOLDERS)
-def test_a_subpackage_offers_what_it_lists(folder: str) -> None:
+def test_a_subpackage_offers_what_it_lists(folder):
     module = __import__(f'robot_dynamics.{folder}', fromlist=['__all__'])
     assert module.__doc__
     assert sorted(module.__all__, key=str.lower) == module.__all__
     assert all(hasattr(module, name) for name in module.__all__)
 
 
-def test_no_name_of_a_subpackage_hides_a_module() -> None:
+def test_no_name_of_a_subpackage_hides_a_module():
     root = Path(robot_dynamics.__file__).parent
     hidden = [f'{folder}.{name}' for folder in FOLDERS
               for name in __import__(f'robot_dynamics.{folder}', fromlist=['__all__']).__all__
@@ -91,7 +91,7 @@ def has_any(annotation: ast.expr) -> bool:
         for node in ast.walk(annotation))
 
 
-def test_few_public_parameters_have_any_type() -> None:
+def test_few_public_parameters_have_any_type():
     package = Path(robot_dynamics.__file__).parent
     found, count = [], 0
     for path in sorted(package.rglob('*.py')):
@@ -125,11 +125,11 @@ def imports_within(folder: Path, root: Path = PROJECT) -> dict[str, set[str]]:
 @pytest.mark.parametrize('folder', [
     path.parent for path in sorted(Path(robot_dynamics.__file__).parent.rglob('__init__.py'))],
     ids=lambda path: path.name)
-def test_no_circle_of_imports_in_a_folder(folder: Path) -> None:
+def test_no_circle_of_imports_in_a_folder(folder):
     list(TopologicalSorter(imports_within(folder)).static_order())  # raises CycleError
 
 
-def test_imports_for_types_count_in_a_circle(tmp_path: Path) -> None:
+def test_imports_for_types_count_in_a_circle(tmp_path):
     (tmp_path / 'one').mkdir()
     (tmp_path / 'one' / 'a.py').write_text('from one.b import B\n', encoding='utf-8')
     (tmp_path / 'one' / 'b.py').write_text(
@@ -156,7 +156,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return directory / 'unpacked'
 
 
-def test_a_wheel_puts_no_names_of_others_on_the_path(wheel: Path) -> None:
+def test_a_wheel_puts_no_names_of_others_on_the_path(wheel):
     entries = ConfigParser()
     entries.optionxform = str  # type: ignore[assignment,method-assign]
     entries.read(next(wheel.glob('*.dist-info')) / 'entry_points.txt')
@@ -165,7 +165,7 @@ def test_a_wheel_puts_no_names_of_others_on_the_path(wheel: Path) -> None:
     assert all(name.startswith('robot_dynamics_') for name in names)
 
 
-def test_the_library_of_a_wheel_needs_no_ros(wheel: Path) -> None:
+def test_the_library_of_a_wheel_needs_no_ros(wheel):
     program = '\n'.join([
         'import sys', f'sys.path.insert(0, {str(wheel)!r})',
         "sys.modules['rclpy'] = sys.modules['robot_dynamics_interfaces'] = None",
@@ -180,7 +180,7 @@ def test_the_library_of_a_wheel_needs_no_ros(wheel: Path) -> None:
     assert out == 'True [-49.522825, -11.370879]\n'
 
 
-def test_a_wheel_has_version_licence_and_author(wheel: Path) -> None:
+def test_a_wheel_has_version_licence_and_author(wheel):
     metadata = next(wheel.glob('*.dist-info')) / 'METADATA'
     text = metadata.read_text(encoding='utf-8')
     fields = dict(re.findall(r'^([\w-]+): (.+)$', text, re.MULTILINE))

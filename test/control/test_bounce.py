@@ -37,9 +37,7 @@ def inertia(rng: np.random.Generator) -> FloatArray:
 
 
 @seeds
-def test_bounces_are_found_in_any_direction_and_the_approach_is_towards_the_surface(
-    seed: int,
-) -> None:
+def test_bounces_are_found_in_any_direction_and_the_approach_is_towards_the_surface(seed):
     rng = np.random.default_rng(seed)
     M, normal, period = inertia(rng), rng.normal(size=4), rng.uniform(0.03, 0.06)
     rise = np.linalg.solve(M, normal)  # the change of velocity by an impulse along `normal`
@@ -61,7 +59,7 @@ def test_bounces_are_found_in_any_direction_and_the_approach_is_towards_the_surf
 
 
 @seeds
-def test_an_oscillation_is_no_bounce(seed: int) -> None:
+def test_an_oscillation_is_no_bounce(seed):
     """Neither one that the feedback explains, nor that of a gearbox."""
     rng = np.random.default_rng(seed)
     M, mode, frequency = inertia(rng), rng.normal(size=4), rng.uniform(2.0, 60.0)
@@ -74,7 +72,7 @@ def test_an_oscillation_is_no_bounce(seed: int) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 6])
-def test_noise_of_the_velocity_is_rarely_a_bounce(n: int) -> None:
+def test_noise_of_the_velocity_is_rarely_a_bounce(n):
     rng = np.random.default_rng(n)
     noise = rng.normal(size=(250, n))
     found = bounces(lambda t: noise[round(250.0 * t)], np.eye(n), lambda t: np.zeros(n))

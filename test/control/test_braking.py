@@ -34,7 +34,7 @@ def braking(**options: Any) -> CommandSupervisor:
     return one
 
 
-def test_the_command_continues_during_the_stop() -> None:
+def test_the_command_continues_during_the_stop():
     one = braking()
     for k in range(1, 100):
         assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
@@ -47,7 +47,7 @@ def test_the_command_continues_during_the_stop() -> None:
     assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
 
 
-def test_a_stop_that_does_not_succeed_ends_with_the_ramp() -> None:
+def test_a_stop_that_does_not_succeed_ends_with_the_ramp():
     """All numbers are exact in binary; a second request does not extend the time."""
     one, period, end = braking(), 0.03125, START + BRAKING_TIME
     for k in range(1, round(BRAKING_TIME / period) + 1):
@@ -60,7 +60,7 @@ def test_a_stop_that_does_not_succeed_ends_with_the_ramp() -> None:
     assert one.mode is Mode.STOPPING
 
 
-def test_without_states_a_stop_ends_with_the_ramp() -> None:
+def test_without_states_a_stop_ends_with_the_ramp():
     one = braking(state_timeout=0.0625)
     assert one.tick(START + 0.0625) is None
     assert one.tick(START + 0.0627) is not None
@@ -69,7 +69,7 @@ def test_without_states_a_stop_ends_with_the_ramp() -> None:
 
 
 @pytest.mark.parametrize('overdue', [False, True])
-def test_without_a_command_or_without_states_there_is_no_stop(overdue: bool) -> None:
+def test_without_a_command_or_without_states_there_is_no_stop(overdue):
     one = running() if overdue else make()
     one.activate()
     assert not one.brake(START + (1.0 if overdue else 0.0))
@@ -82,7 +82,7 @@ def test_without_a_command_or_without_states_there_is_no_stop(overdue: bool) -> 
 
 
 @pytest.mark.parametrize('before', [True, False])
-def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before: bool) -> None:
+def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
     one = running(PUSH)
     for step in ((one.fail, one.brake) if before else (one.brake, one.fail)):
         step(START, *([TROUBLE] if step == one.fail else []))  # type: ignore[operator]
@@ -103,7 +103,7 @@ def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before: bool)
     assert one.mode is Mode.RUNNING
 
 
-def test_a_stop_that_is_cancelled_continues_with_the_command() -> None:
+def test_a_stop_that_is_cancelled_continues_with_the_command():
     one = braking()
     one.resume()
     assert one.mode is Mode.RUNNING

@@ -44,9 +44,7 @@ def is_regular(J: np.ndarray) -> bool:
 @arms
 @settings(max_examples=30, deadline=None)
 @seeds
-def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(
-    robot: str, seed: int,
-) -> None:
+def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(robot, seed):
     """The compliance of the frame, J K⁻¹ Jᵀ, is the inverse of the stiffness, in all six axes."""
     arm = rotored(smooth_arm(robot), 5.0)
     q, kt = random_pose(arm, seed), [300.0, 500.0, 700.0]
@@ -70,9 +68,7 @@ def test_the_frame_has_the_stiffness_and_the_posture_does_not_move_it(
 @pytest.mark.parametrize('robot', ['default', 'ur5', 'panda', 'z1', 'so100'])
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 10_000), singular=st.booleans())
-def test_no_mode_is_too_fast_and_each_is_damped_in_any_pose(
-    robot: str, seed: int, singular: bool,
-) -> None:
+def test_no_mode_is_too_fast_and_each_is_damped_in_any_pose(robot, seed, singular):
     """Also at singularities: with all joints at 0, or in turns at their limits."""
     arm = smooth_arm(robot)
     q = random_pose(arm, seed)
@@ -90,7 +86,7 @@ def test_no_mode_is_too_fast_and_each_is_damped_in_any_pose(
 
 
 @arms
-def test_a_lost_direction_is_held_by_the_posture(robot: str) -> None:
+def test_a_lost_direction_is_held_by_the_posture(robot):
     """The stiffness is continuous along a motion through a singularity."""
     arm = rotored(smooth_arm(robot), 1.0)
     law, dynamics, before = law_of(arm), UncheckedArmDynamics(arm), None
@@ -105,9 +101,7 @@ def test_a_lost_direction_is_held_by_the_posture(robot: str) -> None:
 @pytest.mark.parametrize('robot', ROBOTS)
 @pytest.mark.parametrize('rotors', [False, True])
 @pytest.mark.parametrize(('rate', 'delay'), [(1000, 0), (250, 8)])
-def test_a_step_overshoots_by_at_most_5_percent(
-    robot: str, rotors: bool, rate: int, delay: int,
-) -> None:
+def test_a_step_overshoots_by_at_most_5_percent(robot, rotors, rate, delay):
     for axis in range(6):
         one = CartesianArm(robot, rate, delay, rotors)
         way = one.step(axis, 0.05 if axis < 3 else 0.3, 1.5)
@@ -118,7 +112,7 @@ def test_a_step_overshoots_by_at_most_5_percent(
 @arms
 @settings(max_examples=50, deadline=None)
 @seeds
-def test_a_joint_before_its_limit_is_braked_by_its_own_effort(robot: str, seed: int) -> None:
+def test_a_joint_before_its_limit_is_braked_by_its_own_effort(robot, seed):
     """An effort at other joints would keep them away from their reference."""
     arm = rotored(smooth_arm(robot))
     law, rng, q = law_of(arm), np.random.default_rng(seed), random_pose(arm, seed)
@@ -139,7 +133,7 @@ def largest_rise(energy: np.ndarray) -> float:
 
 @pytest.mark.parametrize('robot', ['panda', 'z1'])
 @pytest.mark.parametrize('stiffness', WALL_STIFFNESS)
-def test_contact_with_a_wall_never_gains_energy(robot: str, stiffness: float) -> None:
+def test_contact_with_a_wall_never_gains_energy(robot, stiffness):
     """States at 1 kHz. The spring is not exactly conservative, because it depends on the pose."""
     one = CartesianArm(robot, 1000, 0, rotors=False)
     energy = one.press_on_a_wall(stiffness, (1.0, 1.0, 3.0))
@@ -150,9 +144,7 @@ def test_contact_with_a_wall_never_gains_energy(robot: str, stiffness: float) ->
 @pytest.mark.parametrize(('stiffness', 'rotors'), [
     *((stiffness, True) for stiffness in WALL_STIFFNESS), (WALL_STIFFNESS[-1], False)])
 @pytest.mark.parametrize('robot', ROBOTS)
-def test_late_contact_with_a_wall_hardly_gains_energy(
-    robot: str, stiffness: float, rotors: bool,
-) -> None:
+def test_late_contact_with_a_wall_hardly_gains_energy(robot, stiffness, rotors):
     """At 250 Hz with 8 ms, bounces of a fraction of a mm remain without any friction."""
     one = CartesianArm(robot, 250, 8, rotors)
     energy = one.press_on_a_wall(stiffness, (1.0, 1.0, 3.0))
@@ -161,7 +153,7 @@ def test_late_contact_with_a_wall_hardly_gains_energy(
     assert one.controller.laws.adaptation.scale.min() >= 0.7  # at most one doubt
 
 
-def test_a_rotation_error_of_half_a_turn_does_not_jump() -> None:
+def test_a_rotation_error_of_half_a_turn_does_not_jump():
     arm = smooth_arm('ur5')
     loop = ControlLoop.of_arm(
         arm, command='cartesian_impedance', conditions_references=False, scales_gains=False)
@@ -179,7 +171,7 @@ def test_a_rotation_error_of_half_a_turn_does_not_jump() -> None:
 @arms
 @settings(max_examples=20, deadline=None)
 @seeds
-def test_the_wrench_is_bounded(robot: str, seed: int) -> None:
+def test_the_wrench_is_bounded(robot, seed):
     """The effort at any error is that of a wrench within the bounds, and of the posture."""
     arm = rotored(smooth_arm(robot), 5.0)
     q = random_pose(arm, seed)
@@ -202,7 +194,7 @@ def test_the_wrench_is_bounded(robot: str, seed: int) -> None:
         assert np.linalg.norm(wrench[3:]) <= 5.0 * (1.0 + 1e-6)
 
 
-def test_a_push_does_not_move_a_joint_past_its_limit() -> None:
+def test_a_push_does_not_move_a_joint_past_its_limit():
     arm = rotored(smooth_arm('panda'))
     q = middle(arm)
     q[5] = arm.limits.upper[5] - 0.15
@@ -220,6 +212,6 @@ def test_a_push_does_not_move_a_joint_past_its_limit() -> None:
     ('translation_stiffness', float('nan')), ('rotation_stiffness', -2.0),
     ('damping_ratio', 0.1), ('null_space_frequency', 31.0), ('force_limit', -1.0),
     ('torque_limit', float('inf')), ('frame', 'no_link')])
-def test_a_wrong_option_is_named(field: str, value: object) -> None:
+def test_a_wrong_option_is_named(field, value):
     with pytest.raises(InvalidInputError, match=f'cartesian.{field}'):
         make_cartesian(smooth_arm('default'), **{field: value})

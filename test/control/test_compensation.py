@@ -67,7 +67,7 @@ def rms(errors: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt((errors**2).mean(axis=0)))
 
 
-def test_known_friction_is_tracked_twenty_times_better() -> None:
+def test_known_friction_is_tracked_twenty_times_better():
     without, known = rms(run(0.0).error), rms(run(1.0).error)
     print(f'RMS error without {without}, with {known}, ratio {without / known}')
     assert np.linalg.norm(without) >= 20.0 * np.linalg.norm(known)
@@ -85,7 +85,7 @@ def sign_changes(friction: np.ndarray) -> list[int]:
     return [int((np.diff(sign) != 0.0).sum()) for sign in signs]
 
 
-def test_compensation_at_rest_does_not_chatter() -> None:
+def test_compensation_at_rest_does_not_chatter():
     """Under noise of both sensors the sign changes 0 times in 900 samples; sgn(v) 400 times."""
     noisy = run(1.0, seconds=3.0, still=2.0, **NOISE)
     naive = with_friction(1.0).friction.effort(noisy.measured_velocity[REST])
@@ -96,7 +96,7 @@ def test_compensation_at_rest_does_not_chatter() -> None:
     assert not noisy.velocity[REST].any()  # the arm stays at rest
 
 
-def test_noise_as_large_as_the_error_at_rest_turns_the_compensation_but_not_the_arm() -> None:
+def test_noise_as_large_as_the_error_at_rest_turns_the_compensation_but_not_the_arm():
     noisy = run(1.0, seconds=3.0, still=2.0, position_noise=1e-4, velocity_noise=2e-3)
     assert sign_changes(noisy.friction[REST])[0] > 100
     assert (np.abs(noisy.friction[REST]) < 0.6 * np.array(FRICTION['static'])).all()

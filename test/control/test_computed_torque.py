@@ -46,7 +46,7 @@ def along_a_path(arm: ArmModel = ARM, **options: object) -> list[ControlOutput]:
     return [one.update(START + 5 * k * MS, zero, zero) for k in range(1, 200)]
 
 
-def test_each_segment_of_a_path_is_followed() -> None:
+def test_each_segment_of_a_path_is_followed():
     dynamics, zero = ArmDynamics(ARM), np.zeros(2)
     for output in along_a_path():
         reference = output.reference
@@ -79,9 +79,7 @@ def feedback_of(
 
 @settings(max_examples=60)
 @given(error=st.floats(-1.0, 1.0), speed=st.floats(-5.0, 5.0), rate=st.floats(1.0, 1e5))
-def test_the_change_or_the_size_of_the_feedback_is_within_the_rate_limit(
-    error: float, speed: float, rate: float,
-) -> None:
+def test_the_change_or_the_size_of_the_feedback_is_within_the_rate_limit(error, speed, rate):
     """The change is s² M (K_p + K_d²) ė per second, the size s M (K_p e + K_d ė)."""
     proportional, damping, s = feedback_of(error, speed, rate)
     M = ArmDynamics(ARM).rigid_body.mass_matrix(np.zeros(2))
@@ -93,12 +91,12 @@ def test_the_change_or_the_size_of_the_feedback_is_within_the_rate_limit(
 
 
 @pytest.mark.parametrize('error', [1e-3, 0.5, 3.0])
-def test_a_steady_error_is_fed_back_in_full(error: float) -> None:
+def test_a_steady_error_is_fed_back_in_full(error):
     """That under a load, for example, of any size."""
     assert feedback_of(error, 0.0, 10.0)[2] == 1.0
 
 
-def test_without_softening_or_a_rate_limit_nothing_is_limited() -> None:
+def test_without_softening_or_a_rate_limit_nothing_is_limited():
     assert feedback_of(0.5, 5.0, 10.0, softens=False)[2] == 1.0
     assert feedback_of(0.5, 5.0, np.inf)[2] == 1.0
 
@@ -107,7 +105,7 @@ def test_without_softening_or_a_rate_limit_nothing_is_limited() -> None:
 @pytest.mark.parametrize('gains', [
     Gains(np.zeros(2), np.zeros(2)), Gains(np.zeros(2), np.array([5e-324, 1e-310])),
     Gains(np.full(2, 1e8), np.full(2, 1e8))])
-def test_gains_of_any_size_give_finite_efforts(gains: Gains) -> None:
+def test_gains_of_any_size_give_finite_efforts(gains):
     one = Controller(ARM, ControllerOptions(gains, effort_rate=1e3, scales_gains=True))
     zero = np.zeros(2)
     one.update(START, zero, zero)
@@ -153,21 +151,17 @@ def final_error(
     ([1.0, 0.5], 2.0, {'rate': 300.0}),
     ([2.0, 1.0], 0.5, {'frequency': 60.0}),
 ])
-def test_an_arm_arrives_at_any_set_point(
-    goal: list[float], duration: float, options: dict[str, float],
-) -> None:
+def test_an_arm_arrives_at_any_set_point(goal, duration, options):
     """One point without velocities: the reference is a line, and its velocity has a step."""
     assert final_error(goal, duration, **options) < 1e-3  # type: ignore[arg-type]
 
 
-def test_feedback_that_is_not_limited_lets_it_diverge() -> None:
+def test_feedback_that_is_not_limited_lets_it_diverge():
     assert final_error([1.0, 0.5], 0.01, softens=False) > 1.0
 
 
 @pytest.mark.parametrize('compensates', [(), ('friction',)])
-def test_friction_that_the_robot_compensates_is_not_commanded(
-    compensates: tuple[str, ...],
-) -> None:
+def test_friction_that_the_robot_compensates_is_not_commanded(compensates):
     rubbing = ARM.with_friction(make_friction(NAMES, viscous=[3.0], coulomb=[2.0]))
     commands = along_a_path(
         rubbing, effort_convention=EffortConvention(robot_compensates=compensates))
@@ -179,9 +173,7 @@ def test_friction_that_the_robot_compensates_is_not_commanded(
 
 
 @pytest.mark.parametrize(('period', 'is_slow'), [(0.05, True), (0.002, False)])
-def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
-    period: float, is_slow: bool,
-) -> None:
+def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(period, is_slow):
     """M, C and g are those of the position half of the delay ahead, but not at fast rates."""
     one = Controller(ARM, ControllerOptions(GAINS, scales_gains=True))
     q, v = np.array([0.8, 0.5]), np.array([0.4, -0.3])
@@ -199,7 +191,7 @@ def test_at_slow_rates_bandwidth_and_position_are_those_of_the_delay(
 
 
 @pytest.mark.parametrize('scale', [[0.5, 0.5], [0.2, 1.0], [1.0, 1.0]])
-def test_each_joint_has_its_own_scale(scale: list[float]) -> None:
+def test_each_joint_has_its_own_scale(scale):
     feedback, zero = ErrorFeedback(GAINS, ARM.joint_kinds), np.zeros(2)
     law, s = ComputedTorque(feedback, ControllerOptions(GAINS)), np.array(scale)
     law.scale_gains(np.array([0.1, 0.1]))  # replaced, not accumulated
@@ -216,7 +208,7 @@ def test_each_joint_has_its_own_scale(scale: list[float]) -> None:
         zero, v, s**2 * GAINS.kp * point[0] - s * GAINS.kd * v))
 
 
-def test_the_law_itself_needs_a_reference_and_a_velocity() -> None:
+def test_the_law_itself_needs_a_reference_and_a_velocity():
     feedback, zero = ErrorFeedback(GAINS, ARM.joint_kinds), np.zeros(2)
     law = ComputedTorque(feedback, ControllerOptions(GAINS))
     active = ActiveTrajectory(

@@ -43,7 +43,7 @@ def at_rest(q: np.ndarray) -> Reference:
 # --- gains ---------------------------------------------------------------------------------------
 
 @given(st.lists(positive, min_size=3, max_size=3), st.lists(positive, min_size=3, max_size=3))
-def test_gains_place_the_poles_of_each_joint(omega: list[float], zeta: list[float]) -> None:
+def test_gains_place_the_poles_of_each_joint(omega, zeta):
     gains = make_gains(NAMES, omega, zeta)
     for kp, kd, w, z in zip(gains.kp, gains.kd, omega, zeta):
         # s² + K_d s + K_p is s² + 2 ζ ω s + ω²
@@ -51,13 +51,13 @@ def test_gains_place_the_poles_of_each_joint(omega: list[float], zeta: list[floa
         assert kd == pytest.approx(2.0 * z * w)
 
 
-def test_default_gains_are_critically_damped() -> None:
+def test_default_gains_are_critically_damped():
     gains = make_gains(NAMES)
     assert (gains.kd**2 == 4.0 * gains.kp).all()
     assert (gains.kp > 0.0).all()
 
 
-def test_kp_and_kd_take_precedence_separately() -> None:
+def test_kp_and_kd_take_precedence_separately():
     gains = make_gains(NAMES, [10.0], [0.5], kp=[1.0, 2.0, 3.0])
     assert gains.kp.tolist() == [1.0, 2.0, 3.0]
     assert gains.kd.tolist() == [10.0] * 3
@@ -71,7 +71,7 @@ def test_kp_and_kd_take_precedence_separately() -> None:
     {'kp': [0.0, 4.0, 0.0], 'kd': [0.0]}, {'kp': [4.0], 'kd': [1.0, 0.0, 1.0]},
     {'kp': [1.0, 4.0, 1.0], 'damping_ratio': [1.0, 0.0, 1.0]},
     {'natural_frequency': [2.0], 'kd': [1.0, 0.0, 1.0]}])
-def test_a_position_gain_without_damping_is_refused(given: dict[str, list[float]]) -> None:
+def test_a_position_gain_without_damping_is_refused(given):
     with pytest.raises(InvalidInputError, match=(
             rf"^gains\.kd of '{NAMES[1]}' is 0 with gains\.kp 4, expected damping")):
         make_gains(NAMES, **given)
@@ -88,18 +88,18 @@ def test_a_position_gain_without_damping_is_refused(given: dict[str, list[float]
     ([2.0 * LARGEST_VALUE], r' is 2e\+09, expected'),
     ([1.0, 2.0 * LARGEST_VALUE, 1.0], r' is 2e\+09, expected'),
 ])
-def test_bad_gains_are_refused_by_name(field: str, value: list[float], words: str) -> None:
+def test_bad_gains_are_refused_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=rf'^gains\.{field}.*{words}'):
         make_gains(NAMES, **{field: value})
 
 
-def test_the_least_damping_of_a_position_gain_is_accepted() -> None:
+def test_the_least_damping_of_a_position_gain_is_accepted():
     assert make_gains(NAMES, kp=[LARGEST_VALUE], kd=[1.0]).ratio.tolist() == [LARGEST_VALUE] * 3
     with pytest.raises(InvalidInputError, match='expected damping'):
         make_gains(NAMES, kp=[LARGEST_VALUE], kd=[0.999])
 
 
-def test_no_natural_frequency_is_refused() -> None:
+def test_no_natural_frequency_is_refused():
     with pytest.raises(InvalidInputError, match=r'gains\.natural_frequency has 0 values'):
         make_gains(NAMES, [])
 
@@ -107,14 +107,14 @@ def test_no_natural_frequency_is_refused() -> None:
 # --- the position error --------------------------------------------------------------------------
 
 @given(st.floats(-1e4, 1e4))
-def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle: float) -> None:
+def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle):
     wrapped = float(wrap_to_pi(np.array([angle]))[0])
     turns = (angle - wrapped) / (2.0 * np.pi)
     assert abs(wrapped) <= np.pi
     assert abs(turns - round(turns)) < 1e-12
 
 
-def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
+def test_only_continuous_joints_take_the_shortest_angular_distance():
     feedback = ErrorFeedback(
         make_gains(NAMES), ('continuous', 'revolute', 'prismatic'))
     reference, q = np.array([3.0, 3.0, 30.0]), np.array([-3.0, -3.0, -30.0])
@@ -124,7 +124,7 @@ def test_only_continuous_joints_take_the_shortest_angular_distance() -> None:
     assert q.tolist() == [-3.0, -3.0, -30.0]
 
 
-def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
+def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns():
     full = ErrorFeedback(
         make_gains(NAMES, [5.0, 10.0, 20.0], [0.5, 1.0, 2.0]),
         ('revolute', 'continuous', 'prismatic'), np.array([0.1, 0.2, 0.3]))
@@ -145,7 +145,7 @@ def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns() -> None:
     assert each.kd == pytest.approx(expected.kd)
 
 
-def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
+def test_the_error_that_is_largest_relative_to_its_limit_is_named():
     feedback = ErrorFeedback(
         make_gains(NAMES), ('revolute', 'continuous', 'prismatic'), np.array([1.0, 0.1, 2.0]))
     words = feedback.worst_error(np.array([0.5, 3.0, 1.5]), np.array([0.0, -3.1, 3.0]), NAMES)
@@ -154,7 +154,7 @@ def test_the_error_that_is_largest_relative_to_its_limit_is_named() -> None:
         '(following_error_limit)')
 
 
-def test_no_limit_of_the_error_by_default() -> None:
+def test_no_limit_of_the_error_by_default():
     feedback = ErrorFeedback(make_gains(NAMES), ('revolute',) * 3)
     assert not tracked(feedback, at_rest(np.full(3, 1e9)), np.zeros(3), np.zeros(3)).exceeds_limit
 
@@ -177,8 +177,8 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
     phase=st.floats(-0.5, 1.5), has_damping=st.booleans(), limit=st.floats(0.0, 20.0))
 def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
-    n: int, kind: str, joint: str, seed: int, phase: float, has_damping: bool, limit: float,
-) -> None:
+    n, kind, joint, seed, phase, has_damping, limit,
+):
     rng = np.random.default_rng(seed)
     active = segment_of(n, kind, rng)
     kp, kd = rng.uniform(0.1, 400.0, (2, n))
@@ -196,7 +196,7 @@ def test_the_feedback_along_a_segment_is_that_of_the_sampled_reference(
     assert found.exceeds_limit == bool((np.abs(e) > limit).any())
 
 
-def test_each_segment_is_followed_also_if_the_time_goes_back() -> None:
+def test_each_segment_is_followed_also_if_the_time_goes_back():
     """Before the arrival, and after the end, the reference is constant."""
     names = ['joint']
     trajectory = make_trajectory(names, (0.0, 1.0, 3.0), [[0.0], [1.0], [2.0]])
@@ -210,7 +210,7 @@ def test_each_segment_is_followed_also_if_the_time_goes_back() -> None:
         assert found.acceleration == pytest.approx([expected]), t  # 14: with its acceleration
 
 
-def test_another_trajectory_is_followed_at_once() -> None:
+def test_another_trajectory_is_followed_at_once():
     first, second = (segment_of(3, 'cubic', np.random.default_rng(k)) for k in range(2))
     used, zero = ErrorFeedback(make_gains(NAMES), ['revolute'] * 3), np.zeros(3)
     used.track(first, 2 * SECOND, zero, zero)
@@ -221,7 +221,7 @@ def test_another_trajectory_is_followed_at_once() -> None:
 
 
 @pytest.mark.parametrize('size', [1e-3, 1.0, 3.0, math.pi, 4.0, 30.0, 1e6])
-def test_one_angle_is_wrapped_as_many_are(size: float) -> None:
+def test_one_angle_is_wrapped_as_many_are(size):
     """Half a turn is positive."""
     assert wrap_to_pi(np.array([np.pi, -np.pi])).tolist() == [np.pi, np.pi]
     for angle in (size, -size):
@@ -229,7 +229,7 @@ def test_one_angle_is_wrapped_as_many_are(size: float) -> None:
 
 
 @pytest.mark.parametrize('place', [math.inf, -math.inf, math.nan, 1e308])
-def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) -> None:
+def test_an_overflow_gives_non_finite_values_and_does_not_raise(place):
     active = segment_of(2, 'quintic', np.random.default_rng(0))
     feedback = ErrorFeedback(make_gains(['a', 'b']), ['continuous', 'revolute'])
     found = feedback.track(active, SECOND, np.full(2, place), np.full(2, -place))
@@ -240,7 +240,7 @@ def test_an_overflow_gives_non_finite_values_and_does_not_raise(place: float) ->
 
 @pytest.mark.parametrize('zeta', [0.3, 1.0, 2.5])
 @pytest.mark.parametrize('name', ['default', 'ur10'])
-def test_error_obeys_its_differential_equation(name: str, zeta: float) -> None:
+def test_error_obeys_its_differential_equation(name, zeta):
     """With an exact model ë + K_d ė + K_p e = 0 at each joint (Siciliano et al. 2009, 8.5.2)."""
     arm, omega = load_arm(robot_urdf(name)), 8.0
     dynamics, rng = ArmDynamics(arm), np.random.default_rng(0)

@@ -32,7 +32,7 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 
 
 @pytest.mark.parametrize('mode', ['computed_torque', 'gravity_compensation', 'none'])
-def test_the_mode_chooses_the_command_alone(mode: str) -> None:
+def test_the_mode_chooses_the_command_alone(mode):
     controller = make_controller(command=mode)
     controller.update(NOW, Q, V)
     if mode == 'computed_torque':
@@ -49,7 +49,7 @@ def test_the_mode_chooses_the_command_alone(mode: str) -> None:
         assert output.command == pytest.approx(getattr(output, mode))
 
 
-def test_changed_options_act_at_once_and_keep_the_reference() -> None:
+def test_changed_options_act_at_once_and_keep_the_reference():
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([0.9, 0.5]), 0)
@@ -63,7 +63,7 @@ def test_changed_options_act_at_once_and_keep_the_reference() -> None:
 # --- missing velocity, bad states ----------------------------------------------------------------
 
 @pytest.mark.parametrize('mode', ['gravity_compensation', 'none'])
-def test_another_command_ends_the_reference(mode: str) -> None:
+def test_another_command_ends_the_reference(mode):
     controller = make_controller()
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([1.0, 0.2]), 0)
@@ -77,7 +77,7 @@ def test_another_command_ends_the_reference(mode: str) -> None:
 # --- limits --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
-def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> None:
+def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale):
     controller = make_controller(effort_limit_fraction=scale)
     controller.update(NOW, Q, ZERO)
     controller.follow(set_point([3.0, -2.0]), 0)
@@ -94,7 +94,7 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale: float) -> Non
 # --- terms ---------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('law', ['computed_torque', 'gravity_compensation'])
-def test_feedback_under_a_push_is_part_of_the_inertial_term(law: str) -> None:
+def test_feedback_under_a_push_is_part_of_the_inertial_term(law):
     """The reference rests at Q; the arm is pushed away from it, also in a stop (~/stop)."""
     controller = make_controller(command=law)
     rest = ZERO
@@ -116,7 +116,7 @@ def test_feedback_under_a_push_is_part_of_the_inertial_term(law: str) -> None:
 
 # --- threads -------------------------------------------------------------------------------------
 
-def test_changes_from_another_thread_never_mix() -> None:
+def test_changes_from_another_thread_never_mix():
     """While one thread replaces loads and modes, each effort is that of one of the two loads."""
     controller = make_controller()
     allowed = [gravity_with([]), gravity_with([LOAD])]

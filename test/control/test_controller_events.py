@@ -38,7 +38,7 @@ def moving(**options: object) -> Controller:
 
 # --- stops ---------------------------------------------------------------------------------------
 
-def test_without_a_state_or_a_command_there_is_nothing_to_stop() -> None:
+def test_without_a_state_or_a_command_there_is_nothing_to_stop():
     one = make()
     assert one.has_stopped
     assert one.stop() == NOTHING_TO_STOP
@@ -52,7 +52,7 @@ def test_without_a_state_or_a_command_there_is_nothing_to_stop() -> None:
 
 
 @pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
-def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> None:
+def test_a_stop_from_a_measured_state_begins_with_its_velocity(command):
     one = make(command=command)
     one.update(NOW, Q, V)
     assert one.stop() == 'stopping from the measured state, then holding the position'
@@ -66,7 +66,7 @@ def test_a_stop_from_a_measured_state_begins_with_its_velocity(command: str) -> 
 
 
 @pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
-def test_a_stop_that_was_requested_holds_the_position_with_any_command(command: str) -> None:
+def test_a_stop_that_was_requested_holds_the_position_with_any_command(command):
     one = make(command=command, stops_and_holds=True)
     assert one.update(NOW, Q, ZERO).reference is None
     one.stop_from_state()
@@ -74,7 +74,7 @@ def test_a_stop_that_was_requested_holds_the_position_with_any_command(command: 
         assert one.update(NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
 
 
-def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time() -> None:
+def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time():
     one = moving()
     before = one.update(NOW + SECOND, Q, V).reference
     assert not one.has_stopped
@@ -90,7 +90,7 @@ def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_t
 
 
 @pytest.mark.parametrize('holds', [True, False])
-def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds: bool) -> None:
+def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds):
     """With the velocity since the last state: one sample may be noisy."""
     one = moving(stops_and_holds=holds)
     one.stop_from_state()
@@ -104,7 +104,7 @@ def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds: bool
 
 
 @pytest.mark.parametrize('command', ['computed_torque', 'joint_impedance'])
-def test_friction_brakes_a_stop_from_a_measured_velocity(command: str) -> None:
+def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     """Its compensation, given too large, would drive a light joint on after each fault."""
     arm = ARM.with_friction(make_friction(NAMES, coulomb=[4.0, 1.5]))
     one = Controller(arm, default_options(arm, command=command))
@@ -125,7 +125,7 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command: str) -> None:
 
 
 @pytest.mark.parametrize('holds', [True, False])
-def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds: bool) -> None:
+def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds):
     one = moving(stops_and_holds=holds)
     output = one.update(NOW + SECOND + MS, Q, None)
     assert output.reference is None
@@ -141,9 +141,7 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
 
 @pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation', 'none'])
 @pytest.mark.parametrize('holds', [True, False])
-def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(
-    holds: bool, command: str,
-) -> None:
+def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(holds, command):
     """The second one gives it its velocity."""
     one = make(stops_and_holds=holds, command=command)
     assert one.update(NOW, Q, None).reference is None
@@ -160,7 +158,7 @@ def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(
         assert (end.position > Q).all()
 
 
-def test_a_stop_does_not_begin_while_the_caller_forbids_it() -> None:
+def test_a_stop_does_not_begin_while_the_caller_forbids_it():
     """In a fault, for example: the reference begins where the arm is when the fault has ended."""
     one = make(stops_and_holds=True)
     one.may_hold = False
@@ -175,7 +173,7 @@ def test_a_stop_does_not_begin_while_the_caller_forbids_it() -> None:
 # --- references ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('timeout', [0.2, 0.4])
-def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout: float) -> None:
+def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
     one = make(stream_timeout=timeout)
     one.update(NOW, ZERO, ZERO)
     one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
@@ -188,7 +186,7 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout: floa
     assert velocities[2] == 0.0
 
 
-def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor() -> None:
+def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor():
     one = make(slows_down=True)
     one.update(NOW, Q, ZERO)
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 20.0), 0)
@@ -202,7 +200,7 @@ def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor() -
 
 # --- states and time -----------------------------------------------------------------------------
 
-def test_after_a_restart_the_next_state_is_a_first_one() -> None:
+def test_after_a_restart_the_next_state_is_a_first_one():
     one = make(estimates_velocity=True)
     for k in range(3):
         one.update(NOW + 10 * k * MS, Q + 0.01 * k, None)
@@ -214,7 +212,7 @@ def test_after_a_restart_the_next_state_is_a_first_one() -> None:
     assert one.update(NOW + 50 * MS, Q - 3.0, None).velocity == pytest.approx([0.0, 0.0])
 
 
-def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
+def test_after_a_restart_a_single_pause_does_not_lower_the_gains():
     one = make(scales_gains=True)
     for k in range(20):
         one.update(NOW + 2 * k * MS, Q, ZERO)
@@ -227,7 +225,7 @@ def test_after_a_restart_a_single_pause_does_not_lower_the_gains() -> None:
     assert one.gains.least < 0.1
 
 
-def test_a_motion_continues_when_the_stamps_decrease() -> None:
+def test_a_motion_continues_when_the_stamps_decrease():
     one, other, shift = moving(), moving(), 30 * SECOND
     one.followed.shift_time(shift)
     for ms in (1010, 1500, 2500):
@@ -239,7 +237,7 @@ def test_a_motion_continues_when_the_stamps_decrease() -> None:
 
 # --- terms and words -----------------------------------------------------------------------------
 
-def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output() -> None:
+def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output():
     """Also if other states and another load follow."""
     one, other = make(), make()
     output, read = (each.update(NOW, Q, V) for each in (one, other))
@@ -254,7 +252,7 @@ def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output() -
 
 
 @pytest.mark.filterwarnings('error')
-def test_terms_that_are_not_finite_are_not_reported() -> None:
+def test_terms_that_are_not_finite_are_not_reported():
     one = make()
     output = one.update(NOW, Q, np.full(2, 1e200))
     assert output.terms is None  # the energy
@@ -270,7 +268,7 @@ def damping(v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q) ->
 
 
 @pytest.mark.parametrize('loads', [(), (LOAD,)])
-def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> None:
+def test_in_a_fault_the_arm_is_held_and_damped(loads):
     """Against the motion, with half of the damping of the feedback and the inertia of the load."""
     one, v = make(), 0.2 * V
     one.set_payloads(loads, 0.0, lambda _: None)  # type: ignore[arg-type]
@@ -282,7 +280,7 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads: tuple[object, ...]) -> Non
     assert braked(one, Q, None, hold) is hold
 
 
-def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow() -> None:
+def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow():
     one = make(scales_gains=True)
     for k in range(20):
         one.update(NOW + 50 * k * MS, Q, ZERO)
@@ -293,7 +291,7 @@ def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow() -> None:
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_damping_in_a_fault_is_within_the_effort_limits(sign: float) -> None:
+def test_damping_in_a_fault_is_within_the_effort_limits(sign):
     """If the hold itself is beyond a limit, damping does not increase it."""
     one, v = make(), sign * np.full(2, 50.0)
     assert braked(one, Q, v, ZERO).tolist() == (-sign * LIMIT).tolist()
@@ -304,6 +302,6 @@ def test_damping_in_a_fault_is_within_the_effort_limits(sign: float) -> None:
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('v', [[1e308, -1e308], [1e307, -1e307]])
-def test_damping_that_is_not_finite_is_left_out(v: list[float]) -> None:
+def test_damping_that_is_not_finite_is_left_out(v):
     hold = np.array([3.0, -2.0])
     assert braked(make(), Q, np.array(v), hold).tolist() == hold.tolist()

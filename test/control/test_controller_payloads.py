@@ -9,7 +9,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload, Payload
 
 
-def test_a_load_acts_at_once_without_a_transition() -> None:
+def test_a_load_acts_at_once_without_a_transition():
     controller = make_controller()
     done: list[tuple[Payload, ...]] = []
     controller.set_payloads([LOAD], 0.0, done.append)
@@ -21,7 +21,7 @@ def test_a_load_acts_at_once_without_a_transition() -> None:
     assert done == [(LOAD,), ()]
 
 
-def test_a_replaced_transition_continues_from_its_present_payload() -> None:
+def test_a_replaced_transition_continues_from_its_present_payload():
     controller = make_controller()
     done: list[tuple[Payload, ...]] = []
     controller.set_payloads([LOAD], 2.0, done.append)
@@ -36,7 +36,7 @@ def test_a_replaced_transition_continues_from_its_present_payload() -> None:
     assert done == [()]  # the first load was never completely active
 
 
-def test_a_load_on_no_link_changes_nothing() -> None:
+def test_a_load_on_no_link_changes_nothing():
     controller = make_controller()
     with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
         controller.set_payloads([make_payload('hand', 1.0)], 0.0, lambda _: None)

@@ -3,7 +3,6 @@
 
 """The gravity torque as hold, discarded references, and non-finite efforts."""
 
-from typing import Any
 
 from controller_bench import ARM, LIMIT, make_controller, NAMES, NOW, Q, SECOND, set_point, ZERO
 from hypothesis import given
@@ -36,9 +35,7 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(q, v, goal):
 
 @given(angles, st.floats(0.0, 1.0), st.sampled_from(['computed_torque', 'gravity_compensation']),
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
-def test_without_a_reference_the_command_is_the_hold(
-    q: np.ndarray, scale: float, mode: str, semantics: EffortConvention,
-) -> None:
+def test_without_a_reference_the_command_is_the_hold(q, scale, mode, semantics):
     one = make_controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
     output = one.update(NOW, q, ZERO)
     assert output.command.tolist() == output.holding_effort().tolist()
@@ -46,8 +43,8 @@ def test_without_a_reference_the_command_is_the_hold(
 
 @given(angles, angles, st.floats(0.0, 1.0), st.sampled_from([None, LOAD]), st.booleans())
 def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
-    q: np.ndarray, goal: np.ndarray, scale: float, load: Any, robot_holds: bool,
-) -> None:
+    q, goal, scale, load, robot_holds,
+):
     one = make_controller(
         effort_limit_fraction=scale,
         effort_convention=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
@@ -65,7 +62,7 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
 
 
 @pytest.mark.parametrize(('period', 'is_scaled'), [(0.002, False), (0.05, True)])
-def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scaled: bool) -> None:
+def test_a_command_with_scaled_gains_is_within_the_limits(period, is_scaled):
     """Full gains would relieve joints whose load is too heavy; scaled gains hardly do so."""
     load = make_payload('tool0', 9.0)
     body = ArmDynamics(ARM.with_payloads([load])).rigid_body
@@ -88,7 +85,7 @@ def test_a_command_with_scaled_gains_is_within_the_limits(period: float, is_scal
 # --- non-finite numbers --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
-def test_a_non_finite_effort_is_rejected_without_side_effects(size: float) -> None:
+def test_a_non_finite_effort_is_rejected_without_side_effects(size):
     one = make_controller()
     before = one.update(NOW, Q, ZERO)
     one.follow(set_point(Q), 0)

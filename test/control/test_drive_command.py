@@ -53,9 +53,7 @@ def follow(one: Controller, goal: Any, v: Any = ZERO) -> None:
 
 @laws
 @given(scales, offsets, angles, st.floats(0.0, 1.0), robots)
-def test_no_command_is_beyond_the_limits_of_the_drive(
-    scale: Any, offset: Any, goal: np.ndarray, share: float, robot: tuple[str, ...],
-) -> None:
+def test_no_command_is_beyond_the_limits_of_the_drive(scale, offset, goal, share, robot):
     arm, drive = driven(FRICTION, scale, offset)
     one = controller(arm, robot, effort_limit_fraction=share)
     follow(one, goal)
@@ -68,9 +66,7 @@ def test_no_command_is_beyond_the_limits_of_the_drive(
 
 
 @pytest.mark.parametrize('robot', [(), ('gravity',), ('gravity', 'friction')])
-def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
-    robot: tuple[str, ...],
-) -> None:
+def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(robot):
     arm, drive = driven(FRICTION, [0.7, 1.3], [8.0, -4.0])
     one = controller(arm, robot)
     follow(one, Q, V)
@@ -94,7 +90,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(
         parts.effort)
 
 
-def test_in_a_fault_the_damping_is_a_torque() -> None:
+def test_in_a_fault_the_damping_is_a_torque():
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     without, one = controller(ARM, ()), controller(arm, ())
     held = without.update(NOW, Q, V).holding_effort()
@@ -107,9 +103,7 @@ def test_in_a_fault_the_damping_is_a_torque() -> None:
 
 @pytest.mark.parametrize('robot', [(), ('gravity',)])
 @pytest.mark.parametrize('knows', [True, False])
-def test_an_arm_with_drives_holds_if_the_controller_knows_them(
-    robot: tuple[str, ...], knows: bool,
-) -> None:
+def test_an_arm_with_drives_holds_if_the_controller_knows_them(robot, knows):
     """Half a second of gravity compensation."""
     arm, _ = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     one, drives = controller(arm if knows else ARM, robot), InnerController(
@@ -123,7 +117,7 @@ def test_an_arm_with_drives_holds_if_the_controller_knows_them(
 
 
 @pytest.mark.parametrize('kind', ['joint_torque', 'joint_torque_without_gravity'])
-def test_the_simulated_drives_report_efforts_of_the_driver(kind: str) -> None:
+def test_the_simulated_drives_report_efforts_of_the_driver(kind):
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     robot = InnerController(arm, EffortConvention(kind))
     g = ArmDynamics(ARM).gravity(Q)

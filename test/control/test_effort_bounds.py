@@ -31,9 +31,7 @@ def compensating(gravity: np.ndarray) -> RobotEffort:
 
 @laws
 @given(vectors(200.0), vectors(100.0))
-def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(
-    command: np.ndarray, gravity: np.ndarray,
-) -> None:
+def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(command, gravity):
     bounded, _ = EffortBounds(LIMIT).bounded(command, compensating(gravity))
     assert (np.abs(bounded) <= LIMIT).all()
     assert (np.abs(bounded + gravity) <= np.maximum(LIMIT, np.abs(gravity)) + 1e-9).all()
@@ -41,9 +39,7 @@ def test_command_and_joint_stay_within_the_limit_or_gravity_alone_exceeds_it(
 
 @laws
 @given(vectors(100.0), st.sampled_from([1.0, -1.0]))
-def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(
-    gravity: np.ndarray, sign: float,
-) -> None:
+def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(gravity, sign):
     """The largest command loads either the drive or the joint with its limit, and no less."""
     bounded, clamped = EffortBounds(LIMIT).bounded(np.full(3, sign * FAR), compensating(gravity))
     for j in (0, 1):
@@ -57,7 +53,7 @@ def test_a_robot_that_compensates_gravity_leaves_the_rest_of_the_limit(
 
 @laws
 @given(vectors(200.0), vectors(100.0))
-def test_what_is_within_the_bounds_is_unchanged(command: np.ndarray, gravity: np.ndarray) -> None:
+def test_what_is_within_the_bounds_is_unchanged(command, gravity):
     bounds, robot = EffortBounds(LIMIT), compensating(gravity)
     bounded, clamped = bounds.bounded(command, robot)
     again, none = bounds.bounded(bounded, robot)
@@ -74,9 +70,7 @@ def test_what_is_within_the_bounds_is_unchanged(command: np.ndarray, gravity: np
 @pytest.mark.parametrize(('hold', 'low', 'high'), [
     (3.0, -5.0, 5.0), (7.0, -5.0, 7.0), (-7.0, -7.0, 5.0), (12.0, -5.0, 10.0),
     (-12.0, -10.0, 5.0)])
-def test_a_scaled_limit_extends_to_what_holds_the_arm(
-    hold: float, low: float, high: float,
-) -> None:
+def test_a_scaled_limit_extends_to_what_holds_the_arm(hold, low, high):
     bounds, holds = EffortBounds(np.array([10.0]), 0.5), np.array([hold])
     assert bounds.bounded(np.array([FAR]), NOTHING, holds)[0].tolist() == [high]
     assert bounds.bounded(np.array([-FAR]), NOTHING, holds)[0].tolist() == [low]
@@ -84,7 +78,7 @@ def test_a_scaled_limit_extends_to_what_holds_the_arm(
     assert bounds.bounded(np.array([-FAR]), NOTHING)[0].tolist() == [-10.0]
 
 
-def test_the_stricter_of_scale_and_gravity_applies() -> None:
+def test_the_stricter_of_scale_and_gravity_applies():
     bounds, hold = EffortBounds(np.array([10.0, 10.0]), 0.5), np.zeros(2)
     robot = compensating(np.array([2.0, 8.0]))
     assert bounds.bounded(np.full(2, FAR), robot, hold)[0].tolist() == [5.0, 2.0]
@@ -92,7 +86,7 @@ def test_the_stricter_of_scale_and_gravity_applies() -> None:
     assert bounds.bounded(np.full(2, -FAR), robot, hold)[0].tolist() == [-5.0, -2.0]
 
 
-def test_the_scaled_limits() -> None:
+def test_the_scaled_limits():
     bounds = EffortBounds(LIMIT, 0.25)
     assert bounds.scaled.tolist() == [2.5, 10.0, np.inf]
     assert bounds.no_joint.tolist() == [False] * 3
@@ -103,9 +97,7 @@ def test_the_scaled_limits() -> None:
 @given(st.lists(
     st.tuples(*(st.floats(width=32) for _ in range(3))), min_size=1, max_size=30),
     st.sampled_from([0.0, 0.25, 1.0]))
-def test_efforts_within_the_scaled_limits_are_clear(
-    efforts: list[tuple[float, ...]], scale: float,
-) -> None:
+def test_efforts_within_the_scaled_limits_are_clear(efforts, scale):
     """The result must not depend on the efforts that were tested before."""
     bounds = EffortBounds(LIMIT, scale)
     for effort in efforts:
@@ -115,6 +107,6 @@ def test_efforts_within_the_scaled_limits_are_clear(
             assert bounds.is_clear(np.array(effort)) == is_within
 
 
-def test_without_limits_every_finite_effort_is_clear() -> None:
+def test_without_limits_every_finite_effort_is_clear():
     assert EffortBounds(np.full(2, np.inf), 0.0).is_clear(np.array([1e300, -1e300]))
     assert EffortBounds(np.zeros(0)).is_clear(np.zeros(0))

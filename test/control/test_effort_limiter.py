@@ -70,7 +70,7 @@ def span(dt: float) -> float:
 
 @laws
 @given(st.lists(STEPS | st.none(), min_size=2, max_size=20))
-def test_efforts_in_a_row_keep_to_the_rate_limit(steps: list[Step | None]) -> None:
+def test_efforts_in_a_row_keep_to_the_rate_limit(steps):
     """For any requested efforts, and any time since the last one; None is a restart."""
     one = guard()
     last: np.ndarray | None = None
@@ -88,9 +88,7 @@ def test_efforts_in_a_row_keep_to_the_rate_limit(steps: list[Step | None]) -> No
 
 @laws
 @given(STEPS, STEPS)
-def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(
-    first: Step, second: Step,
-) -> None:
+def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(first, second):
     one = guard(-np.inf, np.inf, np.inf)
     start = guarded_by(one, first).effort
     effort, by_position, by_velocity, by_rate = guarded_by(one, second)
@@ -107,7 +105,7 @@ def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(
     assert not by_velocity.any()
 
 
-def test_without_a_last_effort_the_rate_limit_begins_with_the_effort() -> None:
+def test_without_a_last_effort_the_rate_limit_begins_with_the_effort():
     one, first = guard(), np.array([100.0, -50.0])
     assert one.rate_limited(first, 0.002).tolist() == first.tolist()
     assert one.rate_limited(np.zeros(N), 0.002).tolist() == [98.0, -49.0]
@@ -129,7 +127,7 @@ def forbidden(step: Step) -> np.ndarray:
 
 @laws
 @given(st.lists(STEPS, min_size=1, max_size=10))
-def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
+def test_a_push_that_a_limit_forbids_only_ever_fades(steps):
     """It decreases by the fraction of all changes that the rates permit; no push begins."""
     one = guard()
     for step in steps:
@@ -146,7 +144,7 @@ def test_a_push_that_a_limit_forbids_only_ever_fades(steps: list[Step]) -> None:
 
 @laws
 @given(STEPS)
-def test_only_a_push_past_the_limit_is_reduced(step: Step) -> None:
+def test_only_a_push_past_the_limit_is_reduced(step):
     """With a rate that allows any step: exactly to the gravity torque; other efforts unchanged."""
     one = guard(rate=1e9)
     one.last = np.zeros(N)
@@ -161,7 +159,7 @@ def test_only_a_push_past_the_limit_is_reduced(step: Step) -> None:
 @pytest.mark.parametrize(('q', 'held'), [
     (UPPER - MARGIN, False), (np.nextafter(UPPER - MARGIN, 9.0), True), (UPPER + 5.0, True),
     (LOWER + MARGIN, False), (np.nextafter(LOWER + MARGIN, -9.0), True), (0.0, False)])
-def test_the_margin_begins_where_it_says(q: float, held: bool) -> None:
+def test_the_margin_begins_where_it_says(q, held):
     one = guard(rate=1e9)
     one.last = np.zeros(N)
     push = np.copysign(7.0, q)
@@ -175,9 +173,7 @@ def test_the_margin_begins_where_it_says(q: float, held: bool) -> None:
 
 
 @pytest.mark.parametrize(('near', 'past'), [(UPPER - MARGIN, UPPER), (LOWER + MARGIN, LOWER)])
-def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(
-    near: float, past: float,
-) -> None:
+def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(near, past):
     one = guard(rate=1e9)
     one.last = np.zeros(N)
     push = np.full(N, np.copysign(7.0, past))
@@ -186,7 +182,7 @@ def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(
     assert guarded.effort.tolist() == [push[0], 0.0]
 
 
-def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it() -> None:
+def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it():
     one, hold = guard(rate=1e9), np.array([30.0, -20.0])
     one.last = hold
     v = np.array([SPEED, 1.1 * SPEED])
@@ -198,7 +194,7 @@ def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it() -> None
 @laws
 @given(st.lists(st.builds(
     Step, *(vectors(1e300) for _ in range(4)), st.floats(-1e300, 1e300)), max_size=10))
-def test_finite_efforts_stay_finite(steps: list[Step]) -> None:
+def test_finite_efforts_stay_finite(steps):
     one = guard()
     with np.errstate(over='ignore'):
         for step in steps:
@@ -207,7 +203,7 @@ def test_finite_efforts_stay_finite(steps: list[Step]) -> None:
 
 @pytest.mark.parametrize('v', [SPEED, -SPEED, 1.1 * SPEED, -1.1 * SPEED])
 @pytest.mark.parametrize('push', [7.0, -7.0])
-def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v: float, push: float) -> None:
+def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v, push):
     one, hold = guard(rate=1e9), np.array([30.0, -20.0])
     one.last = hold
     guarded = guarded_by(one, Step(hold + push, hold, np.zeros(N), np.full(N, v), 0.01))

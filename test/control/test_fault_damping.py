@@ -15,7 +15,7 @@ V = [-0.09, 0.16, 0.164, 0.164, 0.218, -0.218]
 
 @pytest.mark.parametrize('command', ['computed_torque', 'cartesian_impedance'])
 @pytest.mark.parametrize(('rate', 'delay'), [(30, 0), (30, 8), (100, 8)])
-def test_late_gravity_does_not_drive_a_light_wrist(rate: int, delay: int, command: str) -> None:
+def test_late_gravity_does_not_drive_a_light_wrist(rate, delay, command):
     """With g at the measured position a wrist reached 14 times its velocity limit at 30 Hz."""
     arm = smooth_arm('kinova')
     one = LockStep(arm, q=np.array(Q), rate=rate, delay=delay, command=command)

@@ -69,7 +69,7 @@ def moving(arm: ArmModel, **options: object) -> Bench:
 
 
 @pytest.mark.parametrize('friction', ['reference', 'none'])
-def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction: str) -> None:
+def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction):
     """The oracle is Pinocchio's model, with q̈_r by differences of the velocity."""
     arm = rubbing()
     found, noisy = (moving(arm, friction_compensation=friction).track(450, noise)
@@ -89,7 +89,7 @@ def test_the_effort_is_that_of_the_reference_whatever_is_measured(friction: str)
         assert effort[is_sliding] == pytest.approx(expected[is_sliding], abs=0.5)
 
 
-def test_there_is_no_command_without_a_law_or_when_the_node_is_inactive() -> None:
+def test_there_is_no_command_without_a_law_or_when_the_node_is_inactive():
     bench = Bench(rubbing())
     assert bench.take(Q) is not None
     bench.loop.deactivate(1e-9 * FIRST_STAMP)
@@ -99,7 +99,7 @@ def test_there_is_no_command_without_a_law_or_when_the_node_is_inactive() -> Non
     assert Bench(rubbing(), command='none').take(Q) is None
 
 
-def test_gravity_compensation_lets_the_drives_damp_only() -> None:
+def test_gravity_compensation_lets_the_drives_damp_only():
     """Where the arm is, its drives have no position error, and the effort of gravity."""
     bench, arm = Bench(rubbing(), command='gravity_compensation'), rubbing()
     data = arm.pinocchio_model.createData()
@@ -112,7 +112,7 @@ def test_gravity_compensation_lets_the_drives_damp_only() -> None:
             pinocchio.computeGeneralizedGravity(arm.pinocchio_model, data, q))
 
 
-def test_a_fault_holds_the_position_at_which_it_began() -> None:
+def test_a_fault_holds_the_position_at_which_it_began():
     bench = moving(rubbing())
     bench.track(200)
     bench.loop.fail(bench.loop._steady, Fault('external_effort', 'a test', recovery=100))
@@ -123,7 +123,7 @@ def test_a_fault_holds_the_position_at_which_it_began() -> None:
         assert not command.velocity.any()
 
 
-def test_what_the_robot_compensates_is_not_commanded() -> None:
+def test_what_the_robot_compensates_is_not_commanded():
     arm = rubbing()
     convention = make_effort_convention('joint_torque', ('gravity', 'friction'), False)
     plain, other = (
@@ -139,9 +139,7 @@ numbers = st.floats(-50.0, 50.0)
 
 
 @given(st.lists(st.tuples(numbers, numbers, st.floats(0.0, 500.0)), min_size=1, max_size=7))
-def test_the_offset_is_the_effort_of_the_drive_within_the_position_limits(
-    joints: list[tuple[float, float, float]],
-) -> None:
+def test_the_offset_is_the_effort_of_the_drive_within_the_position_limits(joints):
     position, effort, stiffness = map(np.array, zip(*joints))
     upper = np.full(len(position), 2.0)
     found = DriveCommand(position, position, effort).position_offset(stiffness, -upper, upper)

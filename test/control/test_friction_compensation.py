@@ -31,7 +31,7 @@ def compensated(mode: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     return one.update(2 * SECOND, q, v).terms.friction
 
 
-def test_around_rest_friction_of_the_reference_has_no_step() -> None:
+def test_around_rest_friction_of_the_reference_has_no_step():
     speed = 1e-5
     q = STILL - speed * GAINS.kd / GAINS.kp  # the velocity v_r at which it is compensated
     reference, measured, none = (

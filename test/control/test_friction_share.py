@@ -57,7 +57,7 @@ def take(
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 @pytest.mark.parametrize('j', [0, 1])
-def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign: float, j: int) -> None:
+def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign, j):
     share, ahead = FrictionShare(LIMIT), np.zeros(2)
     assert share.least == FAST.min()
     ahead[j] = sign * 0.99 * FAST[j]
@@ -75,19 +75,19 @@ def test_a_joint_that_its_compensation_drives_away_keeps_a_share(sign: float, j:
 
 
 @pytest.mark.parametrize('friction', [-1.0, 0.0])
-def test_a_joint_that_its_compensation_does_not_drive_keeps_all_of_it(friction: float) -> None:
+def test_a_joint_that_its_compensation_does_not_drive_keeps_all_of_it(friction):
     share = FrictionShare(LIMIT)
     assert not take(share, 1.0, 3.0 * FAST, friction=friction)
     assert share.share.tolist() == [1.0, 1.0]
 
 
-def test_what_the_position_error_explains_does_not_count_up_to_a_bound() -> None:
+def test_what_the_position_error_explains_does_not_count_up_to_a_bound():
     share = FrictionShare(LIMIT)
     assert not take(share, 1.0, 1.5 * FAST, expected=100.0)
     assert take(share, 1.0, 1.05 * (1.0 + CATCH_UP) * FAST, expected=100.0)
 
 
-def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() -> None:
+def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it():
     share = FrictionShare(LIMIT)
     assert not take(share, 1.0, 10.0 * FAST, arm=HEAVY)
     assert share.share.tolist() == [1.0, 1.0]
@@ -95,9 +95,7 @@ def test_a_joint_that_the_surplus_cannot_accelerate_so_much_keeps_all_of_it() ->
 
 @pytest.mark.parametrize('j', [0, 1])
 @pytest.mark.parametrize('factor', [0.99, 1.01])
-def test_a_light_joint_is_one_that_the_surplus_accelerates_past_the_bound(
-    j: int, factor: float,
-) -> None:
+def test_a_light_joint_is_one_that_the_surplus_accelerates_past_the_bound(j, factor):
     """With the mass that remains when the other joint is free, 1 / (M⁻¹)_jj."""
     m = 1.0 / np.diagonal(np.linalg.inv(LIGHT.rigid_body.mass_matrix(Q)))
     bound = FAST * m / (SURPLUS * REACTION_TIME)
@@ -112,7 +110,7 @@ def test_a_light_joint_is_one_that_the_surplus_accelerates_past_the_bound(
 
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
-def test_the_share_of_a_joint_that_stays_behind_grows_again(sign: float) -> None:
+def test_the_share_of_a_joint_that_stays_behind_grows_again(sign):
     share, e = FrictionShare(LIMIT), sign * np.array([1.1, 0.9]) * UNKNOWN_WIDTH
     assert not take(share, 1.0, np.zeros(2), e=e)
     assert share.share.tolist() == [1.0, 1.0]
@@ -129,9 +127,7 @@ def test_the_share_of_a_joint_that_stays_behind_grows_again(sign: float) -> None
 
 @pytest.mark.parametrize('sign', [-1.0, 1.0])
 @pytest.mark.parametrize('v_ref', [0.0, 0.4, 0.6])
-def test_a_joint_that_is_too_fast_while_it_catches_up_has_run_away(
-    sign: float, v_ref: float,
-) -> None:
+def test_a_joint_that_is_too_fast_while_it_catches_up_has_run_away(sign, v_ref):
     """Also if the position error and the reference explain its velocity."""
     limit = np.minimum(LIMIT, LARGEST_SPEED)
     pace = max(v_ref + MARGIN, PACE) * sign * limit
@@ -149,7 +145,7 @@ ONE = load_arm(planar_arm_urdf(
     [0.1], [0.1], [0.0], [MASS], coulomb_friction=1.3 * TRUE, velocity_limits=0.84))
 
 
-def test_the_speed_of_a_joint_that_catches_up_is_bounded_although_its_rotor_is_unknown() -> None:
+def test_the_speed_of_a_joint_that_catches_up_is_bounded_although_its_rotor_is_unknown():
     """With friction given 1.3 times too large a Kinova wrist reached 1.2 times its limit."""
     loop, q, v, fastest = ControlLoop.of_arm(ONE), 0.0, 0.0, 0.0
     for k in range(2000):

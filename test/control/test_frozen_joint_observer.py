@@ -44,7 +44,7 @@ def observed(
 
 @pytest.mark.parametrize('name', ['ur10', 'panda'])
 @pytest.mark.parametrize('marks', MARKS)
-def test_the_estimate_converges_to_the_true_position(name: str, marks: list[int]) -> None:
+def test_the_estimate_converges_to_the_true_position(name, marks):
     """Gravity and coupling at the other joints show it."""
     observer, plant, errors = observed(*2 * [smooth_arm(name)], marks, 0.01, 4.0)
     assert max(errors) < 0.1
@@ -53,7 +53,7 @@ def test_the_estimate_converges_to_the_true_position(name: str, marks: list[int]
     assert observer.is_valid
 
 
-def test_friction_that_the_model_lacks_makes_the_estimate_invalid() -> None:
+def test_friction_that_the_model_lacks_makes_the_estimate_invalid():
     """As soon as the efforts of the other joints contradict the model."""
     arm = smooth_arm('ur10')
     friction = 2.0 * UNKNOWN_EFFORT * arm.limits.effort
@@ -72,7 +72,7 @@ def test_friction_that_the_model_lacks_makes_the_estimate_invalid() -> None:
     assert not known.is_valid
 
 
-def test_noise_makes_the_estimate_invalid() -> None:
+def test_noise_makes_the_estimate_invalid():
     """Noise is no friction: nothing holds the joint."""
     arm = smooth_arm('ur10')
     dynamics, q, rng = UncheckedArmDynamics(arm), middle(arm, 0.4), np.random.default_rng(1)
@@ -88,9 +88,7 @@ def test_noise_makes_the_estimate_invalid() -> None:
 @pytest.mark.parametrize('name', ['ur5', 'ur10', 'panda'])
 @pytest.mark.parametrize('j', [0, 1, 2, 3])
 @pytest.mark.parametrize('seconds', [0.3, 0.6])
-def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(
-    name: str, j: int, seconds: float,
-) -> None:
+def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(name, j, seconds):
     """
     Gravity would topple it within one second.
 
@@ -109,7 +107,7 @@ def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(
 
 
 @pytest.mark.parametrize('further', [[3], [0, 2, 3, 4, 5, 6]])
-def test_a_further_joint_may_freeze(further: list[int]) -> None:
+def test_a_further_joint_may_freeze(further):
     """Its sample is no measurement any more; if none is left, nothing can hold the arm."""
     arm = smooth_arm('panda')
     one = LockStep(arm, q=middle(arm, 0.4), rate=500.0)
@@ -130,7 +128,7 @@ def test_a_further_joint_may_freeze(further: list[int]) -> None:
     assert len(further) > 1 or (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
 
 
-def test_without_another_joint_or_without_inertia_there_is_no_estimate() -> None:
+def test_without_another_joint_or_without_inertia_there_is_no_estimate():
     arm = smooth_arm('ur10')
     dynamics, q, zero = UncheckedArmDynamics(arm), middle(arm, 0.4), np.zeros(6)
     assert not FrozenJointObserver(np.ones(6, dtype=bool), dynamics, q, zero).is_valid
@@ -140,7 +138,7 @@ def test_without_another_joint_or_without_inertia_there_is_no_estimate() -> None
 
 
 @pytest.mark.parametrize('j', [2, 3])
-def test_a_person_who_guides_an_arm_with_a_frozen_joint_is_not_taken_for_friction(j: int) -> None:
+def test_a_person_who_guides_an_arm_with_a_frozen_joint_is_not_taken_for_friction(j):
     """Nothing holds the joint: the arm is released to its brakes as without the person."""
     arm = smooth_arm('ur10')
     one = LockStep(arm, q=middle(arm, 0.4), rate=500.0, command='hand_guiding')

@@ -77,7 +77,7 @@ E_DOT = np.array([0.1, 0.05, -0.1, 0.02, 0.05, -0.03])
 
 
 @pytest.mark.parametrize('marks', [[0], [2], [1, 4], [5]])
-def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks: list[int]) -> None:
+def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks):
     """The others keep their accelerations; the frozen ones miss M_mm⁻¹ (M d)_m."""
     frozen, controller, mask, output = case_at(marks, E, E_DOT)
     K_p, K_d = controller.feedback_gains
@@ -92,7 +92,7 @@ def test_a_disturbance_takes_the_coupling_from_frozen_joints_only(marks: list[in
         assert np.abs(expected).max() > 0.1
 
 
-def test_an_acceleration_that_happens_is_no_disturbance() -> None:
+def test_an_acceleration_that_happens_is_no_disturbance():
     """The part with ë = −K_d ė − K_p e decays with DISTURBANCE_TIME."""
     e, e_dot = E.copy(), E_DOT.copy()
     frozen, controller, mask, first = case_at([2], e, e_dot)
@@ -114,7 +114,7 @@ def test_an_acceleration_that_happens_is_no_disturbance() -> None:
     assert mask.tolist() == [j == 2 for j in range(6)]
 
 
-def test_the_effort_without_a_command_holds_the_arm() -> None:
+def test_the_effort_without_a_command_holds_the_arm():
     frozen, controller, _, output = case_at([2], E, E_DOT)
     output.command = None
     hold = np.arange(6.0)
@@ -148,7 +148,7 @@ class Predictions:
         return self.states[-1]
 
 
-def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid() -> None:
+def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid():
     found = Predictions()
     q, v = found.states[-1]
     assert (q[1], v[1]) == (found.observer.q[1], found.observer.v[1])
@@ -162,9 +162,7 @@ def test_the_estimate_is_used_and_continues_as_a_prediction_when_it_is_invalid()
 
 
 @pytest.mark.parametrize(('dt', 'has_command'), [(0.0, True), (DT, False)])
-def test_without_a_period_or_a_command_the_motion_is_predicted(
-    dt: float, has_command: bool,
-) -> None:
+def test_without_a_period_or_a_command_the_motion_is_predicted(dt, has_command):
     found = Predictions()
     q, v = found.states[-1]
     further = found.predict(dt, found.command if has_command else None)
@@ -173,7 +171,7 @@ def test_without_a_period_or_a_command_the_motion_is_predicted(
     assert np.isfinite(further).all()
 
 
-def test_the_observer_takes_the_torque_that_the_drives_deliver() -> None:
+def test_the_observer_takes_the_torque_that_the_drives_deliver():
     found = Predictions(2.0)
     dynamics, state = found.case.controller.dynamics, found.case.output.state
     expected = FrozenJointObserver(found.case.marks, dynamics, *found.states[0])
@@ -184,7 +182,7 @@ def test_the_observer_takes_the_torque_that_the_drives_deliver() -> None:
 
 @pytest.mark.parametrize('joint', range(6))
 @pytest.mark.parametrize('rate', [500.0, 250.0])
-def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
+def test_the_predicted_motion_is_the_true_one(joint, rate):
     """Until the fault is found, and for 0.1 s of the stop."""
     one = in_motion(rate)
     q, v = one.q[joint], one.v[joint]
@@ -201,7 +199,7 @@ def test_the_predicted_motion_is_the_true_one(joint: int, rate: float) -> None:
     assert moved > 0.01
 
 
-def test_an_effort_that_is_limited_accelerates_the_predicted_joints() -> None:
+def test_an_effort_that_is_limited_accelerates_the_predicted_joints():
     """ë changes by −M_mm⁻¹ Δτ_m; a joint with a signal, and its effort, change nothing."""
     frozen, controller, mask, output = case_at([2, 4], E, E_DOT)
     asked = frozen.stopping_effort(output, DT, output.state.q, output.state.v, np.zeros(6))
@@ -225,7 +223,7 @@ def after(stamp_ns: int, seconds: float) -> int:
     return stamp_ns + round(1e9 * seconds)
 
 
-def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
+def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move():
     """An observer, or friction that it found, holds the arm for any time."""
     frozen, controller, mask, output = case_at([2], 0.0 * E, 0.0 * E)
     limit, still = controller.arm.limits.velocity, np.zeros(6)
@@ -265,9 +263,7 @@ def test_the_arm_is_lost_after_its_hold_time_or_if_other_joints_move() -> None:
 @pytest.mark.parametrize(('coulomb', 'is_held'), [
     ((0.0, 0.0, 0.0), False), ((4.0, 4.0, 0.0), False), ((4.0, 4.0, 1.4), False),
     ((0.0, 3.4, 1.6), True)])
-def test_known_friction_at_all_frozen_joints_holds_the_arm(
-    coulomb: tuple[float, ...], is_held: bool,
-) -> None:
+def test_known_friction_at_all_frozen_joints_holds_the_arm(coulomb, is_held):
     """Joints 1 and 2 are frozen; 1 % of their limits is 3.3 and 1.5 N·m."""
     frozen, controller, mask, output = case_at(
         [1, 2], 0.0 * E, 0.0 * E, coulomb=(*coulomb, 0.0, 0.0, 0.0))

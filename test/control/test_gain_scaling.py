@@ -60,8 +60,8 @@ def follow(one: StableGains, dt: float, q: FloatArray, v: FloatArray) -> FloatAr
 
 @given(st.floats(0.05, 50.0), st.floats(0.05, 50.0), st.floats(-0.9, 0.9), st.booleans())
 def test_coupling_raises_the_crossovers_by_that_of_the_faster_mode(
-    first: float, second: float, coupling: float, is_damping: bool,
-) -> None:
+    first, second, coupling, is_damping,
+):
     """[[1, c], [c, 1]] has the eigenvalues 1 ± |c|, in any units of the joints."""
     own, other = np.diag([first, second]), np.diag([0.3, 3.0])
     scale = np.sqrt(np.diagonal(own))
@@ -77,9 +77,7 @@ def test_coupling_raises_the_crossovers_by_that_of_the_faster_mode(
 @given(st.floats(0.1, 100.0), st.floats(0.1, 100.0), st.lists(
     st.floats(0.01, 100.0), min_size=1, max_size=4))
 @example(100.0, 1.0, [0.1, 10.0])
-def test_a_workspace_permits_the_delay_that_each_of_its_poses_permits(
-    stiffness: float, damping: float, masses: list[float],
-) -> None:
+def test_a_workspace_permits_the_delay_that_each_of_its_poses_permits(stiffness, damping, masses):
     """The damping of an effort leaves a heavy pose the least margin, at the lowest crossover."""
 
     def loop(M: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,9 +91,7 @@ def test_a_workspace_permits_the_delay_that_each_of_its_poses_permits(
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize(('stiffness', 'damping'), [(150.0, 10.0), (0.05, 0.001)])
-def test_a_joint_without_feedback_does_not_limit_the_others(
-    stiffness: float, damping: float,
-) -> None:
+def test_a_joint_without_feedback_does_not_limit_the_others(stiffness, damping):
     """Nor does it matter how slow the others are."""
     loop = loop_gains(impedance([0.0, stiffness], [0.0, damping]), [M])
     one = loop_gains(impedance([stiffness], [damping]), [1.0 / np.linalg.inv(M)[1:, 1:]])
@@ -109,7 +105,7 @@ def test_a_joint_without_feedback_does_not_limit_the_others(
     assert gains.reference_scale == pytest.approx(gains.least)
 
 
-def test_noise_of_one_velocity_is_an_effort_at_all_joints() -> None:
+def test_noise_of_one_velocity_is_an_effort_at_all_joints():
     """The efforts per error of the velocity are those of M(q) K_d, by size, in the worst pose."""
     D = np.diag([30.0, 40.0])
     coupled = np.array([[2.0, 0.7], [0.7, 0.5]])
@@ -121,7 +117,7 @@ def test_noise_of_one_velocity_is_an_effort_at_all_joints() -> None:
 # --- the estimate of the noise -------------------------------------------------------------------
 
 @given(st.lists(st.integers(1, 6), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
-def test_the_noise_is_the_mean_square_of_second_differences(lengths: list[int], seed: int) -> None:
+def test_the_noise_is_the_mean_square_of_second_differences(lengths, seed):
     """Without forgetting, and never across a restart."""
     rng, noise = np.random.default_rng(seed), Noise(2)
     second, residual = [np.zeros((0, 2))], [np.zeros((0, 2))]
@@ -157,9 +153,7 @@ def noisy(
 
 @pytest.mark.parametrize('sigma', [(0.4, 0.1), (0.1, 0.4)])
 @pytest.mark.parametrize('omega', [OMEGA, 0.4])
-def test_the_noise_of_the_efforts_takes_the_phase_that_the_rate_limit_may_take(
-    sigma: tuple[float, float], omega: float,
-) -> None:
+def test_the_noise_of_the_efforts_takes_the_phase_that_the_rate_limit_may_take(sigma, omega):
     """At the scaled crossover s ω_x, the efforts s M D v have the time constant σ / (0.8 τ̇)."""
     rate = np.array([0.25, 0.075]) * omega**2
     one = stable(decoupled(omega), rate)
@@ -171,7 +165,7 @@ def test_the_noise_of_the_efforts_takes_the_phase_that_the_rate_limit_may_take(
 
 
 @pytest.mark.parametrize('ratio', [0.6 * LESS, 1.6 * LESS])
-def test_noise_that_begins_after_quiet_states_decides_about_the_velocity(ratio: float) -> None:
+def test_noise_that_begins_after_quiet_states_decides_about_the_velocity(ratio):
     """Positions replace velocities that have more than twice their noise, at once for good."""
     one = stable(decoupled(), np.full(2, 10.0))
     noisy(one, 10, FAST, [0.0, 0.0])
@@ -184,7 +178,7 @@ def test_noise_that_begins_after_quiet_states_decides_about_the_velocity(ratio: 
     assert one.differs == (ratio < LESS)
 
 
-def test_the_difference_of_positions_is_used_from_the_start_and_late_by_half_a_period() -> None:
+def test_the_difference_of_positions_is_used_from_the_start_and_late_by_half_a_period():
     one, dt = stable(decoupled(), np.full(2, 10.0)), 0.02
     assert (noisy(one, 40, dt, [0.4, 0.4])[6:] == 0.0).all()
     assert one.least == pytest.approx(DELAY_LAG / (CROSSOVER * OMEGA * (LOOP_DELAY + dt)))
@@ -193,7 +187,7 @@ def test_the_difference_of_positions_is_used_from_the_start_and_late_by_half_a_p
 # --- irregular states ----------------------------------------------------------------------------
 
 @pytest.mark.filterwarnings('error')
-def test_only_a_state_that_follows_another_one_has_a_period() -> None:
+def test_only_a_state_that_follows_another_one_has_a_period():
     one = stable(decoupled())
     assert not one.evaluate()
     assert not one.differs
@@ -208,7 +202,7 @@ def test_only_a_state_that_follows_another_one_has_a_period() -> None:
 
 
 @given(st.floats(FAST, FIRST_PERIOD))
-def test_gains_before_the_rate_is_known_are_at_most_those_of_that_rate(period: float) -> None:
+def test_gains_before_the_rate_is_known_are_at_most_those_of_that_rate(period):
     """Else noise of the first slow states moves the arm as with the gains of fast ones."""
     one = stable(decoupled())
     first = one.scale
@@ -217,7 +211,7 @@ def test_gains_before_the_rate_is_known_are_at_most_those_of_that_rate(period: f
     assert (first <= one.scale).all()
 
 
-def test_pauses_in_a_row_are_the_period_up_to_a_second() -> None:
+def test_pauses_in_a_row_are_the_period_up_to_a_second():
     one = stable(decoupled())
     for dt, period in ((0.0, 0.0), (FAST, FAST), (0.7, FAST), (0.8, 0.8), (0.9, 0.9), (3.0, 1.0)):
         follow(one, dt, Q, V)

@@ -3,13 +3,11 @@
 
 """References that were sent before a stop, a fault or a restart of the joint states."""
 
-from collections.abc import Callable
 from typing import Any
 
 from lock_step_loop import LockStep
 import numpy as np
 import pytest
-from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
@@ -22,9 +20,7 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_t
     (lambda loop: loop.fail(1.0, Fault('broken', 'words')), 'fault broken: words'),
     (lambda loop: loop.goals.interrupt('restarted'), 'restarted')])
 @pytest.mark.parametrize('is_goal', [True, False])
-def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(
-    end: Callable[[ControlLoop], object], words: str, is_goal: bool,
-) -> None:
+def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(end, words, is_goal):
     """It comes while the trajectory is prepared, or before its goal is executed."""
     bench = LockStep(load_arm(default_arm_urdf()), q=np.array([0.3, 0.3]))
     bench.run(0.3)

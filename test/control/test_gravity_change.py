@@ -41,7 +41,7 @@ def gravity_torque(gravity: Sequence[float], loads: Sequence[object] = ()) -> np
 
 
 @pytest.mark.parametrize('gravity', [WALL, CEILING, (1.0, -2.0, -1.62)])
-def test_an_arm_with_another_gravity_is_that_of_the_urdf(gravity: Sequence[float]) -> None:
+def test_an_arm_with_another_gravity_is_that_of_the_urdf(gravity):
     changed = UR10.with_payloads([LOAD]).with_gravity(gravity)
     assert changed.gravity.tolist() == list(gravity)
     assert ArmDynamics(changed).gravity(Q) == pytest.approx(
@@ -51,7 +51,7 @@ def test_an_arm_with_another_gravity_is_that_of_the_urdf(gravity: Sequence[float
     assert UR10.gravity.tolist() == list(STANDARD_GRAVITY)
 
 
-def test_an_invalid_gravity_is_rejected_by_name() -> None:
+def test_an_invalid_gravity_is_rejected_by_name():
     with pytest.raises(InvalidInputError, match='gravity has 2 values, expected 3'):
         UR10.with_gravity([0.0, 1.0])
     with pytest.raises(InvalidInputError, match=r'gravity\[1\] \(y\) is nan'):
@@ -59,7 +59,7 @@ def test_an_invalid_gravity_is_rejected_by_name() -> None:
 
 
 @pytest.mark.parametrize('loads', [[], [LOAD]])
-def test_gravity_changes_at_most_with_its_rate(loads: list[object]) -> None:
+def test_gravity_changes_at_most_with_its_rate(loads):
     rate, one = 20.0, controller()
     one.set_payloads(loads, 0.0, lambda _: None)
     zero, stamp = np.zeros(6), 0
@@ -78,7 +78,7 @@ def test_gravity_changes_at_most_with_its_rate(loads: list[object]) -> None:
     assert torques[489] != pytest.approx(end, abs=1e-3)
 
 
-def test_a_stream_that_is_faster_than_the_states_makes_progress() -> None:
+def test_a_stream_that_is_faster_than_the_states_makes_progress():
     one = controller()
     one.update(0, Q, np.zeros(6))
     for k in range(1, 300):
@@ -88,7 +88,7 @@ def test_a_stream_that_is_faster_than_the_states_makes_progress() -> None:
     assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
 
 
-def test_a_pause_of_the_states_causes_no_step() -> None:
+def test_a_pause_of_the_states_causes_no_step():
     one = controller()
     before = one.update(0, Q, np.zeros(6)).gravity_compensation
     one.set_gravity(np.array(CEILING), 20.0)
@@ -98,7 +98,7 @@ def test_a_pause_of_the_states_causes_no_step() -> None:
     assert after == pytest.approx(before + share * (gravity_torque(CEILING) - before), abs=1e-9)
 
 
-def test_inertia_and_gravity_are_not_underestimated_during_a_change() -> None:
+def test_inertia_and_gravity_are_not_underestimated_during_a_change():
     loaded = LoadedArm(UR10)
     for target in (WALL, CEILING, STANDARD_GRAVITY):  # the second one interrupts the first
         loaded.begin_gravity_change(loaded.prepare(gravity=np.array(target)), 10.0)
@@ -111,7 +111,7 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_change() -> None:
                 break
 
 
-def test_a_load_and_gravity_change_at_the_same_time() -> None:
+def test_a_load_and_gravity_change_at_the_same_time():
     one, done = controller(), []
     one.update(0, Q, np.zeros(6))
     one.set_payloads([LOAD], 1.0, done.append)
@@ -122,7 +122,7 @@ def test_a_load_and_gravity_change_at_the_same_time() -> None:
     assert output.gravity_compensation == pytest.approx(gravity_torque(WALL, [LOAD]), abs=1e-12)
 
 
-def test_a_robot_that_compensates_along_its_own_gravity() -> None:
+def test_a_robot_that_compensates_along_its_own_gravity():
     """The command and the effort of the robot add up to the gravity torque."""
     one = controller(robot_gravity=STANDARD_GRAVITY)
     one.update(0, Q, np.zeros(6))
@@ -138,7 +138,7 @@ def test_a_robot_that_compensates_along_its_own_gravity() -> None:
     assert command == pytest.approx(0.0, abs=1e-12)
 
 
-def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
+def test_the_arm_holds_its_position_while_its_base_tilts():
     """The base tilts by 90° at 1 rad/s; the controller receives gravity at 50 Hz."""
     simulation = released(UR10, Q)
     one = Controller(UR10, ControllerOptions(make_gains(UR10.joint_names)))
@@ -158,7 +158,7 @@ def test_the_arm_holds_its_position_while_its_base_tilts() -> None:
     assert simulation.q == pytest.approx(Q, abs=1e-4)
 
 
-def test_energy_of_a_change_of_gravity_counts_as_work() -> None:
+def test_energy_of_a_change_of_gravity_counts_as_work():
     simulation = released(two_link(), (1.0, 0.5))
     start = sum(simulation.energy)
     for gravity in ((3.0, 0.0, -9.0), (0.0, 0.0, 9.81)):

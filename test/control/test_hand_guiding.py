@@ -61,7 +61,7 @@ def hand(one: LockStep, j: int, speed: float, seconds: float) -> FloatArray:
 @pytest.mark.parametrize('case', [
     Case('panda', 500, 2, 1e-3), Case('z1', 250, 4, 3e-3), Case('ur10', 100, 10, 5e-4)],
     ids=lambda case: case.arm)
-def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case: Case) -> None:
+def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case):
     for j in range(3):
         with_share, without = (
             float(hand(guided(case, share), j, SPEED, 1.0).mean()) for share in (None, 0.0))
@@ -72,8 +72,8 @@ def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case: Case) -> N
 @given(st.sampled_from(['panda', 'z1', 'ur10', 'default']), st.sampled_from([1000, 500, 100]),
        st.integers(0, 2), st.floats(1e-4, 5e-3), st.booleans(), st.integers(0, 2**31))
 def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(
-    arm: str, rate: int, periods: int, distance: float, has_rotors: bool, seed: int,
-) -> None:
+    arm, rate, periods, distance, has_rotors, seed,
+):
     case = Case(arm, rate, periods * 1000 // rate, distance, 1.2, has_rotors and arm in (
         'panda', 'ur10'))
     one, rng = guided(case, LARGEST_SHARE), np.random.default_rng(seed)
@@ -86,7 +86,7 @@ def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(
 
 
 @pytest.mark.parametrize('name', ['panda', 'z1', 'ur10'])
-def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name: str) -> None:
+def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name):
     """The error is an unknown load, whose gravity takes 60 % of the dry friction of a joint."""
     arm, case = smooth_arm(name), Case(name, 500, 4, 1e-3)
     q = middle(arm)
@@ -104,7 +104,7 @@ def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name: str) -> 
     assert one.loop.supervisor.fault_count == 0
 
 
-def test_a_gearbox_that_yields_under_a_released_arm_starts_no_motion() -> None:
+def test_a_gearbox_that_yields_under_a_released_arm_starts_no_motion():
     """An unknown load takes 90 % of the dry friction; without compensation the arm sags as far."""
     arm, q = smooth_arm('ur5'), np.array([0.7, 0.03, -0.5, -1.0, -0.3, -0.2])
     coulomb = np.array([3.75, 3.75, 3.75, 0.7, 0.7, 0.7])
@@ -122,7 +122,7 @@ def test_a_gearbox_that_yields_under_a_released_arm_starts_no_motion() -> None:
     assert sag[1] < 1.1 * sag[0]
 
 
-def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm() -> None:
+def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm():
     one = guided(Case('ur10', 500, 2, 1e-3))
     hand(one, 1, SPEED, 0.5)
     hand(one, 1, 0.0, 3.0)
@@ -133,9 +133,7 @@ def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm() -> None:
 
 @pytest.mark.parametrize('rate', [100.0, 500.0])
 @pytest.mark.parametrize('name', ['panda', 'ur10', 'z1'])
-def test_a_strong_push_is_braked_and_held_within_the_position_limit(
-    name: str, rate: float,
-) -> None:
+def test_a_strong_push_is_braked_and_held_within_the_position_limit(name, rate):
     arm = smooth_arm(name)
     q = middle(arm)
     q[0] = arm.limits.upper[0] - 1.0
@@ -163,7 +161,7 @@ def effort_in_motion(arm: ArmModel, q: FloatArray, v: FloatArray, **options: Any
 
 
 @pytest.mark.parametrize('side', [-1.0, 1.0])
-def test_friction_is_not_compensated_towards_a_position_limit(side: float) -> None:
+def test_friction_is_not_compensated_towards_a_position_limit(side):
     arm = smooth_arm('z1')
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=COULOMB['z1']))
     q, v = middle(arm), np.zeros(arm.joint_count)
@@ -176,7 +174,7 @@ def test_friction_is_not_compensated_towards_a_position_limit(side: float) -> No
     assert side * push[-1] > 0.1
 
 
-def test_gravity_is_that_of_the_position_at_which_the_effort_acts() -> None:
+def test_gravity_is_that_of_the_position_at_which_the_effort_acts():
     arm = smooth_arm('default')
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=COULOMB['default']))
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
@@ -185,7 +183,7 @@ def test_gravity_is_that_of_the_position_at_which_the_effort_acts() -> None:
         q + 0.5 * (0.01 + LOOP_DELAY) * v), abs=1e-9)
 
 
-def test_leaving_the_mode_holds_the_arm() -> None:
+def test_leaving_the_mode_holds_the_arm():
     one = LockStep(smooth_arm('panda'), command='hand_guiding')
     one.v = 0.2 * directions(7)
     one.run(0.2)
@@ -198,7 +196,7 @@ def test_leaving_the_mode_holds_the_arm() -> None:
     assert np.abs(one.run(1.0).q - held).max() < 1e-4
 
 
-def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint() -> None:
+def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint():
     one = LockStep(smooth_arm('panda'), command='hand_guiding')
     one.run(0.1)
     one.v = 1.5 * directions(7)
@@ -213,16 +211,14 @@ def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint() -> None:
     ((0.5, (), 0.6), "hand_guiding.feedback_gain of 'joint1' is 0.6, expected at most 0.5"),
     ((0.5, [1.0, 2.0, 3.0]), 'hand_guiding.speed has 3 values'),
     ((-0.1,), r'hand_guiding.friction_share is \[-0.1')])
-def test_illegal_options_are_named(arguments: tuple[Any, ...], words: str) -> None:
+def test_illegal_options_are_named(arguments, words):
     with pytest.raises(InvalidInputError, match=words):
         make_guiding(smooth_arm('default'), *arguments)
 
 
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('signs', [1.0, -1.0])
-def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(
-    name: str, signs: float,
-) -> None:
+def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(name, signs):
     """It is limited by one factor: limits of each joint by itself threw an elbow to 13 rad/s."""
     arm = smooth_arm(name)
     n = arm.joint_count
@@ -233,7 +229,7 @@ def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(
     assert one.loop.supervisor.fault is None
 
 
-def test_a_joint_whose_gravity_takes_its_whole_limit_leaves_a_brake_to_the_others() -> None:
+def test_a_joint_whose_gravity_takes_its_whole_limit_leaves_a_brake_to_the_others():
     """The brake is shared by all joints, and the elbow turns at half its limit."""
     arm = smooth_arm('default').with_payloads([make_payload('link2', 20.0)])
     q, v = np.array([1.4, -1.3]), np.array([0.0, 5.0])

@@ -51,9 +51,7 @@ def measured_gains(loop: ControlLoop, q: np.ndarray) -> tuple[np.ndarray, np.nda
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), stiffness=st.floats(1.0, 2000.0), zeta=st.floats(0.2, 1.5))
-def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
-    name: str, seed: int, stiffness: float, zeta: float,
-) -> None:
+def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(name, seed, stiffness, zeta):
     """The law is a spring and a damper whose modes are those of the closed loop with M(q)."""
     arm = smooth_arm(name)
     q = middle(arm) + np.random.default_rng(seed).uniform(-1.0, 1.0, arm.joint_count)
@@ -73,9 +71,7 @@ def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), damping=st.floats(0.0, 300.0))
-def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(
-    seed: int, damping: float,
-) -> None:
+def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(seed, damping):
     """At least half of the critical damping of each mode; at most critical at the fastest."""
     arm = smooth_arm('panda')
     q = middle(arm) + np.random.default_rng(seed).uniform(-1.0, 1.0, arm.joint_count)
@@ -94,7 +90,7 @@ def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(
         assert slow @ D @ slow > 0.9 * damping
 
 
-def test_a_slow_arm_has_the_given_damping_exactly() -> None:
+def test_a_slow_arm_has_the_given_damping_exactly():
     arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
     impedance = make_impedance(arm.joint_names, arm.limits.effort, 400.0, damping=[90.0, 70.0])
     loop = ControlLoop.of_arm(
@@ -103,13 +99,13 @@ def test_a_slow_arm_has_the_given_damping_exactly() -> None:
     assert damping == pytest.approx(np.diag([90.0, 70.0]), abs=1e-3)
 
 
-def test_a_slow_arm_keeps_the_stiffness_exactly() -> None:
+def test_a_slow_arm_keeps_the_stiffness_exactly():
     arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
     K, _ = measured_gains(loop_of(arm, 400.0, 1.0), np.array([0.8, 0.5]))
     assert pytest.approx(400.0 * np.eye(2), abs=1e-3) == K
 
 
-def test_an_unknown_load_sags_by_its_weight_over_the_stiffness() -> None:
+def test_an_unknown_load_sags_by_its_weight_over_the_stiffness():
     arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
     loaded = arm.with_payloads([make_payload('tool0', 1.0)])
     one = LockStep(arm, true_arm=loaded, q=np.array([0.8, 0.5]), command='joint_impedance',
@@ -120,7 +116,7 @@ def test_an_unknown_load_sags_by_its_weight_over_the_stiffness() -> None:
 
 
 @pytest.mark.parametrize(('name', 'joint'), [('panda', 2), ('panda', 3), ('ur10', 2)])
-def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name: str, joint: int) -> None:
+def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name, joint):
     """The prediction of this joint is that of computed torque, with which the arm stops."""
     one = LockStep(smooth_arm(name), rate=500.0, command='joint_impedance')
     one.run(0.2)
@@ -134,7 +130,7 @@ def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name: str, joint: int) -
     assert trace.last(0.5).speed.max() < 0.02
 
 
-def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter() -> None:
+def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter():
     arm = load_arm(
         '<robot name="r"><link name="a"/>' + ''.join(
             f'<link name="{child}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
@@ -150,23 +146,21 @@ def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter()
 @pytest.mark.parametrize(('field', 'value'), [
     ('stiffness', [1.0, 2.0, 3.0]), ('stiffness', -1.0), ('damping_ratio', [float('nan')]),
     ('damping_ratio', [1.0, -2.0]), ('damping_ratio', 0.1), ('damping', -1.0)])
-def test_a_wrong_impedance_is_named(field: str, value: object) -> None:
+def test_a_wrong_impedance_is_named(field, value):
     with pytest.raises(InvalidInputError, match=f'impedance.{field}'):
         make_impedance(('joint1', 'joint2'), np.full(2, 10.0), **{field: value})
 
 
 @pytest.mark.parametrize('M', [
     [[1e300, 1e200], [1e200, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
-def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(
-    M: list[list[float]],
-) -> None:
+def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(M):
     """The controller then reports the state; no other error ends its answer."""
     loop = loop_of(smooth_arm('default'), 100.0, 1.0)
     law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
     assert np.isnan(law.stiffness(np.array(M))).any()
 
 
-def test_a_joint_without_inertia_gets_no_stiffness() -> None:
+def test_a_joint_without_inertia_gets_no_stiffness():
     """Its M_jj is 0, so that no gain is stable; the effort remains finite."""
     arm = smooth_arm('default')
     loop = loop_of(arm, 100.0, 1.0)

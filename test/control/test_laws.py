@@ -97,23 +97,21 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
 @pytest.mark.parametrize('name', ALL)
 @pytest.mark.parametrize(
     'robot_compensates', [(), ('gravity',), ('gravity', 'friction')], ids=str)
-def test_the_terms_sum_to_the_command(
-    arm: ArmModel, name: str, robot_compensates: tuple[str, ...],
-) -> None:
+def test_the_terms_sum_to_the_command(arm, name, robot_compensates):
     convention = make_effort_convention('joint_torque', robot_compensates, False)
     one = make(arm, name, effort_convention=convention)
     follow(one, arm, with_reference=FOLLOWS[name])
 
 
 @pytest.mark.parametrize('name', ALL)
-def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(arm: ArmModel, name: str) -> None:
+def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(arm, name):
     one = make(arm, name, scales_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)
     follow(one, arm, with_reference=FOLLOWS[name])
 
 
-def test_the_law_of_the_page_is_a_spring_and_a_damper() -> None:
+def test_the_law_of_the_page_is_a_spring_and_a_damper():
     one, q, v = make(UR5, 'impedance'), Q, np.zeros(N)
     one.update(START, q, v)
     one.follow(hold(q + 0.02), 0)
@@ -136,9 +134,7 @@ class Lifting(ControlLaw):
 
 
 @pytest.mark.parametrize('has_velocity', [True, False])
-def test_a_law_that_does_not_follow_acts_until_a_stop(
-    monkeypatch: pytest.MonkeyPatch, has_velocity: bool,
-) -> None:
+def test_a_law_that_does_not_follow_acts_until_a_stop(monkeypatch, has_velocity):
     """Also for states without a velocity; computed torque follows the stop."""
     monkeypatch.setitem(LAWS, 'lifting', Lifting)
     one, q = make(UR5, 'lifting'), Q
@@ -151,7 +147,7 @@ def test_a_law_that_does_not_follow_acts_until_a_stop(
     assert np.abs(output.computed_torque - output.gravity_compensation - 1.0).min() > 0.01
 
 
-def test_a_law_without_an_effort_is_incomplete() -> None:
+def test_a_law_without_an_effort_is_incomplete():
     q = np.zeros(N)
     one = Controller(UR5, ControllerOptions(make_gains(UR5.joint_names)), ControlLaw())
     one.update(START, q, q)
@@ -161,7 +157,7 @@ def test_a_law_without_an_effort_is_incomplete() -> None:
 
 
 @pytest.mark.parametrize('has_reference', [False, True])
-def test_the_input_of_a_law_has_the_errors(has_reference: bool) -> None:
+def test_the_input_of_a_law_has_the_errors(has_reference):
     """Of a continuous joint it is the shortest distance; without a reference there is no error."""
     seen = []
 
@@ -218,7 +214,7 @@ def _user_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[N
 
 
 @pytest.mark.usefixtures('_user_package')
-def test_a_law_of_another_package_is_a_command() -> None:
+def test_a_law_of_another_package_is_a_command():
     assert command_modes()[-4:] == ('absent', 'broken', 'own_impedance', 'none')
     one, q = make(UR5, 'own_impedance'), Q
     assert one.laws.follows
@@ -229,7 +225,7 @@ def test_a_law_of_another_package_is_a_command() -> None:
 
 
 @pytest.mark.usefixtures('_user_package')
-def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
+def test_an_entry_point_does_not_replace_a_law_of_this_package():
     assert command_modes().count('computed_torque') == 1
     one, q = make(UR5, 'computed_torque'), Q
     one.update(START, q, 0.0 * q)
@@ -246,9 +242,7 @@ def test_an_entry_point_does_not_replace_a_law_of_this_package() -> None:
     ('absent', 'cannot be loaded: ModuleNotFoundError.*user_package.absent'),
     ('impedanze', "command is 'impedanze', expected one of .*joint_impedance"),
 ])
-def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(
-    name: str, words: str,
-) -> None:
+def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(name, words):
     one, q = make(UR5, 'gravity_compensation'), Q
     with pytest.raises(InvalidInputError, match=words):
         one.set_options(ControllerOptions(make_gains(UR5.joint_names), command=name))
@@ -258,7 +252,7 @@ def test_a_law_that_cannot_be_used_is_refused_and_the_last_one_continues(
         make(UR5, name)
 
 
-def test_a_given_law_is_used_for_any_command_but_none() -> None:
+def test_a_given_law_is_used_for_any_command_but_none():
     q, options = Q, ControllerOptions(make_gains(UR5.joint_names))
     one = Controller(UR5, options, Lifting())
     assert not one.laws.follows
@@ -275,9 +269,7 @@ class Limp(GravityCompensation):
         return super().__call__(state)._replace(effort=self._zero)
 
 
-def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(monkeypatch):
     """The command that holds the arm consists of it."""
     monkeypatch.setitem(LAWS, 'limp', Limp)
     one, q = make(UR5, 'limp'), Q
@@ -287,7 +279,7 @@ def test_a_gravity_torque_that_is_not_finite_is_refused_for_any_law(
 
 
 @pytest.mark.parametrize('name', [name for name, follows in FOLLOWS.items() if not follows])
-def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
+def test_a_law_that_does_not_follow_refuses_references(name):
     one, q = make(UR5, name), np.zeros(N)
     one.update(START, q, q)
     with pytest.raises(
@@ -295,7 +287,7 @@ def test_a_law_that_does_not_follow_refuses_references(name: str) -> None:
         one.follow(hold(q), 0)
 
 
-def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
+def test_gravity_compensation_is_the_gravity_torque_alone():
     """Friction is no term of it, not even an offset of the measured effort."""
     dynamics = UncheckedArmDynamics(
         UR5.with_friction(make_friction(UR5.joint_names, effort_bias=3.0)))
@@ -316,7 +308,7 @@ def test_gravity_compensation_is_the_gravity_torque_alone() -> None:
         output.friction[0] = 1.0  # the next outputs share it
 
 
-def test_the_terms_contain_the_given_gravity_torque() -> None:
+def test_the_terms_contain_the_given_gravity_torque():
     dynamics, n = UncheckedArmDynamics(UR5), N
     q, v, a = Q, np.full(N, 0.2), np.full(n, 0.3)
     gravity = dynamics.rigid_body.gravity(q) + np.arange(1.0, n + 1.0)

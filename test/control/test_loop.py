@@ -30,7 +30,7 @@ from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('rate', [500.0, 100.0])
-def test_the_arm_is_held_from_the_first_state(name: str, rate: float) -> None:
+def test_the_arm_is_held_from_the_first_state(name, rate):
     one = LockStep(arm_named(name), q=place(name), rate=rate, delay=4)
     trace = one.run(2.0)
     assert np.abs(trace.q - place(name)).max() < 1e-6
@@ -40,9 +40,7 @@ def test_the_arm_is_held_from_the_first_state(name: str, rate: float) -> None:
 
 @pytest.mark.parametrize(('rate', 'largest'), [(500.0, 0.1), (125.0, 0.1), (50.0, 0.3)])
 @pytest.mark.parametrize('delay', [0, 8])
-def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(
-    rate: float, largest: float, delay: int,
-) -> None:
+def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(rate, largest, delay):
     """Slow states have lower gains, and half of them until the quality of the states is known."""
     one = LockStep(arm_named('default'), true_arm=loaded(0.5), q=Q, rate=rate, delay=delay)
     trace = one.run(4.0)
@@ -54,9 +52,7 @@ def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(
 
 @pytest.mark.parametrize('delay', [0, 8])
 @pytest.mark.parametrize(('load', 'largest'), [(3.0, 0.2), (4.0, 0.25)])
-def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(
-    load: float, largest: float, delay: int,
-) -> None:
+def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(load, largest, delay):
     """No softening by the size of the error: plain PD feedback sags by 0.16 and 0.21 rad."""
     one = LockStep(arm_named('default'), true_arm=loaded(load), q=Q, rate=125.0, delay=delay)
     trace = one.run(6.0)
@@ -70,7 +66,7 @@ def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(
 
 @pytest.mark.parametrize('speed', [0.6, 1.0, 1.5, 2.0])
 @pytest.mark.parametrize('delay', [0, 4, 8])
-def test_a_hit_starts_no_oscillation(delay: int, speed: float) -> None:
+def test_a_hit_starts_no_oscillation(delay, speed):
     """The first joint of a stretched UR5 is heavy: the rate limit delays its effort."""
     one = LockStep(arm_named('ur5'), q=np.zeros(6), rate=500.0, delay=delay)
     one.run(1.0)
@@ -84,7 +80,7 @@ def test_a_hit_starts_no_oscillation(delay: int, speed: float) -> None:
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('rate', [500.0, 100.0])
 @pytest.mark.parametrize('speed', [0.3, -0.6])
-def test_an_arm_that_moves_at_the_start_is_stopped(name: str, rate: float, speed: float) -> None:
+def test_an_arm_that_moves_at_the_start_is_stopped(name, rate, speed):
     v = speed * directions(len(place(name)))
     one = LockStep(arm_named(name), q=place(name), v=v, rate=rate, delay=4)
     trace = one.run(3.0)
@@ -95,7 +91,7 @@ def test_an_arm_that_moves_at_the_start_is_stopped(name: str, rate: float, speed
 
 
 @pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
-def test_other_commands_do_not_hold(command: str) -> None:
+def test_other_commands_do_not_hold(command):
     one = LockStep(arm_named('default'), q=Q, command=command)
     trace = one.run(0.2)
     assert one.loop.reference is None
@@ -106,7 +102,7 @@ def test_other_commands_do_not_hold(command: str) -> None:
 
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('cause', ['fault', 'pause of the states'])
-def test_after_a_fault_the_arm_stops_and_is_held(name: str, cause: str) -> None:
+def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     one = in_motion(name)
     goal = one.q + 0.2
     if cause == 'fault':
@@ -130,7 +126,7 @@ def test_after_a_fault_the_arm_stops_and_is_held(name: str, cause: str) -> None:
     assert one.loop.goals.interruption == ''
 
 
-def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset() -> None:
+def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset():
     one = in_motion()
     one.loop.fail(one.now, Fault('broken', 'words', latched=True))
     trace = one.run(2.0)
@@ -141,7 +137,7 @@ def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset() -> None:
     assert one.loop.reference is not None
 
 
-def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset() -> None:
+def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset():
     one = in_motion()
     goal = one.q + 0.2
     for k in range(3):
@@ -174,7 +170,7 @@ def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
 
 
 @pytest.mark.parametrize('is_same', [True, False])
-def test_a_latched_fault_continues_in_the_loop_of_the_next_model(is_same: bool) -> None:
+def test_a_latched_fault_continues_in_the_loop_of_the_next_model(is_same):
     one = in_motion()
     one.loop.fail(one.now, Fault('broken', 'words', latched=True))
     one.run(0.1)
@@ -192,7 +188,7 @@ def test_a_latched_fault_continues_in_the_loop_of_the_next_model(is_same: bool) 
     assert loop.supervisor.mode is Mode.RUNNING
 
 
-def test_the_next_model_of_the_same_joints_continues_without_a_step() -> None:
+def test_the_next_model_of_the_same_joints_continues_without_a_step():
     one = in_motion()
     before = one.run(0.01).effort
     last = before[~np.isnan(before).any(axis=1)][-1]
@@ -205,7 +201,7 @@ def test_the_next_model_of_the_same_joints_continues_without_a_step() -> None:
 
 # --- streams, stops and states -------------------------------------------------------------------
 
-def test_a_stream_that_pauses_ends_with_a_stop() -> None:
+def test_a_stream_that_pauses_ends_with_a_stop():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
     for k in range(1, 30):
@@ -222,7 +218,7 @@ def test_a_stream_that_pauses_ends_with_a_stop() -> None:
     assert trace.speed.max() < 1.1 * last.speed[-1]
 
 
-def test_a_stop_in_a_fault_is_a_hold_after_it() -> None:
+def test_a_stop_in_a_fault_is_a_hold_after_it():
     one = in_motion()
     one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
     assert one.loop.stop() == (
@@ -230,7 +226,7 @@ def test_a_stop_in_a_fault_is_a_hold_after_it() -> None:
     assert rests(one.run(3.0))
 
 
-def test_states_that_restart_end_the_reference_and_the_arm_is_held() -> None:
+def test_states_that_restart_end_the_reference_and_the_arm_is_held():
     """A simulator, for example, places the arm somewhere else."""
     one = in_motion()
     one.q = one.q + 0.7
@@ -242,7 +238,7 @@ def test_states_that_restart_end_the_reference_and_the_arm_is_held() -> None:
 
 
 @pytest.mark.parametrize('shift', [-20_000, 20_000])
-def test_stamps_that_jump_restart_the_states_too(shift: int) -> None:
+def test_stamps_that_jump_restart_the_states_too(shift):
     one = in_motion()
     for _ in range(1000):
         stamp = FIRST_STAMP + (one.k + shift) * MS
@@ -254,7 +250,7 @@ def test_stamps_that_jump_restart_the_states_too(shift: int) -> None:
     assert np.abs(one.v).max() < AT_REST
 
 
-def test_a_repeated_state_gets_the_last_effort_again() -> None:
+def test_a_repeated_state_gets_the_last_effort_again():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
     stamp = FIRST_STAMP + one.k * MS
@@ -264,7 +260,7 @@ def test_a_repeated_state_gets_the_last_effort_again() -> None:
     assert not again.verdict.is_new
 
 
-def test_two_publishers_that_contradict_each_other_are_a_fault() -> None:
+def test_two_publishers_that_contradict_each_other_are_a_fault():
     """Their states are dropped, and the arm is held."""
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
@@ -292,7 +288,7 @@ class Fragile(ControlLaw):
         return state.gravity * (np.nan if self.is_broken else 1.0)
 
 
-def test_a_state_without_a_finite_effort_is_a_latched_fault() -> None:
+def test_a_state_without_a_finite_effort_is_a_latched_fault():
     law = Fragile()
     one = LockStep(arm_named('default'), law, q=Q)
     one.run(0.1)
@@ -312,7 +308,7 @@ def test_a_state_without_a_finite_effort_is_a_latched_fault() -> None:
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('v', [1e3, 1e6])
-def test_absurd_velocities_are_not_used(v: float) -> None:
+def test_absurd_velocities_are_not_used(v):
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
     sensor, one.sensor = one.sensor, lambda q, _: (q, np.array([v, -v]))
@@ -324,7 +320,7 @@ def test_absurd_velocities_are_not_used(v: float) -> None:
 
 
 @pytest.mark.parametrize('max_age', [0.0, 0.3])
-def test_the_age_of_a_state_has_a_limit(max_age: float) -> None:
+def test_the_age_of_a_state_has_a_limit(max_age):
     one = LockStep(arm_named('default'), q=Q)
     one.loop.monitor.max_age = max_age
     one.run(0.1)
@@ -336,7 +332,7 @@ def test_the_age_of_a_state_has_a_limit(max_age: float) -> None:
         assert one.loop.answer(stamp, Q, 0.0 * Q, stamp + 400 * MS).effort is not None
 
 
-def test_an_inactive_loop_answers_without_an_effort() -> None:
+def test_an_inactive_loop_answers_without_an_effort():
     loop = ControlLoop.of_arm(arm_named('default'))
     inactive = ControlLoop(
         loop.controller, loop.supervisor.limiter.limits, SafetyOptions())

@@ -30,7 +30,7 @@ def at_rest() -> LockStep:
     return one
 
 
-def test_an_effort_has_limits_with_the_joints_if_one_changes_it() -> None:
+def test_an_effort_has_limits_with_the_joints_if_one_changes_it():
     one = at_rest()
     answer = state(one)
     assert answer.limits is None
@@ -43,7 +43,7 @@ def test_an_effort_has_limits_with_the_joints_if_one_changes_it() -> None:
     assert rate[0]
 
 
-def test_gains_that_the_law_has_scaled_are_stated_with_an_unchanged_effort() -> None:
+def test_gains_that_the_law_has_scaled_are_stated_with_an_unchanged_effort():
     one = in_motion()
     one.push = lambda t: np.array([120.0, 0.0])
     answers = []
@@ -56,7 +56,7 @@ def test_gains_that_the_law_has_scaled_are_stated_with_an_unchanged_effort() -> 
     assert all(each.limits is not None for each in scaled)
 
 
-def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault() -> None:
+def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault():
     one = at_rest()
     for factor, mode in ((1.1, Mode.RUNNING), (1.5, Mode.FAULT)):
         fast = factor * one.arm.limits.velocity
@@ -67,7 +67,7 @@ def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault() -> None:
         assert (answer.limits is None) is (mode is Mode.FAULT)
 
 
-def test_a_command_of_none_has_a_verdict_on_the_state() -> None:
+def test_a_command_of_none_has_a_verdict_on_the_state():
     one = at_rest()
     with_command(one, 'none')
     assert one.loop.goals.interruption == "command was set to 'none'"
@@ -77,7 +77,7 @@ def test_a_command_of_none_has_a_verdict_on_the_state() -> None:
     assert answer.verdict.stamp == FIRST_STAMP + (one.k - 2) * MS
 
 
-def test_a_following_error_is_the_fault_of_this_name() -> None:
+def test_a_following_error_is_the_fault_of_this_name():
     one = LockStep(arm_named('default'), q=Q, following_error=np.array([0.05, 0.05]))
     one.run(0.1)
     one.q = one.q + np.array([0.06, 0.0])
@@ -87,7 +87,7 @@ def test_a_following_error_is_the_fault_of_this_name() -> None:
     assert "position of 'joint1'" in fault.message
 
 
-def test_the_pause_of_a_stream_is_measured_by_the_steady_clock() -> None:
+def test_the_pause_of_a_stream_is_measured_by_the_steady_clock():
     one = at_rest()
     names, loop = one.arm.joint_names, one.loop
 
@@ -106,7 +106,7 @@ def test_the_pause_of_a_stream_is_measured_by_the_steady_clock() -> None:
     assert loop.goals.paused_streams == 1
 
 
-def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back() -> None:
+def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back():
     one = in_motion()
     before = one.loop.reference
     stamp, h = FIRST_STAMP + one.k * MS, 2 * MS
@@ -120,7 +120,7 @@ def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back() -> None:
         assert 'restarted' in one.loop.goals.interruption
 
 
-def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit() -> None:
+def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit():
     """The others do: their motion above the limit is braked."""
     one = in_motion()
     loop, q, v = one.loop, one.q.copy(), one.v.copy()
@@ -134,7 +134,7 @@ def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit() -> None:
     assert loop.supervisor.fault_count == 1
 
 
-def test_the_ramp_waits_for_the_slower_of_velocity_and_mean() -> None:
+def test_the_ramp_waits_for_the_slower_of_velocity_and_mean():
     """A noisy velocity of an arm at rest does not delay the ramp."""
     one = at_rest()
     one.loop.deactivate(one.now)
@@ -146,7 +146,7 @@ def test_the_ramp_waits_for_the_slower_of_velocity_and_mean() -> None:
     assert one.loop.supervisor.mode is Mode.STOPPING
 
 
-def test_the_loop_of_the_next_options_begins_without_an_interruption() -> None:
+def test_the_loop_of_the_next_options_begins_without_an_interruption():
     loop = ControlLoop.of_arm(arm_named('default'))
     assert loop.goals.interruption == loop.goals.notice == ''
     options = loop.controller.options

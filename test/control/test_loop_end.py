@@ -24,9 +24,7 @@ ends = pytest.mark.parametrize('end', ENDS)
 @ends
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
 @pytest.mark.parametrize('rate', [500.0, 100.0])
-def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(
-    end: str, name: str, rate: float,
-) -> None:
+def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(end, name, rate):
     one = in_motion(name, rate=rate, delay=4)
     most = np.abs(one.v).max()
     ENDS[end](one)
@@ -45,7 +43,7 @@ def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(
 
 
 @ends
-def test_an_arm_at_rest_need_not_stop_for_long(end: str) -> None:
+def test_an_arm_at_rest_need_not_stop_for_long(end):
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.5)
     ENDS[end](one)
@@ -53,7 +51,7 @@ def test_an_arm_at_rest_need_not_stop_for_long(end: str) -> None:
 
 
 @ends
-def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end: str) -> None:
+def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end):
     """The environment shakes the arm, which never rests."""
     one = in_motion()
     one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
@@ -65,7 +63,7 @@ def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end: str) -> None:
     assert one.loop.supervisor.mode is Mode.INACTIVE
 
 
-def test_an_arm_that_swings_is_not_at_rest_when_it_returns() -> None:
+def test_an_arm_that_swings_is_not_at_rest_when_it_returns():
     """It is where it was 100 ms before, at each comparison."""
     loop, q = ControlLoop.of_arm(arm_named('default')), Q.copy()
     for k in range(1000):
@@ -77,7 +75,7 @@ def test_an_arm_that_swings_is_not_at_rest_when_it_returns() -> None:
         assert k < 250 or loop.supervisor.mode is Mode.BRAKING
 
 
-def test_an_arm_that_begins_to_move_is_not_at_rest() -> None:
+def test_an_arm_that_begins_to_move_is_not_at_rest():
     """It has moved little in 100 ms, and is as fast as at the end of a fall of 30 ms."""
     loop, q, v = ControlLoop.of_arm(arm_named('default')), Q.copy(), np.zeros(2)
     for k in range(100):
@@ -90,7 +88,7 @@ def test_an_arm_that_begins_to_move_is_not_at_rest() -> None:
 
 
 @ends
-def test_without_states_the_ramp_begins_at_once(end: str) -> None:
+def test_without_states_the_ramp_begins_at_once(end):
     one = in_motion()
     one.sensor = None
     ENDS[end](one)
@@ -99,7 +97,7 @@ def test_without_states_the_ramp_begins_at_once(end: str) -> None:
     assert one.loop.supervisor.mode is Mode.INACTIVE
 
 
-def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops() -> None:
+def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops():
     one = in_motion()
     one.loop.deactivate(one.now)
     one.run(0.1)
@@ -113,7 +111,7 @@ def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops() -> No
 
 
 @pytest.mark.parametrize('after', [0.05, 0.2])
-def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after: float) -> None:
+def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after):
     one = in_motion()
     with_command(one, 'none')
     one.run(after)
@@ -128,7 +126,7 @@ def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after: float) -
     assert one.run(4.0).q[-1] == pytest.approx(Q, abs=1e-4)
 
 
-def test_after_the_end_the_command_begins_again_with_a_hold() -> None:
+def test_after_the_end_the_command_begins_again_with_a_hold():
     one = in_motion()
     with_command(one, 'none')
     one.run(4.0)
@@ -142,7 +140,7 @@ def test_after_the_end_the_command_begins_again_with_a_hold() -> None:
 
 
 @pytest.mark.parametrize('name', ['default', 'ur10'])
-def test_a_fault_during_the_stop_damps_the_arm_until_it_rests(name: str) -> None:
+def test_a_fault_during_the_stop_damps_the_arm_until_it_rests(name):
     one = in_motion(name)
     one.loop.deactivate(one.now)
     one.run(0.02)

@@ -25,9 +25,7 @@ from tracking_loop import loop_of, MASS
 
 
 @given(omega=st.floats(0.1, 100.0), zeta=st.floats(0.01, 3.0))
-def test_the_crossover_and_the_margin_are_those_of_the_open_loop(
-    omega: float, zeta: float,
-) -> None:
+def test_the_crossover_and_the_margin_are_those_of_the_open_loop(omega, zeta):
     """The open loop of ë = −K e − D ė is (D s + K)/s²."""
     gains = make_gains(['a', 'b'], [omega], [zeta])
     found = loop_of(gains)
@@ -43,7 +41,7 @@ def test_the_crossover_and_the_margin_are_those_of_the_open_loop(
 
 
 @pytest.mark.parametrize('kd', [0.0, 0.5, 5.0])
-def test_without_stiffness_damping_is_the_loop_and_without_both_there_is_none(kd: float) -> None:
+def test_without_stiffness_damping_is_the_loop_and_without_both_there_is_none(kd):
     found = loop_of(Gains(np.zeros(2), np.full(2, kd)))
     assert found.crossover == pytest.approx(kd)
     if kd:
@@ -52,7 +50,7 @@ def test_without_stiffness_damping_is_the_loop_and_without_both_there_is_none(kd
         2.0 * (DELAY_LAG / kd - LOOP_DELAY) if kd else math.inf)
 
 
-def test_a_stiffness_without_damping_has_no_margin() -> None:
+def test_a_stiffness_without_damping_has_no_margin():
     found = loop_of(Gains(np.full(2, 100.0), np.zeros(2)))
     assert found.lag.tolist() == [0.0, 0.0]
     assert longest_period(found) == 0.0
@@ -66,7 +64,7 @@ def impedance(K: np.ndarray, D: np.ndarray) -> Callable[[np.ndarray], Any]:
     return lambda M: (np.linalg.solve(M, K), np.linalg.solve(M, D))
 
 
-def test_the_least_favourable_pose_counts_joint_by_joint() -> None:
+def test_the_least_favourable_pose_counts_joint_by_joint():
     """An impedance: K is the same in each pose, and M is not."""
     K, D = np.diag([100.0, 50.0]), np.diag([20.0, 10.0])
     heavy, light = np.diag([4.0, 0.1]), np.diag([0.5, 2.0])
@@ -77,7 +75,7 @@ def test_the_least_favourable_pose_counts_joint_by_joint() -> None:
     assert both.noise == pytest.approx(D)
 
 
-def test_coupling_raises_the_frequencies_by_at_most_the_stated_factor() -> None:
+def test_coupling_raises_the_frequencies_by_at_most_the_stated_factor():
     rng = np.random.default_rng(3)
     for _ in range(50):
         A = rng.normal(size=(4, 4))

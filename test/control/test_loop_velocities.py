@@ -47,9 +47,7 @@ joints = pytest.mark.parametrize(('name', 'j'), [
 @wrong_arms
 @wrong_rates
 @pytest.mark.parametrize('sensor', [zeros, in_degrees], ids=['zeros', 'degrees'])
-def test_velocities_that_are_wrong_at_all_joints_stop_the_arm(
-    name: str, rate: float, sensor: Sensor,
-) -> None:
+def test_velocities_that_are_wrong_at_all_joints_stop_the_arm(name, rate, sensor):
     one = in_motion(name, rate=rate, delay=4)
     one.sensor = sensor
     trace = one.run(4.0)
@@ -60,7 +58,7 @@ def test_velocities_that_are_wrong_at_all_joints_stop_the_arm(
 
 @wrong_rates
 @joints
-def test_a_velocity_with_the_wrong_sign_stops_the_arm(name: str, rate: float, j: int) -> None:
+def test_a_velocity_with_the_wrong_sign_stops_the_arm(name, rate, j):
     one = in_motion(name, rate=rate, delay=4)
     one.sensor = sign(j)
     judge(one, one.run(4.0))
@@ -69,9 +67,7 @@ def test_a_velocity_with_the_wrong_sign_stops_the_arm(name: str, rate: float, j:
 
 @pytest.mark.parametrize('rate', [500.0, 250.0])
 @pytest.mark.parametrize('j', [3, 5])
-def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(
-    rate: float, j: int,
-) -> None:
+def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(rate, j):
     """The first wrong velocity is found before it is answered."""
     one = LockStep(arm_named('kinova'), q=place('kinova'), rate=rate, delay=8)
     one.run(0.1)
@@ -84,7 +80,7 @@ def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(
 
 @wrong_rates
 @joints
-def test_a_joint_whose_sample_is_frozen_is_a_fault(name: str, rate: float, j: int) -> None:
+def test_a_joint_whose_sample_is_frozen_is_a_fault(name, rate, j):
     """It ends when the joint is measured again, and the arm is held."""
     one = in_motion(name, rate=rate, delay=4)
     alive, one.sensor = one.sensor, frozen(j)
@@ -100,7 +96,7 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name: str, rate: float, j: in
 
 
 @wrong_rates
-def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate: float) -> None:
+def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate):
     """The feedback of a joint that sticks asks for accelerations that do not happen."""
     one = LockStep(arm_named('default'), q=Q, rate=rate)
     one.push = lambda t: np.array([-20.0, 0.0]) * np.clip(one.v[0] / 0.01, -1.0, 1.0)
@@ -114,7 +110,7 @@ def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate: fl
     assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
 
 
-def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is() -> None:
+def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
     fast, supervisor = 1.5 * one.arm.limits.velocity, one.loop.supervisor
@@ -124,7 +120,7 @@ def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is()
     assert supervisor.fault.name == 'overspeed'
 
 
-def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:
+def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     """Its fault ends when the sample changes, not when its reference ends."""
     one = LockStep(arm_named('default'), q=Q)
     one.sensor = frozen(1)
@@ -141,9 +137,7 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault() -> None:
 
 @pytest.mark.parametrize('delay', [0, 4, 8])
 @pytest.mark.parametrize('factor', [0.0, -1.0])
-def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(
-    factor: float, delay: int,
-) -> None:
+def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(factor, delay):
     """It is not pulled back to the reference, from which it is far away by then."""
     one = LockStep(arm_named('default'), q=np.zeros(2), delay=delay)
     one.run(0.1)
@@ -157,7 +151,7 @@ def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(
 
 
 @wrong_rates
-def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate: float) -> None:
+def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate):
     """The positions are those of an encoder, and repeat at rest."""
     one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=rate, delay=4)
     one.sensor = lambda q, v: (1e-4 * np.round(q / 1e-4), 0.0 * v)
@@ -167,7 +161,7 @@ def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate: float) 
     assert trace.last(1.0).speed.max() < 0.05
 
 
-def test_true_velocities_are_not_doubted_during_motions_and_stops() -> None:
+def test_true_velocities_are_not_doubted_during_motions_and_stops():
     for name in ('default', 'ur10', 'panda'):
         one = in_motion(name, rate=250.0, delay=4)
         one.loop.stop()

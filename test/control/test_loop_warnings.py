@@ -21,12 +21,12 @@ def warnings_of(**options: object) -> list[str]:
         Controller(ARM, ControllerOptions(**options))))  # type: ignore[arg-type]
 
 
-def test_the_default_parameters_are_no_reason_to_warn() -> None:
+def test_the_default_parameters_are_no_reason_to_warn():
     assert not warnings_of(
         gains=GAINS, scales_gains=True, conditions_references=True, effort_rate=RATE)
 
 
-def test_settings_that_can_oscillate_are_named_with_numbers() -> None:
+def test_settings_that_can_oscillate_are_named_with_numbers():
     weak = make_gains(ARM.joint_names, damping_ratio=[1.0, 0.1])
     safe = {'scales_gains': True, 'conditions_references': True, 'effort_rate': RATE}
     damping, = warnings_of(gains=weak, **safe)
@@ -38,12 +38,12 @@ def test_settings_that_can_oscillate_are_named_with_numbers() -> None:
     assert f'below {slowest_rate(one.laws.loop_gains):.0f} Hz' in slow
 
 
-def test_without_feedback_there_is_no_rate_to_warn_about() -> None:
+def test_without_feedback_there_is_no_rate_to_warn_about():
     none = Gains(np.zeros(2), np.zeros(2))
     assert not warnings_of(gains=none, conditions_references=True)
 
 
-def test_warnings_about_gains_of_any_size_are_finite() -> None:
+def test_warnings_about_gains_of_any_size_are_finite():
     for kp in (1e-300, 1e-90, 1e8):
         gains = make_gains(ARM.joint_names, kp=[kp], kd=[kp])
         assert [words for words in warnings_of(gains=gains, effort_rate=np.full(2, 1e9))

@@ -21,7 +21,7 @@ commands = pytest.mark.parametrize('command', OPTIONS)
 
 @commands
 @pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
-def test_a_motion_has_no_error(name: str, command: str) -> None:
+def test_a_motion_has_no_error(name, command):
     """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
     one, (along, at_end) = LockStep(
         smooth_arm(name), rate=1000.0, command=command), LARGEST_ERROR[command]
@@ -37,7 +37,7 @@ def test_a_motion_has_no_error(name: str, command: str) -> None:
 
 @pytest.mark.parametrize(('name', 'largest'), [('ur5', 2e-3), ('ur10', 1.5e-3)])
 @pytest.mark.parametrize('delay', [0, 8])
-def test_slow_states_follow_a_stream_of_set_points(name: str, largest: float, delay: int) -> None:
+def test_slow_states_follow_a_stream_of_set_points(name, largest, delay):
     """
     Set-points each 20 ms change the acceleration of the reference between two states at 30 Hz.
 
@@ -63,7 +63,7 @@ def test_slow_states_follow_a_stream_of_set_points(name: str, largest: float, de
 
 
 @commands
-def test_the_law_requires_its_options(command: str) -> None:
+def test_the_law_requires_its_options(command):
     arm = smooth_arm('default')
     gains = ControlLoop.of_arm(arm).controller.options.gains
     with pytest.raises(InvalidInputError, match=f'{OPTIONS[command]} is not given'):

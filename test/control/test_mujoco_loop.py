@@ -165,13 +165,13 @@ EVERY = [pytest.param(case, marks=() if case in SELECTED else pytest.mark.soak) 
 
 
 @pytest.mark.parametrize('case', EVERY, ids=lambda case: '-'.join(map(str, case)))
-def test_the_loop_is_calm_on_an_arm_in_mujoco(case: Case, seen: Any) -> None:
+def test_the_loop_is_calm_on_an_arm_in_mujoco(case, seen):
     end, bad = judge(case)
     seen(str(end))
     assert not bad, end
 
 
-def test_the_plants_differ_from_the_urdf_of_the_controller() -> None:
+def test_the_plants_differ_from_the_urdf_of_the_controller():
     """Gravity of xArm7 and UR10e, rotors of Panda, xArm7 and UR10e, damping of Panda and UR10e."""
     differences = {}
     for name in ARMS:

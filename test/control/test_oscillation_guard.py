@@ -46,8 +46,8 @@ def scales(signal: FloatArray, rate: int) -> FloatArray:
 @settings(max_examples=60, deadline=None)
 @given(RATES, SIZES, st.floats(9.0, 25.0), st.floats(0.0, 3.0), st.floats(0.0, 6.0))
 def test_an_oscillation_that_does_not_decay_lowers_the_gains_in_time(
-    rate: int, size: float, frequency: float, growth: float, phase: float,
-) -> None:
+    rate, size, frequency, growth, phase,
+):
     t = np.arange(0.0, 2.0, 1.0 / rate)
     found = scales(size * np.exp(growth * t) * np.sin(2.0 * np.pi * frequency * t + phase), rate)
     assert found[round(rate * (HALF_WAVES + 4) * 0.5 / frequency) + 10] < 1.0
@@ -57,9 +57,7 @@ def test_an_oscillation_that_does_not_decay_lowers_the_gains_in_time(
 @given(
     RATES, st.floats(2e-3, 3.0), st.floats(14.0, 20.0), st.floats(1.5, 2.2),
     st.integers(0, 2**32 - 1))
-def test_an_oscillation_of_two_frequencies_lowers_the_gains(
-    rate: int, size: float, frequency: float, ratio: float, seed: int,
-) -> None:
+def test_an_oscillation_of_two_frequencies_lowers_the_gains(rate, size, frequency, ratio, seed):
     """It looks like noise, but there was less of it before."""
     t = 2.0 * np.pi * np.arange(0.0, 3.0, 1.0 / rate)
     signal = np.sin(frequency * t) + np.sin(ratio * frequency * t)
@@ -70,9 +68,7 @@ def test_an_oscillation_of_two_frequencies_lowers_the_gains(
 
 @settings(max_examples=60, deadline=None)
 @given(RATES, SIZES, st.floats(3.0, 25.0), st.floats(0.05, 1.0), st.floats(0.0, 6.0))
-def test_an_oscillation_that_decays_does_not(
-    rate: int, size: float, frequency: float, damping: float, phase: float,
-) -> None:
+def test_an_oscillation_that_decays_does_not(rate, size, frequency, damping, phase):
     t = np.arange(0.0, 3.0, 1.0 / rate)
     omega = 2.0 * np.pi * frequency
     signal = size * np.exp(-damping * omega * t) * np.sin(omega * t + phase)
@@ -81,19 +77,19 @@ def test_an_oscillation_that_decays_does_not(
 
 @settings(max_examples=20, deadline=None)
 @given(RATES, SIZES, st.integers(0, 2**32 - 1))
-def test_white_noise_does_not(rate: int, size: float, seed: int) -> None:
+def test_white_noise_does_not(rate, size, seed):
     signal = size * np.random.default_rng(seed).standard_normal(10 * rate)
     assert scales(signal, rate)[-1] == 1.0
 
 
 @settings(max_examples=30, deadline=None)
 @given(RATES, SIZES, st.floats(0.05, 6.0), st.floats(0.05, 6.0))
-def test_smooth_motion_does_not(rate: int, size: float, first: float, second: float) -> None:
+def test_smooth_motion_does_not(rate, size, first, second):
     t = 2.0 * np.pi * np.arange(0.0, 5.0, 1.0 / rate)
     assert scales(size * (np.sin(first * t) + np.cos(second * t)), rate)[-1] == 1.0
 
 
-def test_only_the_joint_that_oscillates_is_lowered_and_its_frequency_is_known() -> None:
+def test_only_the_joint_that_oscillates_is_lowered_and_its_frequency_is_known():
     guard = OscillationGuard(2)
     for t in np.arange(0.0, 0.35, 0.002).tolist():
         guard.take(t, np.array([0.01 * np.sin(2.0 * np.pi * 15.0 * t), 0.0]))
@@ -102,7 +98,7 @@ def test_only_the_joint_that_oscillates_is_lowered_and_its_frequency_is_known() 
 
 
 @pytest.mark.parametrize('share', [0.9 * SHARE, 1.5 * SHARE])
-def test_joints_that_oscillate_together_are_lowered_together(share: float) -> None:
+def test_joints_that_oscillate_together_are_lowered_together(share):
     """The oscillation of the third decays slowly: alone it would not be lowered."""
     guard, lowered = OscillationGuard(3), 0
     for t in np.arange(0.0, 1.0, 0.002).tolist():
@@ -114,9 +110,7 @@ def test_joints_that_oscillate_together_are_lowered_together(share: float) -> No
 
 
 @pytest.mark.parametrize(('count', 'is_lowered'), [(HALF_WAVES - 1, False), (HALF_WAVES, True)])
-def test_a_joint_is_lowered_with_another_after_as_many_half_waves(
-    count: int, is_lowered: bool,
-) -> None:
+def test_a_joint_is_lowered_with_another_after_as_many_half_waves(count, is_lowered):
     """Its oscillation decays: alone it would not be lowered."""
     guard, wave = OscillationGuard(2), half_waves(np.ones(HALF_WAVES + 1))
     index = np.arange(len(wave)) // 25
@@ -126,7 +120,7 @@ def test_a_joint_is_lowered_with_another_after_as_many_half_waves(
     assert guard.scale.tolist() == [STEP, STEP if is_lowered else 1.0]
 
 
-def test_an_oscillation_that_does_not_depend_on_the_gains_restores_them_for_good() -> None:
+def test_an_oscillation_that_does_not_depend_on_the_gains_restores_them_for_good():
     t = np.arange(0.0, 60.0, 0.002)
     wave = np.sin(2.0 * np.pi * 20.0 * t)
     found = scales(0.01 * wave, 500)
@@ -137,9 +131,7 @@ def test_an_oscillation_that_does_not_depend_on_the_gains_restores_them_for_good
 
 
 @pytest.mark.parametrize(('share', 'lowers'), [(0.9, False), (1.1, True)])
-def test_a_ripple_of_the_reference_is_no_oscillation_of_the_loop(
-    share: float, lowers: bool,
-) -> None:
+def test_a_ripple_of_the_reference_is_no_oscillation_of_the_loop(share, lowers):
     guard, size = OscillationGuard(1), share * RIPPLE * 2.0
     for t in np.arange(0.0, 1.0, 0.002).tolist():
         guard.take(t, np.array([size * np.sin(2.0 * np.pi * 25.0 * t)]), 2.0)
@@ -147,9 +139,7 @@ def test_a_ripple_of_the_reference_is_no_oscillation_of_the_loop(
 
 
 @pytest.mark.parametrize(('share', 'restores'), [(0.9, True), (1.1, False)])
-def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(
-    share: float, restores: bool,
-) -> None:
+def test_an_oscillation_at_the_least_gains_is_judged_after_it_has_settled(share, restores):
     """Until then nothing changes, and no change is reported; a large one is never left alone."""
     rate, guard, changes, rows, before = 500, OscillationGuard(1), [], [], 1.0
     for k in range(3 * rate):
@@ -181,7 +171,7 @@ def lowered_at(signal: FloatArray) -> list[int]:
     return np.flatnonzero(np.diff(found, prepend=1.0)).tolist()
 
 
-def test_an_event_ends_with_the_first_sample_after_its_half_waves() -> None:
+def test_an_event_ends_with_the_first_sample_after_its_half_waves():
     """The half-wave that begins with the signal counts, although its duration is not known."""
     assert lowered_at(half_waves(np.ones(HALF_WAVES))) == []
     assert lowered_at(half_waves(np.ones(HALF_WAVES + 1))) == [25 * HALF_WAVES]
@@ -195,13 +185,13 @@ def test_an_event_ends_with_the_first_sample_after_its_half_waves() -> None:
     ([0.1] * 4 + [1.0, REGULAR, 1.0, 1.0], True),
     ([0.1] * 4 + [1.0, 0.98 * REGULAR, 1.0, 1.0], False),
 ])
-def test_an_event_is_sustained_and_regular(peaks: list[float], lowers: bool) -> None:
+def test_an_event_is_sustained_and_regular(peaks, lowers):
     """The bounds belong to an event; a half-wave of 25 samples contains its peak."""
     assert bool(lowered_at(half_waves([*peaks, 0.5]))) == lowers
 
 
 @pytest.mark.parametrize(('factor', 'lowers'), [(0.98, True), (1.03, False)])
-def test_half_waves_of_an_event_are_short(factor: float, lowers: bool) -> None:
+def test_half_waves_of_an_event_are_short(factor, lowers):
     """A long one begins the count again."""
     durations = [25] * 12
     durations[5] = round(1000 * factor * LONGEST)
@@ -209,7 +199,7 @@ def test_half_waves_of_an_event_are_short(factor: float, lowers: bool) -> None:
     assert found[:1] == ([sum(durations[:HALF_WAVES])] if lowers else [])
 
 
-def test_the_frequency_is_that_of_the_last_half_waves() -> None:
+def test_the_frequency_is_that_of_the_last_half_waves():
     guard = OscillationGuard(1)
     for k, x in enumerate(half_waves(np.ones(9), [50] * 4 + [20] * 5).tolist()):
         guard.take(100.0 + 0.001 * k, np.array([x]))
@@ -217,7 +207,7 @@ def test_the_frequency_is_that_of_the_last_half_waves() -> None:
 
 
 @pytest.mark.parametrize(('factor', 'lowers'), [(0.95, False), (1.05, True)])
-def test_irregular_half_waves_count_if_they_are_loud(factor: float, lowers: bool) -> None:
+def test_irregular_half_waves_count_if_they_are_loud(factor, lowers):
     """The quietest window is that before; the peaks differ too much for a regular event."""
     quiet, loud = [1.0, 0.3] * 8, [1.0, 0.3] * 9
     signal = np.concatenate((
@@ -226,7 +216,7 @@ def test_irregular_half_waves_count_if_they_are_loud(factor: float, lowers: bool
 
 
 @pytest.mark.parametrize(('last', 'lowers'), [(1.05 * SUSTAINED, True), (0.95 * SUSTAINED, False)])
-def test_irregular_half_waves_count_if_they_are_sustained(last: float, lowers: bool) -> None:
+def test_irregular_half_waves_count_if_they_are_sustained(last, lowers):
     """After rest every window is loud; the second one ends with the sample that follows it."""
     count = math.ceil(1000 * WINDOW / 26)
     peaks = np.array([1.0, 0.3] * (count + 1))[:2 * count + 1]
@@ -235,22 +225,20 @@ def test_irregular_half_waves_count_if_they_are_sustained(last: float, lowers: b
     assert lowered_at(signal) == ([100 + 52 * count] if lowers else [])
 
 
-def test_irregular_half_waves_count_in_two_successive_windows() -> None:
+def test_irregular_half_waves_count_in_two_successive_windows():
     wave = 3.0 * half_waves([1.0, 0.3] * 5, 26)
     assert lowered_at(np.concatenate([np.zeros(100), wave] * 3)) == []
     assert lowered_at(np.concatenate([np.zeros(100), wave, wave])) != []
 
 
 @pytest.mark.parametrize(('growth', 'lowers'), [(1.015, False), (1.05, True)])
-def test_the_quietest_window_is_forgotten_in_favour_of_slowly_growing_ones(
-    growth: float, lowers: bool,
-) -> None:
+def test_the_quietest_window_is_forgotten_in_favour_of_slowly_growing_ones(growth, lowers):
     count = round(1000 * WINDOW / 25)
     peaks = np.repeat(1e-3 * growth**np.arange(100), count) * np.tile([1.0, 0.3], 50 * count)
     assert bool(lowered_at(half_waves(peaks))) == lowers
 
 
-def test_a_joint_that_oscillated_before_is_not_lowered_with_another() -> None:
+def test_a_joint_that_oscillated_before_is_not_lowered_with_another():
     guard, t = OscillationGuard(2), np.arange(0.0, 2.0, 0.002)
     wave = np.sin(2.0 * np.pi * 15.0 * t)
     error = np.stack([wave * (t > 1.3), 50.0 * wave * np.exp(-5.0 * t) * (t < 0.6)], axis=1)
@@ -259,13 +247,13 @@ def test_a_joint_that_oscillated_before_is_not_lowered_with_another() -> None:
     assert guard.scale[0] < guard.scale[1] == 1.0
 
 
-def test_a_signal_that_never_was_quieter_is_no_oscillation() -> None:
+def test_a_signal_that_never_was_quieter_is_no_oscillation():
     assert lowered_at(half_waves([1.0, 0.3] * 40)) == []
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(-2.0, 2.0), st.integers(3, 40))
-def test_the_noise_is_the_residual_of_a_recursion(seed: int, a: float, count: int) -> None:
+def test_the_noise_is_the_residual_of_a_recursion(seed, a, count):
     """The variance of the least-squares residual of x[k+1] + x[k-1] = a x[k] is (2 + a²) σ²."""
     rng, noise = np.random.default_rng(seed), _Noise()
     x = rng.standard_normal(count)

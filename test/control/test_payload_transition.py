@@ -29,7 +29,7 @@ def transition(
     return PayloadTransition(old, target, seconds)
 
 
-def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
+def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target():
     way = transition([OLD], [NEW])
     assert not way.done
     old, new = way.payloads(5 * SECOND)
@@ -44,7 +44,7 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target() -> None:
 
 
 @given(st.floats(0.0, 1.0))
-def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
+def test_mass_and_inertia_go_in_a_straight_line(fraction):
     way = transition([OLD], [NEW])
     way.payloads(0)
     loads = way.payloads(round(fraction * 2 * SECOND))
@@ -57,7 +57,7 @@ def test_mass_and_inertia_go_in_a_straight_line(fraction: float) -> None:
         assert load.inertia == pytest.approx(whole.inertia * (load.mass / whole.mass))
 
 
-def test_a_load_that_stays_does_not_change_meanwhile() -> None:
+def test_a_load_that_stays_does_not_change_meanwhile():
     way = transition([OLD], [OLD, NEW])
     way.payloads(0)
     on_the_way = {load.link: load for load in merged(way.payloads(SECOND // 2))}
@@ -68,14 +68,14 @@ def test_a_load_that_stays_does_not_change_meanwhile() -> None:
     assert way.payloads(2 * SECOND) == [OLD, NEW]
 
 
-def test_stamps_of_today_keep_their_nanoseconds() -> None:
+def test_stamps_of_today_keep_their_nanoseconds():
     now = 1_790_000_000 * SECOND
     way = transition([], [NEW], 1e-6)
     way.payloads(now)
     assert way.payloads(now + 250)[0].mass == pytest.approx(0.25 * NEW.mass)
 
 
-def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
+def test_transitions_that_cut_each_other_short_do_not_pile_up_loads():
     loads = [OLD]
     for i in range(100):
         way = transition(loads, [(OLD, NEW)[i % 2]])
@@ -89,7 +89,7 @@ def test_transitions_that_cut_each_other_short_do_not_pile_up_loads() -> None:
 @given(
     st.integers(0, 10**6),
     st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
-def test_merged_loads_take_the_same_efforts(seed: int, motion: list[float]) -> None:
+def test_merged_loads_take_the_same_efforts(seed, motion):
     arm = load_arm(default_arm_urdf())
     rng = np.random.default_rng(seed)
     loads = [
@@ -103,7 +103,7 @@ def test_merged_loads_take_the_same_efforts(seed: int, motion: list[float]) -> N
         RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a), rel=1e-9, abs=1e-9)
 
 
-def test_loads_without_mass_merge_to_none() -> None:
+def test_loads_without_mass_merge_to_none():
     nothing = scaled(OLD, 0.0)
     load, = merged([nothing, nothing])
     assert load.mass == 0.0
@@ -121,9 +121,7 @@ def loaded_with(loads: list[Payload]) -> LoadedArm:
 
 @pytest.mark.parametrize(('old', 'target'), [
     ([OLD], []), ([], [OLD]), ([OLD], [NEW]), ([NEW], [OLD])])
-def test_inertia_and_gravity_are_not_underestimated_during_a_transition(
-    old: list[Payload], target: list[Payload],
-) -> None:
+def test_inertia_and_gravity_are_not_underestimated_during_a_transition(old, target):
     """Limits of motion and gains are computed from them, for each load on the way."""
     loaded = loaded_with(old)
     loaded.begin_transition(loaded.prepare(target), 2.0, lambda _: None)
@@ -139,7 +137,7 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_transition(
     assert assumed.largest() == pytest.approx(np.maximum(ends[0].largest(), ends[1].largest()))
 
 
-def test_the_loads_of_an_arm_are_replaced_step_by_step() -> None:
+def test_the_loads_of_an_arm_are_replaced_step_by_step():
     loaded, done = loaded_with([OLD]), []
     loaded.advance(0)  # no transition
     assert loaded.dynamics.arm.payloads == (OLD,)
@@ -156,7 +154,7 @@ def test_the_loads_of_an_arm_are_replaced_step_by_step() -> None:
     assert done == [(NEW,)]
 
 
-def test_a_transition_to_no_load_ends_with_the_unloaded_arm() -> None:
+def test_a_transition_to_no_load_ends_with_the_unloaded_arm():
     loaded, done = loaded_with([OLD]), []
     loaded.begin_transition(loaded.prepare([]), 1.0, done.append)
     loaded.advance(0)
@@ -166,7 +164,7 @@ def test_a_transition_to_no_load_ends_with_the_unloaded_arm() -> None:
     assert done == [()]
 
 
-def test_an_exchange_at_once_ends_a_transition() -> None:
+def test_an_exchange_at_once_ends_a_transition():
     loaded, done = loaded_with([]), []
     loaded.begin_transition(loaded.prepare([OLD]), 1.0, done.append)
     loaded.replace(loaded.prepare([NEW]))
@@ -179,7 +177,7 @@ def test_an_exchange_at_once_ends_a_transition() -> None:
     assert done == []
 
 
-def test_a_transition_that_is_interrupted_twice_counts_with_the_load_that_remains() -> None:
+def test_a_transition_that_is_interrupted_twice_counts_with_the_load_that_remains():
     loaded = loaded_with([])
     for k, target in enumerate(([OLD], [], [])):
         loaded.begin_transition(loaded.prepare(target), 1.0, lambda _: None)
@@ -192,7 +190,7 @@ def test_a_transition_that_is_interrupted_twice_counts_with_the_load_that_remain
 
 
 @pytest.mark.parametrize('changes_gravity', [False, True])
-def test_after_a_transition_the_load_before_it_no_longer_counts(changes_gravity: bool) -> None:
+def test_after_a_transition_the_load_before_it_no_longer_counts(changes_gravity):
     loaded = loaded_with([OLD])
     loaded.begin_transition(loaded.prepare([]), 1.0, lambda _: None)
     loaded.advance(0)
@@ -206,7 +204,7 @@ def test_after_a_transition_the_load_before_it_no_longer_counts(changes_gravity:
     assert loaded.workspace.gravity == pytest.approx(bare.gravity)
 
 
-def test_gravity_that_changes_at_once_keeps_the_load() -> None:
+def test_gravity_that_changes_at_once_keeps_the_load():
     loaded, gravity = loaded_with([OLD]), np.array([9.81, 0.0, 0.0])
     loaded.begin_gravity_change(loaded.prepare(gravity=gravity), math.inf)
     assert loaded.dynamics.arm.payloads == (OLD,)

@@ -85,12 +85,12 @@ def check_calm(case: Case, seen: Any, largest: float, seconds: float = 5.5) -> E
     Case('ur10', 500, 4, 4e-3, 1.4), Case('ur5', 125, 16, 5e-3, 1.4),
     Case('z1', 100, 20, 5e-3, 1.4)],
     ids=lambda case: f'{case.arm} {case.rate} Hz')
-def test_a_joint_that_yields_before_it_slides_comes_to_rest(case: Case, seen: Any) -> None:
+def test_a_joint_that_yields_before_it_slides_comes_to_rest(case, seen):
     check_calm(case, seen, 0.008 if case.given == 1.0 and not case.has_rotors else 0.03)
 
 
 @pytest.mark.parametrize(('name', 'distance'), [('default', 4e-3), ('panda', 2e-3)])
-def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, seen: Any) -> None:
+def test_both_plants_deflect_and_break_away_alike(name, distance, seen):
     """
     A slow effort deflects LuGre bristles by −d ln(1 − share), elastic ones by share d.
 
@@ -119,7 +119,7 @@ def test_both_plants_deflect_and_break_away_alike(name: str, distance: float, se
 
 @pytest.mark.soak
 @pytest.mark.parametrize('seed', range(300))
-def test_random_gearboxes_come_to_rest(seed: int, seen: Any) -> None:
+def test_random_gearboxes_come_to_rest(seed, seen):
     """
     Rotors are unknown, friction is given 0.6 to 1.4 times, delays are up to two periods.
 
@@ -149,22 +149,20 @@ def test_random_gearboxes_come_to_rest(seed: int, seen: Any) -> None:
     (Case('ur10', 500, 4, 1e-3, 1.4, True), 0.05), (Case('panda', 500, 4, 1e-3, 1.4, True), 0.1),
     (Case('z1', 500, 4, 1e-3, 1.4), 0.015), (Case('ur5', 125, 8, 1e-3, 1.4), 0.04)],
     ids=lambda value: getattr(value, 'arm', ''))
-def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(
-    case: Case, bound: float, seen: Any,
-) -> None:
+def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(case, bound, seen):
     """The feedback of a light joint, or of one with an unknown rotor, could not hold it."""
     end = end_of_motion(case, seconds=3.0)
     seen(f'{end.farthest:.4f} rad')
     assert end.farthest < bound
 
 
-def test_a_light_joint_that_ran_away_arrives_and_is_named(seen: Any) -> None:
+def test_a_light_joint_that_ran_away_arrives_and_is_named(seen):
     """The stiffness of the last wrist is 0.2 N·m/rad: without friction it would stay behind."""
     end = check_calm(Case('ur10', 250, 4, 1e-3, 1.1), seen, UNKNOWN_WIDTH, 4.2)
     assert "'wrist_3_joint' drove it away" in end.adaptation
 
 
-def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> None:
+def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen):
     """Its share is lowered only at joints that have run away."""
     end = end_of_motion(Case('ur10', 500, 4, 1e-3), seconds=3.0)
     seen(f'{end.farthest:.4f} rad')
@@ -173,7 +171,7 @@ def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen: Any) -> 
 
 @pytest.mark.parametrize(('distance', 'width'), [
     (0.0, 0.025), (1e-4, 0.005), (2e-3, 0.01), (0.01, 0.05)])
-def test_the_width_covers_the_presliding_distance(distance: float, width: float) -> None:
+def test_the_width_covers_the_presliding_distance(distance, width):
     friction = make_friction(['joint'], coulomb=[2.0], presliding_distance=[distance])
     assert friction.tracking_width == pytest.approx([width])
     for share, expected in ((0.5, 1.0), (-0.5, -1.0), (2.0, 2.0)):

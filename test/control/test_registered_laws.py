@@ -67,9 +67,7 @@ def run(
 @arms
 @rates
 @pytest.mark.parametrize('name', REGISTERED)
-def test_a_registered_law_comes_to_rest(
-    arm_name: str, rate: float, name: str, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
     """
     The default gains are the stiffness and the damping of the impedance.
 
@@ -84,9 +82,7 @@ def test_a_registered_law_comes_to_rest(
 @rates
 @pytest.mark.parametrize('stiffness', [20.0, 100.0, 400.0])
 @pytest.mark.parametrize('damping', ['critical', 'a tenth', 'none'])
-def test_an_impedance_does_not_oscillate(
-    arm_name: str, rate: float, stiffness: float, damping: str,
-) -> None:
+def test_an_impedance_does_not_oscillate(arm_name, rate, stiffness, damping):
     """
     A small disturbance shows any instability, which the loop would increase to a limit cycle.
 
@@ -104,9 +100,7 @@ def test_an_impedance_does_not_oscillate(
 @arms
 @rates
 @pytest.mark.parametrize('damping_ratio', [0.05, 0.1, 0.15])
-def test_low_damping_ratios_are_stable_with_a_delay(
-    arm_name: str, rate: float, damping_ratio: float,
-) -> None:
+def test_low_damping_ratios_are_stable_with_a_delay(arm_name, rate, damping_ratio):
     gains = make_gains(arm_named(arm_name).joint_names, damping_ratio=[damping_ratio])
     trace = run(arm_name, rate, DISTURBANCE, 5.0, more_delay=4, gains=gains)
     first, last = trace.speed[:1000].max(), trace.last(1.0).speed.max()
@@ -115,7 +109,7 @@ def test_low_damping_ratios_are_stable_with_a_delay(
 
 
 @pytest.mark.parametrize('scales', [True, False])
-def test_the_scale_of_the_gains_makes_the_difference(scales: bool) -> None:
+def test_the_scale_of_the_gains_makes_the_difference(scales):
     """Without it the impedance shakes a UR5 that starts at rest."""
     law = PAGE['Impedance'](np.full(6, 400.0), np.full(6, 40.0))
     one = LockStep(arm_named('ur5'), law, rate=100.0, delay=10, scales_gains=scales)

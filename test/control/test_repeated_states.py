@@ -46,7 +46,5 @@ def efforts(
     seed=st.integers(0, 2**31), repeats=st.dictionaries(
         st.integers(0, 14), st.integers(1, 3), max_size=4),
     goal_at=st.integers(1, 20), moves=st.booleans())
-def test_repeated_states_change_no_effort(
-    seed: int, repeats: dict[int, int], goal_at: int, moves: bool,
-) -> None:
+def test_repeated_states_change_no_effort(seed, repeats, goal_at, moves):
     assert efforts(seed, 15, repeats, goal_at, moves) == efforts(seed, 15, {}, goal_at, moves)

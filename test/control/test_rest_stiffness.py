@@ -35,7 +35,7 @@ def effort_at(loop: ControlLoop, error: np.ndarray, k: int, period_ms: int = 2) 
 
 
 @pytest.mark.parametrize('compensation', ['reference', 'none'])
-def test_the_law_has_this_stiffness_and_friction_holds_this_error(compensation: str) -> None:
+def test_the_law_has_this_stiffness_and_friction_holds_this_error(compensation):
     """The effort beyond gravity, at the stated error of one joint, is the static friction."""
     loop = held(friction_compensation=compensation)
     found = rest_stiffness(loop.controller)
@@ -49,7 +49,7 @@ def test_the_law_has_this_stiffness_and_friction_holds_this_error(compensation: 
             assert pull / e[j] == pytest.approx(found.stiffness[j], rel=0.02)
 
 
-def test_rotors_and_scaled_gains_are_part_of_the_stiffness() -> None:
+def test_rotors_and_scaled_gains_are_part_of_the_stiffness():
     bare, geared, slow = (
         rest_stiffness(loop.controller) for loop in (held(), held(rotors=0.5), held(33)))
     M = ArmDynamics(smooth_arm('default')).rigid_body.mass_matrix(Q)
@@ -58,7 +58,7 @@ def test_rotors_and_scaled_gains_are_part_of_the_stiffness() -> None:
     assert (slow.stiffness < 0.5 * bare.stiffness).all()
 
 
-def test_without_friction_no_error_is_known_and_without_computed_torque_nothing_is_known() -> None:
+def test_without_friction_no_error_is_known_and_without_computed_torque_nothing_is_known():
     free = rest_stiffness(held(friction=False).controller)
     assert np.isnan(free.friction_error).all()
     assert rest_stiffness(held(command='gravity_compensation').controller) is None

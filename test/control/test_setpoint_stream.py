@@ -25,9 +25,7 @@ def streaming(count: int, pause: float = 0.02) -> tuple[SetPointStream, float]:
 
 @pytest.mark.parametrize('pause', [0.0, 0.02, TIMEOUT])
 @pytest.mark.parametrize('count', [STREAM_LENGTH, STREAM_LENGTH + 1, 1000])
-def test_five_are_a_stream_that_is_over_after_the_timeout_and_not_before(
-    count: int, pause: float,
-) -> None:
+def test_five_are_a_stream_that_is_over_after_the_timeout_and_not_before(count, pause):
     stream, t = streaming(count, pause)
     assert t <= stream.deadline
     assert t + 0.999 * TIMEOUT <= stream.deadline
@@ -35,7 +33,7 @@ def test_five_are_a_stream_that_is_over_after_the_timeout_and_not_before(
     assert t + LONG_AFTER > stream.deadline
 
 
-def test_an_ended_stream_is_reset() -> None:
+def test_an_ended_stream_is_reset():
     stream, t = streaming(10)
     stream.end()
     assert t + LONG_AFTER <= stream.deadline
@@ -44,7 +42,7 @@ def test_an_ended_stream_is_reset() -> None:
     assert t + LONG_AFTER <= stream.deadline
 
 
-def test_a_new_timeout_applies_from_the_next_set_point_on() -> None:
+def test_a_new_timeout_applies_from_the_next_set_point_on():
     stream, t = streaming(10)
     stream.timeout = 1.0
     assert t + 1.001 * TIMEOUT > stream.deadline
@@ -54,7 +52,7 @@ def test_a_new_timeout_applies_from_the_next_set_point_on() -> None:
 
 
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.0, 0.5, 1.0, 1.5])), max_size=30))
-def test_only_the_set_points_at_the_end_count(events: list[tuple[bool, float]]) -> None:
+def test_only_the_set_points_at_the_end_count(events):
     """Timeout: the last five or more are set-points, each within the timeout of the previous."""
     stream, t = SetPointStream(TIMEOUT), 0.0
     in_a_row = 0

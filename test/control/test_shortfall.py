@@ -33,12 +33,12 @@ def rests_at(position: np.ndarray, seconds: float = 3.0, coulomb: float = 0.0) -
     return shortfall(loop.controller)
 
 
-def test_a_joint_at_its_goal_is_not_named() -> None:
+def test_a_joint_at_its_goal_is_not_named():
     assert rests_at(GOAL) == ''
     assert rests_at(GOAL - [0.0, 0.9 * TOLERANCE]) == ''
 
 
-def test_a_joint_in_motion_is_not_named() -> None:
+def test_a_joint_in_motion_is_not_named():
     assert rests_at(GOAL - [0.0, 0.1], seconds=0.5 + 0.5 * PATIENCE) == ''
 
 
@@ -46,7 +46,7 @@ def test_a_joint_in_motion_is_not_named() -> None:
     (0.03, 1.5, 'dry friction can hold it'),
     (0.03, 0.0, 'dry friction, which the model lacks, can hold it'),
     (0.15, 0.0, 'a load that the model does not contain')])
-def test_a_joint_that_does_not_arrive_is_named(missing: float, coulomb: float, cause: str) -> None:
+def test_a_joint_that_does_not_arrive_is_named(missing, coulomb, cause):
     words = rests_at(GOAL - [0.0, missing], coulomb=coulomb)
     assert words.startswith(
         f"'joint2' rests {1e3 * missing:.3g} mrad from its goal, expected at most 10 mrad")
@@ -55,7 +55,7 @@ def test_a_joint_that_does_not_arrive_is_named(missing: float, coulomb: float, c
     assert 'N·m/rad' in words
 
 
-def test_all_joints_that_do_not_arrive_are_named() -> None:
+def test_all_joints_that_do_not_arrive_are_named():
     words = rests_at(GOAL - [0.02, 0.1])
     assert words.startswith("'joint2' rests")
     assert '(joint1 too)' in words

@@ -82,7 +82,7 @@ def observe(
     return gains, float(np.std(errors))
 
 
-def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are() -> None:
+def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are():
     gains, error = observe(500.0)
     assert scales(gains) == (1.0, [1.0, 1.0], 1.0)
     assert not gains.differs
@@ -91,7 +91,7 @@ def test_fast_states_without_noise_leave_the_gains_and_the_velocity_as_they_are(
     assert gains.mean_period == pytest.approx(0.002, rel=0.05)  # over 0.2 s
 
 
-def test_the_slowest_rate_is_where_the_gains_begin_to_be_lowered() -> None:
+def test_the_slowest_rate_is_where_the_gains_begin_to_be_lowered():
     limit = slowest_rate(DEFAULT)
     assert observe(1.02 * limit)[0].least == 1.0
     assert observe(0.98 * limit)[0].least < 1.0
@@ -99,7 +99,7 @@ def test_the_slowest_rate_is_where_the_gains_begin_to_be_lowered() -> None:
     assert slowest_rate(loop_of(make_gains(ARM.joint_names, [200.0]))) == math.inf
 
 
-def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
+def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions():
     gains, error = observe(500.0, noise=0.2)
     assert gains.differs
     assert gains.least > 0.9
@@ -107,7 +107,7 @@ def test_a_noisy_velocity_is_replaced_by_the_difference_of_positions() -> None:
     assert 'differences of the positions in use' in str(gains)
 
 
-def test_harmless_noise_does_not_change_the_velocity() -> None:
+def test_harmless_noise_does_not_change_the_velocity():
     """At 30 Hz the delay lowers the gains more, and the difference of positions is later still."""
     rng, one = np.random.default_rng(1), observing(DEFAULT, RATE)
     for k in range(400):
@@ -118,7 +118,7 @@ def test_harmless_noise_does_not_change_the_velocity() -> None:
     assert one.least == pytest.approx(observe(30.0)[0].least)
 
 
-def test_if_both_are_noisy_the_gains_are_lowered() -> None:
+def test_if_both_are_noisy_the_gains_are_lowered():
     gains, _ = observe(500.0, noise=0.2, resolution=2e-3)
     assert not gains.differs
     assert gains.least < 0.5
@@ -128,7 +128,7 @@ def test_if_both_are_noisy_the_gains_are_lowered() -> None:
 @given(
     st.sampled_from([30.0, 100.0, 125.0, 500.0]), st.floats(0.3, 1.5), st.floats(0.0, 2.0),
     st.floats(-3.0, 3.0))
-def test_a_motion_is_no_noise(rate: float, frequency: float, speed: float, phase: float) -> None:
+def test_a_motion_is_no_noise(rate, frequency, speed, phase):
     """At 30 Hz the second difference of such a velocity is up to 0.19 rad/s."""
     one, w = observing(DEFAULT, RATE), 2.0 * math.pi * frequency
     for k in range(200):
@@ -138,7 +138,7 @@ def test_a_motion_is_no_noise(rate: float, frequency: float, speed: float, phase
         assert not one.is_known or one.scale == pytest.approx(scale_at(1.0 / rate))
 
 
-def test_a_longer_period_counts_at_once_and_a_shorter_one_later() -> None:
+def test_a_longer_period_counts_at_once_and_a_shorter_one_later():
     gains = after(FAST, 2)
     take(gains, 0.05, Q, np.zeros(2))
     assert gains.period == 0.05
@@ -149,7 +149,7 @@ def test_a_longer_period_counts_at_once_and_a_shorter_one_later() -> None:
     assert gains.lag == 0.5 * (gains.mean_period + LOOP_DELAY)
 
 
-def test_a_continuous_joint_may_wrap() -> None:
+def test_a_continuous_joint_may_wrap():
     gains = observing(
         loop_of(make_gains(['a']), np.ones((1, 1, 1))), 10.0, ('continuous',))
     rng, used = np.random.default_rng(0), np.zeros(1)
@@ -163,7 +163,7 @@ def test_a_continuous_joint_may_wrap() -> None:
 
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('size', [1e160, 1e308])
-def test_after_velocities_beyond_any_range_the_noise_is_estimated_again(size: float) -> None:
+def test_after_velocities_beyond_any_range_the_noise_is_estimated_again(size):
     one = after(FAST)
     with np.errstate(over='ignore', invalid='ignore'):
         for k in range(40):
@@ -204,7 +204,7 @@ def changes(one: StableGains, period: float, count: int) -> list[int]:
 
 
 @pytest.mark.parametrize('is_used', [False, True])
-def test_without_gains_the_scale_is_1_and_no_state_changes_it(is_used: bool) -> None:
+def test_without_gains_the_scale_is_1_and_no_state_changes_it(is_used):
     one = observing(None) if is_used else StableGains(KINDS)
     for k in range(20):
         assert take(one, SLOW if k else 0.0, Q, V) is V
@@ -212,7 +212,7 @@ def test_without_gains_the_scale_is_1_and_no_state_changes_it(is_used: bool) -> 
 
 
 @pytest.mark.parametrize('period', [FAST, 0.02, SLOW])
-def test_the_scale_is_that_of_the_period(period: float) -> None:
+def test_the_scale_is_that_of_the_period(period):
     """The velocities count as measured: without the delay of an estimate."""
     one = after(period)
     assert one.least == pytest.approx(scale_at(period))
@@ -222,7 +222,7 @@ def test_the_scale_is_that_of_the_period(period: float) -> None:
 
 
 @pytest.mark.parametrize('ratio', [0.05, 0.3, 1.0, 2.0])
-def test_a_low_damping_ratio_has_a_smaller_margin_and_scale(ratio: float) -> None:
+def test_a_low_damping_ratio_has_a_smaller_margin_and_scale(ratio):
     """The phase lag of the delay stays below the same fraction of the margin."""
     crossover = loop_of(make_gains(KINDS, [OMEGA], [ratio])).crossover[0]
     lag = after(SLOW, ratio=[ratio]).least * crossover * (0.5 * SLOW + LOOP_DELAY)
@@ -231,7 +231,7 @@ def test_a_low_damping_ratio_has_a_smaller_margin_and_scale(ratio: float) -> Non
     assert lag < 0.4 * margin
 
 
-def test_an_estimated_velocity_is_later_than_a_measured_one() -> None:
+def test_an_estimated_velocity_is_later_than_a_measured_one():
     one, delay = after(SLOW), 0.02
     measured = one.least
     for _ in range(200):
@@ -241,7 +241,7 @@ def test_an_estimated_velocity_is_later_than_a_measured_one() -> None:
     assert 'estimated velocities' in str(one)
 
 
-def test_states_that_come_slower_lower_the_gains_at_once() -> None:
+def test_states_that_come_slower_lower_the_gains_at_once():
     one = after(FAST)
     assert one.least == 1.0
     for period in (0.02, SLOW):  # twice: compared with the period of the last evaluation
@@ -249,7 +249,7 @@ def test_states_that_come_slower_lower_the_gains_at_once() -> None:
         assert one.least == pytest.approx(scale_at(period))
 
 
-def test_a_period_that_changes_the_scale_by_less_than_a_tenth_leaves_it() -> None:
+def test_a_period_that_changes_the_scale_by_less_than_a_tenth_leaves_it():
     one = after(SLOW)
     scale = one.least
     assert 1.0 < scale / scale_at(1.1 * SLOW) < 1.1
@@ -260,14 +260,14 @@ def test_a_period_that_changes_the_scale_by_less_than_a_tenth_leaves_it() -> Non
     assert one.least == pytest.approx(scale_at(1.2 * SLOW))
 
 
-def test_states_that_come_faster_raise_the_gains_later() -> None:
+def test_states_that_come_faster_raise_the_gains_later():
     one = after(SLOW)
     assert changes(one, FAST, 10) == []
     assert len(changes(one, FAST, 500)) > 1
     assert one.least == 1.0
 
 
-def test_other_gains_are_scaled_at_once_for_any_change() -> None:
+def test_other_gains_are_scaled_at_once_for_any_change():
     one = after(SLOW)
     omega = 1.02 * OMEGA
     one.set_loop_gains(loop_of(make_gains(KINDS, [omega])), NO_LIMIT)
@@ -278,7 +278,7 @@ def test_other_gains_are_scaled_at_once_for_any_change() -> None:
 
 # --- references ----------------------------------------------------------------------------------
 
-def test_references_are_slowed_down_for_a_loop_of_less_than_the_usual_bandwidth() -> None:
+def test_references_are_slowed_down_for_a_loop_of_less_than_the_usual_bandwidth():
     """Gains that are lower by themselves are not, unless they are scaled as well."""
     for omega in (10.0, 20.0, 40.0):
         one = after(SLOW, omega=[omega])
@@ -287,7 +287,7 @@ def test_references_are_slowed_down_for_a_loop_of_less_than_the_usual_bandwidth(
             min(1.0, bandwidth / min(omega, USUAL_FREQUENCY)))
 
 
-def test_one_gap_lowers_the_gains_and_slows_references_down_less() -> None:
+def test_one_gap_lowers_the_gains_and_slows_references_down_less():
     one = after(FAST)
     take(one, SLOW, Q, np.zeros(2))
     assert one.least == pytest.approx(scale_at(SLOW))
@@ -307,7 +307,7 @@ def noisy(effort_rate: float) -> StableGains:
     return one
 
 
-def test_references_are_slowed_down_if_noise_allows_no_more_than_the_first_scale() -> None:
+def test_references_are_slowed_down_if_noise_allows_no_more_than_the_first_scale():
     """Until the noise is known, gains have half of the bandwidth, and references full speed."""
     one = noisy(100.0)
     assert one.reference_scale == one.least < 0.5

@@ -44,7 +44,7 @@ def states(one: CommandSupervisor, last: int, first: int = 1) -> list[Mode]:
 
 # --- the first effort ----------------------------------------------------------------------------
 
-def test_no_effort_is_published_before_the_first_good_state() -> None:
+def test_no_effort_is_published_before_the_first_good_state():
     one = make()
     assert [answer(one, START), one.tick(START)] == SILENT
     one.activate()
@@ -56,7 +56,7 @@ def test_no_effort_is_published_before_the_first_good_state() -> None:
     assert one.fault_count == 0  # no timeout before the first effort
 
 
-def test_the_first_effort_is_the_gravity_torque() -> None:
+def test_the_first_effort_is_the_gravity_torque():
     one = make()
     one.activate()
     assert answer(one, START, PUSH) == HOLD.tolist()
@@ -69,7 +69,7 @@ def test_the_first_effort_is_the_gravity_torque() -> None:
 
 # --- timeout of the states -----------------------------------------------------------------------
 
-def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
+def test_a_pause_is_a_fault_after_the_timeout_and_not_before():
     timeout = 0.0625  # exact in binary, as START is
     one = running(state_timeout=timeout)
     assert one.deadline == START + timeout
@@ -81,7 +81,7 @@ def test_a_pause_is_a_fault_after_the_timeout_and_not_before() -> None:
     assert '0.0625 s (state_timeout)' in one.fault.message
 
 
-def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is() -> None:
+def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is():
     """All numbers are exact in binary."""
     for after, mode in ((0.0625, Mode.RUNNING), (0.0627, Mode.FAULT)):
         one = running(state_timeout=0.0625)
@@ -89,7 +89,7 @@ def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is() -> None:
         assert one.mode is mode
 
 
-def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not() -> None:
+def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not():
     one = running()
     answer(one, START + 0.04)
     assert one.tick(START + 0.09) is None
@@ -101,14 +101,14 @@ def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not() -> None
 # --- the course of a fault -----------------------------------------------------------------------
 
 @pytest.mark.parametrize('recovery', [1, 5, 100])
-def test_a_fault_is_over_after_so_many_good_states(recovery: int) -> None:
+def test_a_fault_is_over_after_so_many_good_states(recovery):
     one = running()
     one.fail(START, Fault('trouble', 'words', recovery=recovery))
     assert states(one, recovery) == [*(recovery - 1) * [Mode.FAULT], Mode.RUNNING]
     assert one.fault_count == 1
 
 
-def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
+def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
     one = running()
     easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
     for n, (fault, in_force) in enumerate([
@@ -122,7 +122,7 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery() -> None:
 
 @pytest.mark.parametrize('moment', [0.02, 0.3, 1.2, 1.49])
 @pytest.mark.parametrize('dt', [None, 0.002, 30.0])
-def test_efforts_resume_without_a_jump(moment: float, dt: float | None) -> None:
+def test_efforts_resume_without_a_jump(moment, dt):
     """For any time between stamps of states: efforts were published since the last state."""
     one = running(PUSH)
     one.fail(START, TROUBLE)
@@ -139,7 +139,7 @@ def test_efforts_resume_without_a_jump(moment: float, dt: float | None) -> None:
 
 # --- latched -------------------------------------------------------------------------------------
 
-def test_a_latched_fault_waits_for_a_reset() -> None:
+def test_a_latched_fault_waits_for_a_reset():
     one = running()
     one.fail(START, LATCHED)
     assert set(states(one, 2000)) == {Mode.FAULT}
@@ -153,7 +153,7 @@ def test_a_latched_fault_waits_for_a_reset() -> None:
 
 
 @pytest.mark.parametrize('reset_while_inactive', [False, True])
-def test_a_latched_fault_outlives_deactivation(reset_while_inactive: bool) -> None:
+def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
     one = running()
     one.fail(START, LATCHED)
     course(one)
@@ -170,7 +170,7 @@ def test_a_latched_fault_outlives_deactivation(reset_while_inactive: bool) -> No
     assert answer(one, START + 2.2, PUSH) == HOLD.tolist()
 
 
-def test_after_a_reset_the_usual_number_of_good_states_is_required() -> None:
+def test_after_a_reset_the_usual_number_of_good_states_is_required():
     one = running()
     one.fail(START, Fault('broken', 'words', latched=True, recovery=3))
     states(one, 9)
@@ -181,9 +181,7 @@ def test_after_a_reset_the_usual_number_of_good_states_is_required() -> None:
 @pytest.mark.parametrize(('fault', 'words'), [
     (LATCHED, 'broken persists: something is wrong'),
     (TROUBLE, 'ends automatically after 1 valid joint states')])
-def test_a_reset_fails_while_the_cause_persists_or_without_a_latched_fault(
-    fault: Fault, words: str,
-) -> None:
+def test_a_reset_fails_while_the_cause_persists_or_without_a_latched_fault(fault, words):
     one = running()
     one.fail(START, fault)
     done, message = one.reset()
@@ -196,7 +194,7 @@ def test_a_reset_fails_while_the_cause_persists_or_without_a_latched_fault(
 # --- valid states in a fault ---------------------------------------------------------------------
 
 @pytest.mark.parametrize('action', FAULT_ACTIONS)
-def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action: str) -> None:
+def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action):
     one = running(PUSH, fault_action=action)
     for k in range(1, 5001):
         effort = answer(one, START + k * PERIOD, PUSH, q=(0.0, 1.2))
@@ -206,7 +204,7 @@ def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action: str) 
     assert effort == pytest.approx(HOLD)
 
 
-def test_the_hold_in_a_fault_is_damped() -> None:
+def test_the_hold_in_a_fault_is_damped():
     """The brake gets the state, and the holding effort."""
     one = running()
     q, v = np.array([0.0, 1.2]), np.array([0.5, -0.25])
@@ -219,7 +217,7 @@ def test_the_hold_in_a_fault_is_damped() -> None:
 
 # --- deactivation --------------------------------------------------------------------------------
 
-def test_deactivation_ramps_to_zero_and_then_publishes_nothing() -> None:
+def test_deactivation_ramps_to_zero_and_then_publishes_nothing():
     one = running()
     one.deactivate(START + 0.04)  # the ramp starts at this time, not at the last effort
     assert one.mode is Mode.STOPPING
@@ -234,7 +232,7 @@ def test_deactivation_ramps_to_zero_and_then_publishes_nothing() -> None:
 
 @pytest.mark.parametrize(('rate', 'ramp_time', 'expected'), [
     (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
-def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: float) -> None:
+def test_the_time_to_stop_is_reported(rate, ramp_time, expected):
     one = running(rate=rate, ramp_time=ramp_time)
     assert one.time_to_stop == BRAKING_TIME + expected
     one.deactivate(START)
@@ -245,7 +243,7 @@ def test_the_time_to_stop_is_reported(rate: float, ramp_time: float, expected: f
 
 # --- another model, other options ----------------------------------------------------------------
 
-def test_options_that_change_act_at_once() -> None:
+def test_options_that_change_act_at_once():
     one = running()
     one.set_options(limits(), SafetyOptions(state_timeout=0.2))
     assert one.tick(START + 0.15) is None
@@ -268,8 +266,8 @@ def test_options_that_change_act_at_once() -> None:
     ((OVERSPEED, 'trouble', OVERSPEED, OVERSPEED), 0.1, True),
 ])
 def test_three_faults_of_the_motion_within_their_time_wait_for_a_reset(
-    names: tuple[str, ...], gap: float, recurs: bool, is_followed: bool,
-) -> None:
+    names, gap, recurs, is_followed,
+):
     one, now = running(), START
     for name in names:
         now = fails(one, now + gap, name)
@@ -302,7 +300,7 @@ def fails(one: CommandSupervisor, now: float, name: str) -> float:
     return now
 
 
-def test_a_latched_fault_is_reset_before_one_that_recurs() -> None:
+def test_a_latched_fault_is_reset_before_one_that_recurs():
     one = running()
     for k in range(3):
         fails(one, START + 2 * k * PERIOD, OVERSPEED)

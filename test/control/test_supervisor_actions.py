@@ -29,7 +29,7 @@ def toward(last: np.ndarray, goal: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(goal if longest <= dt else last + dt / longest * (goal - last))
 
 
-def test_hold_gravity_then_ramp() -> None:
+def test_hold_gravity_then_ramp():
     """To the gravity torque at the rate limit; this for the hold time; then linearly to zero."""
     one = running(PUSH)
     one.fail(START, TROUBLE)
@@ -44,7 +44,7 @@ def test_hold_gravity_then_ramp() -> None:
 
 
 @pytest.mark.parametrize('is_fault', [True, False])
-def test_a_stop_that_has_failed_ends_with_the_ramp(is_fault: bool) -> None:
+def test_a_stop_that_has_failed_ends_with_the_ramp(is_fault):
     """An arm that is lost in the stop before the end is not held for the rest of its time."""
     one = running(HOLD)
     if is_fault:
@@ -56,7 +56,7 @@ def test_a_stop_that_has_failed_ends_with_the_ramp(is_fault: bool) -> None:
     assert half == pytest.approx(0.5 * HOLD)
 
 
-def test_the_hold_is_the_gravity_torque_of_the_newest_state() -> None:
+def test_the_hold_is_the_gravity_torque_of_the_newest_state():
     one = running()
     one.fail(START, LATCHED)
     state = START + 0.1  # the last state
@@ -69,7 +69,7 @@ def test_the_hold_is_the_gravity_torque_of_the_newest_state() -> None:
     assert fading == pytest.approx(0.8 * OTHER_HOLD)
 
 
-def test_ramp_to_zero() -> None:
+def test_ramp_to_zero():
     """The gravity torque decreases linearly, the rest at the rate limit; no effort grows."""
     command = HOLD * [1.0, 3.0]
     one = running(command, fault_action='ramp_to_zero')
@@ -89,7 +89,7 @@ def test_ramp_to_zero() -> None:
 
 @pytest.mark.parametrize('later', [0.0, 0.0078125])
 @pytest.mark.parametrize('is_deactivated', [False, True])
-def test_a_ramp_never_grows_an_effort(is_deactivated: bool, later: float) -> None:
+def test_a_ramp_never_grows_an_effort(is_deactivated, later):
     """Not if a larger effort would hold the arm, nor if the effort opposed the gravity torque."""
     command = np.array([-5.0, -20.0])
     one = running(command, fault_action='ramp_to_zero')
@@ -105,7 +105,7 @@ def test_a_ramp_never_grows_an_effort(is_deactivated: bool, later: float) -> Non
     assert sizes[len(sizes) // 2][1] == 0.0  # the effort had the sign opposite to gravity's
 
 
-def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
+def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit():
     one = running(PUSH)
     one.fail(START, LATCHED)
     expected = PUSH
@@ -115,7 +115,7 @@ def test_valid_states_in_a_fault_reach_the_hold_at_the_rate_limit() -> None:
     assert expected.tolist() == HOLD.tolist()
 
 
-def test_the_damped_hold_remains_until_the_states_time_out() -> None:
+def test_the_damped_hold_remains_until_the_states_time_out():
     one = running()
     damped = HOLD + [2.0, -3.0]
     one.answer(
@@ -129,7 +129,7 @@ def test_the_damped_hold_remains_until_the_states_time_out() -> None:
 
 
 @pytest.mark.parametrize('action', FAULT_ACTIONS)
-def test_after_the_action_the_next_effort_is_the_gravity_torque(action: str) -> None:
+def test_after_the_action_the_next_effort_is_the_gravity_torque(action):
     one = running(PUSH, fault_action=action)
     one.fail(START, TROUBLE)
     course(one)
@@ -143,8 +143,8 @@ def test_after_the_action_the_next_effort_is_the_gravity_torque(action: str) -> 
 @pytest.mark.parametrize('ramp_time', [0.0, 0.1, 1.0])
 @pytest.mark.parametrize('rate', [100.0, 1000.0])
 def test_for_any_times_the_action_keeps_to_the_rate_and_ends_in_zeros(
-    action: str, hold_time: float, ramp_time: float, rate: float,
-) -> None:
+    action, hold_time, ramp_time, rate,
+):
     one = running(
         PUSH, fault_action=action, hold_time=hold_time, ramp_time=ramp_time, rate=rate)
     one.fail(START, TROUBLE)

@@ -9,7 +9,7 @@ from robot_dynamics.control.safety.supervisor import Mode
 from supervised import answer, HOLD, make, PERIOD, PUSH, running, START
 
 
-def test_overspeed_is_a_fault_that_ends_with_it() -> None:
+def test_overspeed_is_a_fault_that_ends_with_it():
     one = make(velocity=2.0)
     one.activate()
     assert answer(one, START, v=(0.0, 2.3)) is not None
@@ -22,7 +22,7 @@ def test_overspeed_is_a_fault_that_ends_with_it() -> None:
     assert one.mode is Mode.RUNNING
 
 
-def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states() -> None:
+def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states():
     one = running(reach=1.0)
     answer(one, START + 0.01, q=(1.0087, -1.0087))
     assert one.mode is Mode.RUNNING
@@ -41,7 +41,7 @@ def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states() ->
     assert one.fault_count == 1
 
 
-def test_a_fault_begins_past_its_limit_and_not_at_it() -> None:
+def test_a_fault_begins_past_its_limit_and_not_at_it():
     """All numbers are exact in binary."""
     one = running(reach=1.0, velocity=2.0, fault_margin=0.0625, overspeed=1.25)
     answer(one, START + PERIOD, q=(1.0625, -1.0625), v=(2.5, -2.5))
@@ -55,7 +55,7 @@ def test_a_fault_begins_past_its_limit_and_not_at_it() -> None:
     assert one.mode is Mode.FAULT
 
 
-def test_no_effort_begins_past_a_limit() -> None:
+def test_no_effort_begins_past_a_limit():
     one = make(reach=1.0)
     one.activate()
     for k in range(100):
@@ -63,7 +63,7 @@ def test_no_effort_begins_past_a_limit() -> None:
     assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
 
 
-def test_a_joint_past_its_limit_is_a_fault_at_any_velocity() -> None:
+def test_a_joint_past_its_limit_is_a_fault_at_any_velocity():
     """Also if a velocity is above its limit, but not so far that this is a fault."""
     for v in ((0.0, 0.0), (0.0, 2.1), (2.1, 0.0)):
         one = running(reach=1.0, velocity=2.0)
@@ -75,9 +75,7 @@ def test_a_joint_past_its_limit_is_a_fault_at_any_velocity() -> None:
 @pytest.mark.parametrize(('q', 'v'), [
     ((0.995, 0.0), (0.0, 0.0)), ((0.0, -0.995), (0.0, 0.0)), ((0.0, 0.0), (2.1, 0.0)),
     ((0.0, 0.0), (0.0, -2.1)), ((0.995, 0.0), (0.0, -2.1))])
-def test_a_push_toward_a_limit_is_taken_away(
-    q: tuple[float, float], v: tuple[float, float],
-) -> None:
+def test_a_push_toward_a_limit_is_taken_away(q, v):
     """Within the margin of a position limit, and above the velocity limit."""
     one = running(PUSH, reach=1.0, velocity=2.0)
     for k in range(1, 100):
@@ -90,7 +88,7 @@ def test_a_push_toward_a_limit_is_taken_away(
     assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
 
 
-def test_a_state_without_a_velocity_has_the_position_limits() -> None:
+def test_a_state_without_a_velocity_has_the_position_limits():
     one = running(PUSH, reach=1.0, velocity=2.0)
     for k, place in enumerate((0.0, 0.995), start=1):
         effort = one.answer(START + k * PERIOD, np.array([place, 0.0]), None, PUSH, HOLD.copy)

@@ -66,7 +66,7 @@ def cancel(bench: LockStep, goal: Any) -> float:
 
 # ---------------------------------------------------------------------- results
 
-def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
+def test_a_plan_succeeds_within_its_tolerances(bench):
     ends: list[int] = []
     trajectory = plan(bench)
     goal = bench.loop.execute(trajectory, 0, tight(bench), lambda: ends.append(bench.k))
@@ -79,7 +79,7 @@ def test_a_plan_succeeds_within_its_tolerances(bench: LockStep) -> None:
     assert bench.loop.goals.goal is None
 
 
-def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
+def test_progress_has_the_reference_of_its_state(bench):
     goal = bench.loop.execute(plan(bench))
     trace = bench.run(0.75)
     k = (goal.progress.stamp_ns - FIRST_STAMP) // MS - round(1e3 * trace.t[0])
@@ -88,7 +88,7 @@ def test_progress_has_the_reference_of_its_state(bench: LockStep) -> None:
     assert np.abs(goal.progress.desired.velocity).min() > 0.1
 
 
-def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> None:
+def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench):
     goal = bench.loop.execute(plan(bench), 0, tight(bench, path=np.full(len(bench.q), 1e-3)))
     push = np.zeros(len(bench.q))
     push[0] = 0.05 * min(bench.arm.limits.effort[0], 100.0)
@@ -104,7 +104,7 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench: LockStep) -> 
     assert bench.run(0.1).speed.max() < 1e-3
 
 
-def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
+def test_a_load_that_the_model_lacks_violates_a_goal_tolerance():
     arm = smooth_arm('default')
     loaded = arm.with_payloads([make_payload(
         'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
@@ -122,7 +122,7 @@ def test_a_load_that_the_model_lacks_violates_a_goal_tolerance() -> None:
     assert bench.loop.controller.trajectory is not None  # the goal is held all the same
 
 
-def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
+def test_without_a_goal_time_the_goal_waits_for_any_time():
     bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal=np.full(2, 1e-15), goal_time=math.inf))
@@ -130,7 +130,7 @@ def test_without_a_goal_time_the_goal_waits_for_any_time() -> None:
     assert goal.result is None
 
 
-def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
+def test_a_tolerance_of_the_velocity_replaces_the_rest():
     bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
@@ -143,9 +143,7 @@ def test_a_tolerance_of_the_velocity_replaces_the_rest() -> None:
 # ---------------------------------------------------------------------- ends
 
 @pytest.mark.parametrize('share', [0.15, 0.5, 0.85])
-def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
-    bench: LockStep, share: float,
-) -> None:
+def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(bench, share):
     goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(share)
     stop = cancel(bench, goal)
@@ -158,9 +156,7 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(
 
 @pytest.mark.parametrize('name', ARMS)
 @pytest.mark.parametrize(('rate', 'delay'), [(250.0, 4), (125.0, 0), (125.0, 8)])
-def test_slow_states_and_commands_delay_the_rest_little(
-    name: str, rate: float, delay: int,
-) -> None:
+def test_slow_states_and_commands_delay_the_rest_little(name, rate, delay):
     bench = held(smooth_arm(name), rate=rate, delay=delay)
     for share in (0.2, 0.5, 0.8):
         bench.run(1.0)
@@ -175,8 +171,8 @@ def test_slow_states_and_commands_delay_the_rest_little(
     rate=st.floats(30.0, 1000.0), speed=st.floats(0.0, 0.1), phase=st.floats(0.0, 0.02),
     vibrates=st.booleans())
 def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
-    rate: float, speed: float, phase: float, vibrates: bool,
-) -> None:
+    rate, speed, phase, vibrates,
+):
     """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
     bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
@@ -193,7 +189,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
         assert goal.result.is_canceled
 
 
-def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
+def test_a_new_goal_ends_the_one_before(bench):
     first = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(0.5)
     back = plan(bench, 2.0, 0.0)
@@ -211,7 +207,7 @@ def test_a_new_goal_ends_the_one_before(bench: LockStep) -> None:
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
     (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
-def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str) -> None:
+def test_what_ends_the_motion_ends_the_goal_with_its_reason(end, words):
     bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
@@ -222,7 +218,7 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(end: Any, words: str
     assert words in message
 
 
-def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
+def test_the_fault_of_the_following_error_is_a_violation_of_the_path():
     bench = held(smooth_arm('default'), following_error=[0.01, 0.01])
     goal = bench.loop.execute(plan(bench))
     bench.push = lambda t: np.array([0.0, 8.0])
@@ -235,7 +231,7 @@ def test_the_fault_of_the_following_error_is_a_violation_of_the_path() -> None:
 @pytest.mark.parametrize(('name', 'code'), [
     ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
     ('position_limit', ResultCode.INVALID_GOAL)])
-def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCode) -> None:
+def test_the_fault_determines_the_code_not_its_message(name, code):
     bench = held(smooth_arm('default'))
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
@@ -245,7 +241,7 @@ def test_the_fault_determines_the_code_not_its_message(name: str, code: ResultCo
     assert bench.loop.goals.goal is None
 
 
-def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> None:
+def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench):
     goal = bench.loop.execute(plan(bench), 0, tight(bench))
     bench.run(0.5)
     sensor, bench.sensor = bench.sensor, None
@@ -257,7 +253,7 @@ def test_a_gap_of_the_joint_states_does_not_end_the_goal(bench: LockStep) -> Non
 
 # ---------------------------------------------------------------------- refusals
 
-def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
+def test_a_plan_that_would_be_slowed_down_is_refused(bench):
     q, names = bench.q, bench.arm.joint_names
     first = bench.loop.execute(plan(bench))
     bench.run(0.1)
@@ -268,7 +264,7 @@ def test_a_plan_that_would_be_slowed_down_is_refused(bench: LockStep) -> None:
     assert first.result.code is ResultCode.SUCCESSFUL
 
 
-def test_a_plan_that_starts_elsewhere_is_refused(bench: LockStep) -> None:
+def test_a_plan_that_starts_elsewhere_is_refused(bench):
     q, names = bench.q, bench.arm.joint_names
     way = 0.8 * directions(len(q))
     zero = [[0.0] * len(q)] * 2
@@ -288,7 +284,7 @@ VALUES = st.floats(allow_nan=True, allow_infinity=True)
 
 
 @given(st.dictionaries(st.sampled_from((*NAMES, 'd')), VALUES))
-def test_tolerances_are_given_kept_erased_or_refused_by_name(given: dict[str, float]) -> None:
+def test_tolerances_are_given_kept_erased_or_refused_by_name(given):
     defaults = np.array([0.1, np.inf, 0.3])
     is_legal = all(value == -1.0 or 0.0 <= value < np.inf for value in given.values())
     if 'd' not in given and is_legal:
@@ -307,7 +303,7 @@ def test_tolerances_are_given_kept_erased_or_refused_by_name(given: dict[str, fl
         "tolerance for 'd'" in str(error.value))
 
 
-def test_default_tolerances_are_those_of_the_goal_only() -> None:
+def test_default_tolerances_are_those_of_the_goal_only():
     tolerances = default_tolerances(NAMES)
     assert np.isinf(tolerances.path).all()
     assert tolerances.goal.tolist() == [DEFAULT_GOAL_TOLERANCE] * 3
@@ -321,7 +317,7 @@ def test_default_tolerances_are_those_of_the_goal_only() -> None:
 # ---------------------------------------------------------------------- preemptions
 
 @pytest.mark.parametrize('name', ARMS)
-def test_preempted_plans_keep_the_limits(name: str) -> None:
+def test_preempted_plans_keep_the_limits(name):
     """200 goals on three arms, each replaced at a random time by one to a random position."""
     rng = np.random.default_rng(7)
     arm = smooth_arm(name)
@@ -344,7 +340,7 @@ def test_preempted_plans_keep_the_limits(name: str) -> None:
 
 
 @pytest.mark.parametrize(('name', 'longest'), [('xarm7', 0.65), ('panda', 0.5), ('ur10', 0.38)])
-def test_a_fast_plan_that_is_cancelled_stops_soon(name: str, longest: float) -> None:
+def test_a_fast_plan_that_is_cancelled_stops_soon(name, longest):
     """With limits for the whole workspace the stops take up to 0.89, 0.87 and 0.46 s."""
     arm = smooth_arm(name)
     dynamics, middle_q = ArmDynamics(arm), middle(arm, 0.3)

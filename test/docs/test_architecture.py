@@ -19,7 +19,7 @@ def rows(heading: str) -> list[str]:
     return [line.split('|')[1].strip(' `') for line in table.splitlines()[2:]]
 
 
-def test_every_folder_stands_in_the_table_in_the_order_of_the_layers() -> None:
+def test_every_folder_stands_in_the_table_in_the_order_of_the_layers():
     folders = rows('folder')
     assert sorted(folders) == sorted(path.parent.name for path in PACKAGE.glob('*/__init__.py'))
     project = (PACKAGE.parent / 'pyproject.toml').read_text(encoding='utf-8')
@@ -29,7 +29,7 @@ def test_every_folder_stands_in_the_table_in_the_order_of_the_layers() -> None:
     assert [rank[name] for name in folders] == sorted(rank[name] for name in folders)
 
 
-def test_every_thread_stands_in_the_table() -> None:
+def test_every_thread_stands_in_the_table():
     found = set()
     for path in (PACKAGE / 'ros').rglob('*.py'):
         text = path.read_text(encoding='utf-8')
@@ -39,13 +39,13 @@ def test_every_thread_stands_in_the_table() -> None:
     assert names == set(rows('thread')) - {'main'}
 
 
-def test_every_module_that_is_named_exists() -> None:
+def test_every_module_that_is_named_exists():
     named = re.findall(r'`((?:\w+/)+\w+\.py)`', TEXT)
     assert len(named) > 10
     assert [name for name in named if not (PACKAGE / name).is_file()] == []
 
 
-def test_every_lock_that_is_named_exists() -> None:
+def test_every_lock_that_is_named_exists():
     sources = {path.read_text(encoding='utf-8') for path in PACKAGE.rglob('*.py')}
     for name in rows('lock'):
         owner, attribute = name.split('.')

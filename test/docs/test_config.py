@@ -28,7 +28,7 @@ def flat(tree: dict[str, Any], prefix: str = '') -> dict[str, Any]:
     return entries
 
 
-def test_every_file_is_tried() -> None:
+def test_every_file_is_tried():
     files = {path.name for path in (ROOT / 'config').glob('*.yaml')}
     assert {name for name in files if not name.startswith('planar')} == set(ROBOTS)
 
@@ -69,9 +69,7 @@ def values_of(text: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize('file', ROBOTS)
-def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(
-    client: RosClient, file: str,
-) -> None:
+def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(client, file):
     path = ROOT / 'config' / file
     written = values_of(path.read_text(encoding='utf-8'))
     parameters = {}
@@ -90,9 +88,7 @@ def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(
         assert 'Unknown parameter' not in node.log, node.log
 
 
-def test_an_identified_file_applies_in_any_namespace_and_under_any_name(
-    client: RosClient, tmp_path: Path,
-) -> None:
+def test_an_identified_file_applies_in_any_namespace_and_under_any_name(client, tmp_path):
     values = {'joints': ['joint1', 'joint2'], 'friction.viscous': [0.5, 0.25]}
     path = tmp_path / 'identified.yaml'
     path.write_text(parameter_file(values), encoding='utf-8')
@@ -112,7 +108,7 @@ def uncommented(text: str) -> str:
         for line in text.splitlines())
 
 
-def test_the_examples_in_the_comments_are_taken_too(client: RosClient, tmp_path: Path) -> None:
+def test_the_examples_in_the_comments_are_taken_too(client, tmp_path):
     path = tmp_path / 'default_arm.yaml'
     text = uncommented((ROOT / 'config' / path.name).read_text(encoding='utf-8'))
     path.write_text(text, encoding='utf-8')

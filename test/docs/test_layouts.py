@@ -86,7 +86,7 @@ def series(topic: str, message: Any) -> set[str]:
     return names
 
 
-def test_every_curve_of_plotjuggler_is_published(messages: dict[str, Any]) -> None:
+def test_every_curve_of_plotjuggler_is_published(messages):
     published: set[str] = set()
     for topic, message in messages.items():
         published |= series(topic, message)
@@ -95,9 +95,7 @@ def test_every_curve_of_plotjuggler_is_published(messages: dict[str, Any]) -> No
     assert wanted - published == set(SNIPPETS)
 
 
-def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
-    messages: dict[str, Any],
-) -> None:
+def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(messages):
     """Also of plotted curves: PlotJuggler waits for no other curves when it starts."""
     drawn = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
     joints = messages['/dynamics/reference'].name
@@ -113,7 +111,7 @@ def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(
     assert stamps.attrib['value'] == 'true'
 
 
-def test_plotjuggler_subscribes_to_what_it_draws() -> None:
+def test_plotjuggler_subscribes_to_what_it_draws():
     chosen = PLOTJUGGLER.findall(".//plugin[@ID='ROS2 Topic Subscriber']/selected_topics")
     topics = chosen[0].attrib['value'].split(';')
     assert set(topics) == set(TYPES)
@@ -122,7 +120,7 @@ def test_plotjuggler_subscribes_to_what_it_draws() -> None:
         assert name in SNIPPETS or any(name.startswith(f'{topic}/') for topic in topics)
 
 
-def test_the_parts_of_plotjuggler_fit_together() -> None:
+def test_the_parts_of_plotjuggler_fit_together():
     """A splitter with a wrong number of parts makes PlotJuggler exit."""
     splitters = list(PLOTJUGGLER.iter('DockSplitter'))
     assert len(splitters) >= 5
@@ -155,7 +153,7 @@ def found(path: str, messages: dict[str, Any]) -> Any:
     return value
 
 
-def test_every_path_of_foxglove_leads_to_a_number(messages: dict[str, Any]) -> None:
+def test_every_path_of_foxglove_leads_to_a_number(messages):
     assert len(PLOTS) >= 5
     for name, plot in PLOTS.items():
         for path in plot['paths']:
@@ -165,7 +163,7 @@ def test_every_path_of_foxglove_leads_to_a_number(messages: dict[str, Any]) -> N
             assert path['timestampMethod'] != 'headerStamp' or has_header
 
 
-def test_the_scene_of_foxglove_is_published(client: RosClient, messages: dict[str, Any]) -> None:
+def test_the_scene_of_foxglove_is_published(client, messages):
     published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
         'dynamics', '/')}
     shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
@@ -173,7 +171,7 @@ def test_the_scene_of_foxglove_is_published(client: RosClient, messages: dict[st
     assert '/dynamics/markers' in shown
 
 
-def test_the_panels_of_foxglove_are_those_of_its_layout() -> None:
+def test_the_panels_of_foxglove_are_those_of_its_layout():
     def leaves(node: Any) -> list[str]:
         if isinstance(node, str):
             return [node]

@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[2] / 'docs' / 'mujoco_arm.md'
 TOUCH = 'ros2 run robot_dynamics dynamics move 0.0 0.35'
 
 
-def test_the_panda_moves_and_touches_the_table(tmp_path: Path) -> None:
+def test_the_panda_moves_and_touches_the_table(tmp_path):
     pytest.importorskip('mujoco')
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
     printed = run_page(PAGE.read_text(encoding='utf-8'), tmp_path, {TOUCH: 1})

@@ -87,14 +87,14 @@ def notebook(request: pytest.FixtureRequest) -> Path:
     return Path(request.param)
 
 
-def test_it_is_a_notebook_of_format_4(notebook: Path) -> None:
+def test_it_is_a_notebook_of_format_4(notebook):
     nbformat = pytest.importorskip('nbformat')
     read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
     assert read.nbformat == 4
     nbformat.validate(read)
 
 
-def test_the_cells_print_and_draw_what_is_stored(notebook: Path, tmp_path: Path) -> None:
+def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path):
     cells = code_cells(notebook)
     sources = [''.join(cell['source']) for cell in cells]
     if any('example-robot-data' in source for source in sources):
@@ -110,7 +110,7 @@ def test_the_cells_print_and_draw_what_is_stored(notebook: Path, tmp_path: Path)
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
-def test_it_has_two_small_figures_of_the_common_style(notebook: Path) -> None:
+def test_it_has_two_small_figures_of_the_common_style(notebook):
     cells = code_cells(notebook)
     assert any('**style.STYLE' in ''.join(cell['source']) for cell in cells)
     sizes = [len(figure) for cell in cells for figure in stored_figures(cell)]
@@ -119,9 +119,7 @@ def test_it_has_two_small_figures_of_the_common_style(notebook: Path) -> None:
 
 
 @pytest.mark.parametrize(('name', 'pattern', 'expected', 'tolerance'), CLOSED_FORMS)
-def test_printed_numbers_are_those_of_the_theory(
-    name: str, pattern: str, expected: float, tolerance: float,
-) -> None:
+def test_printed_numbers_are_those_of_the_theory(name, pattern, expected, tolerance):
     path, = [path for path in NOTEBOOKS if path.stem == name]
     printed = ''.join(stored_text(cell) for cell in code_cells(path))
     found, = re.findall(pattern, printed)
@@ -148,7 +146,7 @@ def connects(port: int) -> bool:
         return client.connect_ex(('127.0.0.1', port)) == 0
 
 
-def test_one_command_opens_the_notebooks() -> None:
+def test_one_command_opens_the_notebooks():
     """JupyterLab serves them, and can start a kernel of this environment."""
     with socket.create_server(('127.0.0.1', 0)) as server:
         port = server.getsockname()[1]

@@ -21,7 +21,7 @@ def printed(name: str) -> str:
     return found[1]
 
 
-def test_each_benchmark_has_its_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_benchmark_has_its_figures(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT))
     catalogue = importlib.import_module('benchmarks.catalogue')
     names = [*catalogue.BENCHMARKS, *catalogue.LONG_BENCHMARKS]
@@ -43,13 +43,13 @@ def numbers_in(text: str) -> set[float]:
 
 
 @pytest.mark.parametrize(('result', 'benchmark'), rows_of_the_guide())
-def test_the_figures_of_the_guide_are_those_of_the_benchmark(result: str, benchmark: str) -> None:
+def test_the_figures_of_the_guide_are_those_of_the_benchmark(result, benchmark):
     figures = numbers_in(CONDITIONS.sub('', result))
     assert figures
     assert figures <= numbers_in(printed(benchmark))
 
 
-def test_the_guide_names_each_faster_engine() -> None:
+def test_the_guide_names_each_faster_engine():
     faster = re.findall(r'^Faster than robot_dynamics: (\S+)', printed('peers'), re.MULTILINE)
     result, = (result for result, benchmark in rows_of_the_guide() if benchmark == 'peers')
     assert faster

@@ -38,7 +38,7 @@ def interrupted(command: list[str], directory: Path) -> str:
     return first + rest
 
 
-def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path: Path) -> None:
+def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path):
     printed: dict[str, str] = {}
     with ExitStack() as nodes:
         for command in quick_start():

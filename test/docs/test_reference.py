@@ -15,7 +15,7 @@ import children
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.srv import ListParameters
-from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, SIMULATED_ARM, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / 'docs' / 'reference'
@@ -58,7 +58,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize('page', [
     'topics', 'parameters', 'messages', 'diagnostics', 'executables'])
-def test_a_page_is_what_scripts_reference_writes(written: Path, page: str) -> None:
+def test_a_page_is_what_scripts_reference_writes(written, page):
     new, old = ((directory / f'{page}.md').read_text(encoding='utf-8')
                 for directory in (written, REFERENCE))
     if page == 'executables' and sys.version_info >= (3, 13):  # argparse prints options otherwise
@@ -67,7 +67,7 @@ def test_a_page_is_what_scripts_reference_writes(written: Path, page: str) -> No
     assert new == old, 'docs/reference is old: run scripts/reference'
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short():
     assert (ROOT / 'README.md').read_text(encoding='utf-8').count('\n') <= 160
 
 
@@ -83,7 +83,7 @@ def nodes() -> Iterator[None]:
 
 
 @pytest.mark.parametrize('node', MODULES)
-def test_topics(client: RosClient, node: str) -> None:
+def test_topics(client, node):
     expected = {
         (absolute(name, node), kind, direction)
         for name, kind, direction, *_ in table('topics', f'Topics of `{node}`')}
@@ -104,7 +104,7 @@ def test_topics(client: RosClient, node: str) -> None:
 
 
 @pytest.mark.parametrize('node', MODULES)
-def test_services(client: RosClient, node: str) -> None:
+def test_services(client, node):
     expected = {(absolute(name, node), kind)
                 for name, kind, _ in table('topics', f'Services of `{node}`')}
 
@@ -122,7 +122,7 @@ def test_services(client: RosClient, node: str) -> None:
 
 
 @pytest.mark.parametrize('node', MODULES)
-def test_parameters(client: RosClient, node: str) -> None:
+def test_parameters(client, node):
     rows = {name: rest for name, *rest in table('parameters', f'`{node}`')}
     listed = client.call(ListParameters, f'/{node}/list_parameters').result.names
     assert set(listed) - PARAMETERS_OF_RCLPY == set(rows)
@@ -138,7 +138,7 @@ def test_parameters(client: RosClient, node: str) -> None:
             descriptor.description), name
 
 
-def test_statuses(client: RosClient) -> None:
+def test_statuses(client):
     with client.collect(DiagnosticArray, '/diagnostics') as reports:
         found = reports.wait_for(lambda message: any(
             status.name.startswith('/dynamics: ') for status in message.status))

@@ -33,9 +33,7 @@ def relocate(environment: Path) -> None:
     ('/usr/include/python3.11',
      '/srv/other/.venv/lib/python3.11/site-packages/numpy/core/include'),
 ])
-def test_a_file_that_other_environments_share_is_replaced_and_not_changed(
-    tmp_path: Path, python: str, numpy: str,
-) -> None:
+def test_a_file_that_other_environments_share_is_replaced_and_not_changed(tmp_path, python, numpy):
     cached, linked = tmp_path / 'cached.cmake', tmp_path / 'venv' / 'share' / 'a' / 'a.cmake'
     linked.parent.mkdir(parents=True)
     cached.write_text(export(python, numpy), encoding='utf-8')

@@ -115,14 +115,14 @@ def sections() -> dict[str, str]:
         if 'config/robots/' in text}
 
 
-def test_the_page_names_every_file_and_no_other() -> None:
+def test_the_page_names_every_file_and_no_other():
     files = {path.name for path in FILES.iterdir()}
     assert set(re.findall(r'config/robots/([\w.]+)', PAGE)) == files
     assert set(DRIVERS) == files
 
 
 @pytest.mark.parametrize('heading', sections())
-def test_sections_separate_documentation_from_trials(heading: str) -> None:
+def test_sections_separate_documentation_from_trials(heading):
     text = sections()[heading]
     assert text.count('**From the documentation') == text.count('**Tried here') == 1
     source = text[text.index('**From the documentation'):text.index('**Tried here')]
@@ -130,7 +130,7 @@ def test_sections_separate_documentation_from_trials(heading: str) -> None:
 
 
 @pytest.mark.parametrize('file', DRIVERS)
-def test_files_command_nothing_and_tune_nothing(file: str) -> None:
+def test_files_command_nothing_and_tune_nothing(file):
     parameters = parameters_of(file)
     assert parameters['command'] == 'none'
     assert not {'gains', 'friction', 'actuator', 'robot_description'} & set(parameters)
@@ -175,7 +175,7 @@ def check_effort(
 
 
 @pytest.mark.parametrize('file', DRIVERS)
-def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
+def test_the_node_runs_on_the_file(client, file):
     """
     The node accepts every parameter, and publishes g(q) for joint states as the driver sends them.
 
@@ -204,7 +204,7 @@ def test_the_node_runs_on_the_file(client: RosClient, file: str) -> None:
         client.forget(NODE)
 
 
-def test_joint_states_of_piper_need_a_relay(client: RosClient) -> None:
+def test_joint_states_of_piper_need_a_relay(client):
     """The driver sends one velocity less than names; the node reports and drops the state."""
     with running('piper.yaml'), \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:

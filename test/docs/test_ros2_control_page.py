@@ -35,7 +35,7 @@ def hardware() -> str:
     return str(tag)
 
 
-def test_the_recipe_has_all_joints_everywhere() -> None:
+def test_the_recipe_has_all_joints_everywhere():
     arm = load_arm(default_arm_urdf().replace('</robot>', f'{hardware()}</robot>'))
     tag = ElementTree.fromstring(hardware())
     types, joints = controllers(PAGE)
@@ -48,7 +48,7 @@ def test_the_recipe_has_all_joints_everywhere() -> None:
             'position', 'velocity', 'effort']
 
 
-def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm() -> None:
+def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm():
     parameters = {
         one.get('name'): one.text for one in ElementTree.fromstring(hardware()).iter('param')}
     assert f'joint_states:={parameters["joint_states_topic"]} ' in PAGE
@@ -56,7 +56,7 @@ def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm() -> None:
     assert float(parameters['trigger_joint_command_threshold'] or 0) < 0.0
 
 
-def test_the_controller_for_a_real_robot_has_the_joints_of_its_parameter_file() -> None:
+def test_the_controller_for_a_real_robot_has_the_joints_of_its_parameter_file():
     types, joints = controllers(ROBOT_PAGE)
     nodes = yaml.safe_load((ROOT / 'config' / 'ur10.yaml').read_text(encoding='utf-8'))
     assert types == TYPES
@@ -64,7 +64,7 @@ def test_the_controller_for_a_real_robot_has_the_joints_of_its_parameter_file() 
                         if 'joints' in node['ros__parameters']][:1]
 
 
-def test_both_start_the_controllers_that_they_configure() -> None:
+def test_both_start_the_controllers_that_they_configure():
     for text in (ROBOT_PAGE, PAGE):
         assert f'spawner {" ".join(TYPES)}\n' in text
         assert 'controller:=effort_controller' in text

@@ -3,7 +3,7 @@
 
 """Figures in docs/safety.md and the pages it leads to; tests in docs/evidence/fault_tests.md."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
@@ -29,7 +29,7 @@ from robot_dynamics.ros.middleware import message_bytes
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.urdf import document, parser
 from robots import robot_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess
 
 DOCS = Path(__file__).parents[2] / 'docs'
 TESTS = Path(__file__).parents[1]
@@ -77,24 +77,20 @@ def collected(
     return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
 
 
-def test_the_table_has_every_fault_of_the_suite_and_no_other(
-    collected: list[tuple[str, str, str]],
-) -> None:
+def test_the_table_has_every_fault_of_the_suite_and_no_other(collected):
     listed = [(row.group, row.injected, row.expected) for row in rows_of_page()]
     assert listed, 'the table is empty: scripts/test -m fault --write-fault-table writes it'
     assert sorted(listed) == sorted(collected)
 
 
-def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number() -> None:
+def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number():
     rows = rows_of_page()
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
     readme = (DOCS.parent / 'README.md').read_text(encoding='utf-8')
     assert f'each of {len(rows)} injected faults' in ' '.join(readme.split())
 
 
-def test_rows_written_to_the_page_are_read_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_rows_written_to_the_page_are_read_back(tmp_path, monkeypatch):
     page = tmp_path / 'fault_tests.md'
     page.write_text(FAULT_TESTS, encoding='utf-8')
     monkeypatch.setattr(fault_table, 'PAGE', page)
@@ -107,7 +103,7 @@ def test_rows_written_to_the_page_are_read_back(
     assert page.read_text(encoding='utf-8').startswith(before)
 
 
-def test_words_of_faults_fit_into_a_table(collected: list[tuple[str, str, str]]) -> None:
+def test_words_of_faults_fit_into_a_table(collected):
     assert collected
     for words in collected:
         for cell in words:
@@ -116,7 +112,7 @@ def test_words_of_faults_fit_into_a_table(collected: list[tuple[str, str, str]])
 
 # --- the figures ---------------------------------------------------------------------------------
 
-def test_every_default_that_is_quoted_is_that_of_the_node() -> None:
+def test_every_default_that_is_quoted_is_that_of_the_node():
     defaults = {spec.name: spec.default for spec in SPECS}
     quoted = quoted_defaults()
     assert len(quoted) >= 6
@@ -125,7 +121,7 @@ def test_every_default_that_is_quoted_is_that_of_the_node() -> None:
         assert default == (str(value).lower() if isinstance(value, bool) else str(value)), name
 
 
-def test_every_parameter_of_safety_is_explained() -> None:
+def test_every_parameter_of_safety_is_explained():
     for spec in SAFETY_SPECS:
         assert f'`{spec.name}' in TEXT, spec.name
         for choice in spec.choices:
@@ -153,7 +149,7 @@ def test_every_parameter_of_safety_is_explained() -> None:
     ('{} joints in use', robot_description.MOST_JOINTS),
     ('{:.0f} GiB', running.MEMORY_LIMIT / 2**30),
 ])
-def test_figures_that_are_no_parameters(words: str, value: object) -> None:
+def test_figures_that_are_no_parameters(words, value):
     assert words.format(value) in PROSE
 
 
@@ -176,16 +172,14 @@ def growth_of_velocity(arm: ArmModel, q: FloatArray, rate: float, seconds: float
 @pytest.mark.parametrize(('urdf', 'q'), [
     (default_arm_urdf, [0.5, 0.5]),
     (lambda: robot_urdf('ur10'), [0.0, -1.57, 0.0, 0.0, 0.0, 0.0])])
-def test_sampled_gravity_compensation_is_unstable_as_the_page_states(
-    urdf: Callable[[], str], q: list[float],
-) -> None:
+def test_sampled_gravity_compensation_is_unstable_as_the_page_states(urdf, q):
     stated = {2: 'of ([0-9.]+) s \\(default arm', 6: 'of ([0-9.]+) s \\(UR10'}[len(q)]
     found = re.search(stated, PROSE)
     measured = growth_of_velocity(load_arm(urdf()), np.array(q), 30.0, 10.0)
     assert measured == pytest.approx(float(found[1]), rel=0.15)
 
 
-def test_every_fault_action_and_mode_is_there() -> None:
+def test_every_fault_action_and_mode_is_there():
     for words in (*supervisor.FAULT_ACTIONS, *supervisor.Mode):
         name = words if isinstance(words, str) else words.value
         assert name in TEXT, name
@@ -193,7 +187,7 @@ def test_every_fault_action_and_mode_is_there() -> None:
 
 # --- the diagnostics -----------------------------------------------------------------------------
 
-def test_the_diagnostics_are_those_of_a_running_node(client: RosClient) -> None:
+def test_the_diagnostics_are_those_of_a_running_node(client):
     table, = (rows for rows in tables() if 'values' in rows[0])
     documented = {
         row['status'].strip('`'): re.findall('`([^`]*)`', row['values']) for row in table}

@@ -15,7 +15,7 @@ SAGS = 'ros2 run robot_dynamics dynamics move 1.0'
 
 
 @pytest.mark.soak
-def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path: Path) -> None:
+def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
     page = PAGE.read_text(encoding='utf-8')
     printed = run_page(page, tmp_path, {SAGS: 1})
     assert {command[3] for command in files_and_commands(page)[1]} >= {'calibrate_gravity', *NODES}

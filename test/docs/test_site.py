@@ -32,7 +32,7 @@ def anchors(page: Path) -> list[str]:
 
 @pytest.mark.parametrize(
     'page', PAGES + NOTEBOOKS, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_links_lead_to_files_and_their_anchors_to_headings(page: Path) -> None:
+def test_links_lead_to_files_and_their_anchors_to_headings(page):
     for link in site_links.links(page.read_text(encoding='utf-8')):
         path, _, anchor = link.partition('#')
         target = page.parent / path if path else page
@@ -41,7 +41,7 @@ def test_links_lead_to_files_and_their_anchors_to_headings(page: Path) -> None:
             assert anchor in anchors(target), f'{link}: {target.name} has no such heading'
 
 
-def test_every_page_is_in_the_navigation_or_one_link_away() -> None:
+def test_every_page_is_in_the_navigation_or_one_link_away():
     navigation = (ROOT / 'mkdocs.yml').read_text(encoding='utf-8').split('\nnav:\n')[1]
     entries = navigation.strip().splitlines()
     assert len(entries) <= 30, 'entries, headings included'
@@ -53,11 +53,11 @@ def test_every_page_is_in_the_navigation_or_one_link_away() -> None:
     assert not {*words.pages(), *words.appendix()} - shown - linked
 
 
-def test_the_pages_without_the_appendix_are_short() -> None:
+def test_the_pages_without_the_appendix_are_short():
     assert words.words(words.pages()) <= words.MOST_WORDS
 
 
-def test_rows_of_mutation_testing_replace_those_of_the_same_module() -> None:
+def test_rows_of_mutation_testing_replace_those_of_the_same_module():
     text = _mutants.PAGE.read_text(encoding='utf-8')
     assert _mutants.with_rows(text, {}) == text
     row, = re.findall(r'^\| laws \|.*\n', text, re.MULTILINE)
@@ -77,7 +77,7 @@ def test_rows_of_mutation_testing_replace_those_of_the_same_module() -> None:
     ('M, C & g: what?', 'm-c--g-what'),
     ('Größe des Δ', 'größe-des-δ'),
 ])
-def test_anchors_are_those_of_github(heading: str, anchor: str) -> None:
+def test_anchors_are_those_of_github(heading, anchor):
     assert site_links.github_slug(heading) == anchor
 
 
@@ -95,14 +95,14 @@ def test_anchors_are_those_of_github(heading: str, anchor: str) -> None:
      'code/docs/examples/one_process.py.md'),
     ('https://a.example/b', 'README.md', 'index.md', 'https://a.example/b'),
 ])
-def test_links_lead_to_pages_of_the_site(link: str, source: str, page: str, shown: str) -> None:
+def test_links_lead_to_pages_of_the_site(link, source, page, shown):
     text = f'see [this]({link}), not\n```\n[that]({link})\n```\n'
     assert site_links.with_links_of_site(text, source, page) == text.replace(link, shown, 1)
 
 
 @pytest.mark.parametrize(('link', 'source'), [
     ('absent.yaml', 'README.md'), ('../../absent', 'docs/safety.md')])
-def test_links_to_nothing_are_refused(link: str, source: str) -> None:
+def test_links_to_nothing_are_refused(link, source):
     with pytest.raises(ValueError, match='absent'):
         site_links.target_in_site(link, source)
 
@@ -129,7 +129,7 @@ def imports_of_examples() -> set[tuple[str, str]]:
     return found
 
 
-def test_each_package_has_a_page_with_its_names_and_modules() -> None:
+def test_each_package_has_a_page_with_its_names_and_modules():
     pages = python_pages.python_pages()
     packages = python_pages.packages()
     assert {'robot_dynamics', 'robot_dynamics.urdf', 'robot_dynamics.model'} <= set(packages)
@@ -146,7 +146,7 @@ def test_each_package_has_a_page_with_its_names_and_modules() -> None:
     assert '::: robot_dynamics.model.arm\n' in page
 
 
-def test_what_examples_import_is_in_the_reference() -> None:
+def test_what_examples_import_is_in_the_reference():
     found = imports_of_examples()
     assert {('robot_dynamics.model', 'load_arm'), ('robot_dynamics', 'load_arm')} <= found
     packages = python_pages.packages()
@@ -158,7 +158,7 @@ def test_what_examples_import_is_in_the_reference() -> None:
             assert f'{module}.{name}' in {*packages, *modules, *offered}
 
 
-def test_xml_in_docstrings_is_marked_as_code() -> None:
+def test_xml_in_docstrings_is_marked_as_code():
     """In Markdown an unmarked <inertial> is an element of the page, which is not visible."""
     for package in python_pages.packages():
         for file in (ROOT / package.replace('.', '/')).glob('*.py'):
@@ -183,7 +183,7 @@ def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
     return directory
 
 
-def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path: Path) -> None:
+def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
     assert main([str(write_site(tmp_path))]) == 0
 
 
@@ -207,13 +207,11 @@ def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path: Path) -> None:
         ('absent.html', 'index.html: links to absent.html, which does not exist'),
         ('docs/a.css', 'index.html: links to docs/a.css, which does not exist'))),
 ])
-def test_what_is_absent_or_loaded_from_another_server_is_found(
-    tmp_path: Path, page: str, style: str, fault: str,
-) -> None:
+def test_what_is_absent_or_loaded_from_another_server_is_found(tmp_path, page, style, fault):
     write_site(tmp_path, GOOD + page, STYLE + style)
     assert faults_of(tmp_path) == ([fault] if fault else [])
     assert main([str(tmp_path)]) == bool(fault)
 
 
-def test_an_empty_directory_is_no_site(tmp_path: Path) -> None:
+def test_an_empty_directory_is_no_site(tmp_path):
     assert faults_of(tmp_path) == [f'{tmp_path} has no page']

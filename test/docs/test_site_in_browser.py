@@ -45,7 +45,7 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize('name', PAGES)
-def test_a_page_is_readable_on_a_narrow_screen(site: Path, tab: Any, name: str) -> None:
+def test_a_page_is_readable_on_a_narrow_screen(site, tab, name):
     tab.goto((site / f'{name}.html').as_uri())
     assert tab.evaluate('document.documentElement.scrollWidth') <= NARROW['width']
     assert tab.evaluate(CUT_OFF) == []

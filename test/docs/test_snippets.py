@@ -95,7 +95,7 @@ def page_id(page: Path) -> str:
 
 
 @pytest.mark.parametrize('page', PAGES, ids=page_id)
-def test_commands_read_only_files_that_the_page_provides(page: Path) -> None:
+def test_commands_read_only_files_that_the_page_provides(page):
     given = set(DESCRIBED.get(page.name, ()))
     for block in blocks_of(page):
         given.add(block.file_name)
@@ -115,7 +115,7 @@ def test_commands_read_only_files_that_the_page_provides(page: Path) -> None:
     ('ros2 launch p f.launch.py params:=l.yaml,r.yaml', ['f.launch.py', 'l.yaml', 'r.yaml'], []),
     ('demo --out recorded', [], ['recorded']),
 ])
-def test_files_of_a_command_are_found(command: str, read: list[str], written: list[str]) -> None:
+def test_files_of_a_command_are_found(command, read, written):
     words = shlex.split(command)
     assert read_by(words) == read
     assert written_by(words) == written
@@ -131,10 +131,7 @@ RUN = [page for page in PAGES if page.name not in RUN_ELSEWHERE and any(
 
 
 @pytest.mark.parametrize('page', RUN, ids=page_id)
-def test_snippets_run_in_the_order_of_the_page(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_snippets_run_in_the_order_of_the_page(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {'__name__': '__main__'}
     for block in blocks_of(page):
@@ -151,7 +148,7 @@ def test_snippets_run_in_the_order_of_the_page(
 
 @pytest.mark.parametrize(
     'page', [page for page in PAGES if '>>> ' in page.read_text(encoding='utf-8')], ids=page_id)
-def test_examples_print_what_the_page_states(page: Path) -> None:
+def test_examples_print_what_the_page_states(page):
     result = doctest.testfile(str(page), module_relative=False, encoding='utf-8')
     assert result.attempted > 0
     assert result.failed == 0

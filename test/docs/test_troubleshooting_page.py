@@ -13,7 +13,7 @@ NAMES = {'state_timeout'}
 """Quoted names of faults, which are checked with the safety page."""
 
 
-def test_each_quoted_message_is_in_the_code() -> None:
+def test_each_quoted_message_is_in_the_code():
     code = '\n'.join(file.read_text(encoding='utf-8') for file in (
         ROOT / 'setup.py', *(ROOT / 'robot_dynamics').rglob('*.py')))
     cells = [line.split(' | ')[0] for line in PAGE.splitlines() if line.startswith('| ')]

@@ -24,7 +24,7 @@ def table_headings(text: str) -> set[str]:
     return {' '.join(line.split()) for line in re.findall(r'^joint .*', text, re.MULTILINE)}
 
 
-def test_the_tutorial(tmp_path: Path) -> None:
+def test_the_tutorial(tmp_path):
     page = PAGE.read_text(encoding='utf-8')
     printed = run_page(page, tmp_path)
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
@@ -44,7 +44,7 @@ def test_the_tutorial(tmp_path: Path) -> None:
         assert left < 0.4 * with_data_sheet
 
 
-def test_files_that_the_tutorial_names_are_there_when_it_names_them() -> None:
+def test_files_that_the_tutorial_names_are_there_when_it_names_them():
     """The input of each command is on the page, or was written by an earlier command."""
     files, commands = files_and_commands(PAGE.read_text(encoding='utf-8'))
     known = set(files)

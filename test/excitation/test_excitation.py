@@ -6,7 +6,6 @@
 from collections.abc import Callable
 import json
 import math
-from pathlib import Path
 import sys
 
 from blas import blas_environments
@@ -44,7 +43,7 @@ DURATION, HARMONICS = 8.0, 4
 # ------------------------------------------------------------------------------ the series
 
 @pytest.mark.parametrize('harmonics', [2, 5])
-def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmonics: int) -> None:
+def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmonics):
     times = np.linspace(0.0, DURATION, 4001)
     basis = series_basis(harmonics, DURATION, times)
     assert basis.position.shape == (4001, 2 * harmonics - 2)
@@ -54,7 +53,7 @@ def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmon
         assert np.gradient(values, times, axis=0)[1:-1] == pytest.approx(rates[1:-1], abs=1e-4)
 
 
-def test_the_coefficients_of_a_series_do_not_depend_on_one_another() -> None:
+def test_the_coefficients_of_a_series_do_not_depend_on_one_another():
     basis = series_basis(5, DURATION, np.linspace(0.0, DURATION, 200))
     assert np.linalg.matrix_rank(basis.position) == 8
 
@@ -73,7 +72,7 @@ def excitation(dynamics: ArmDynamics) -> Excitation:
     return find_excitation(dynamics, motion_limits(dynamics, fractions), HARMONICS, DURATION)
 
 
-def test_no_limit_is_passed_anywhere(dynamics: ArmDynamics, excitation: Excitation) -> None:
+def test_no_limit_is_passed_anywhere(dynamics, excitation):
     """With the interpolation of the node, at ten times as many instants as in the search."""
     found = exciting_trajectory(excitation, dynamics)
     trajectory = found.trajectory
@@ -91,9 +90,7 @@ def test_no_limit_is_passed_anywhere(dynamics: ArmDynamics, excitation: Excitati
         assert not point.acceleration.any()
 
 
-def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(
-    dynamics: ArmDynamics, excitation: Excitation,
-) -> None:
+def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(dynamics, excitation):
     assert len(excitation.random_conditions) == 20
     assert excitation.condition < excitation.random_conditions.min()
     assert excitation.condition < 0.6 * np.median(excitation.random_conditions)
@@ -102,7 +99,7 @@ def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(
 
 
 @pytest.mark.parametrize('robot', ['planar', 'ur10'])
-def test_every_blas_kernel_finds_the_same_trajectory(robot: str, tmp_path: Path) -> None:
+def test_every_blas_kernel_finds_the_same_trajectory(robot, tmp_path):
     """The search ranks costs, so that rounding has no effect; gradients were sensitive to it."""
     urdf = [] if robot == 'planar' else ['--urdf', str(robot_path(robot)), '--harmonics', '3']
     found = {}
@@ -121,7 +118,7 @@ def test_every_blas_kernel_finds_the_same_trajectory(robot: str, tmp_path: Path)
         assert other == pytest.approx(first, abs=1e-6)
 
 
-def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic() -> None:
+def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic():
     scale = np.logspace(0.0, 2.0, 12)
     goal = np.linspace(-1.0, 1.0, 12)
     found = minimize_by_rank(
@@ -130,7 +127,7 @@ def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic() 
     assert found == pytest.approx(goal, abs=1e-6)
 
 
-def test_the_ranking_search_depends_on_the_order_of_costs_only() -> None:
+def test_the_ranking_search_depends_on_the_order_of_costs_only():
     def search(cost: Callable[[FloatArray], float]) -> list[float]:
         return minimize_by_rank(
             cost, np.ones(6), 0.5, 60, np.random.default_rng(2)).tolist()
@@ -141,7 +138,7 @@ def test_the_ranking_search_depends_on_the_order_of_costs_only() -> None:
     assert search(cost) == search(lambda x: math.exp(cost(x)) + 7.0)
 
 
-def test_the_condition_number_is_that_of_the_base_regressor(dynamics: ArmDynamics) -> None:
+def test_the_condition_number_is_that_of_the_base_regressor(dynamics):
     """For a planar arm with two links the result is known: seven columns, and friction."""
     random = np.random.default_rng(5)
     q, v, a = random.normal(size=(3, 50, 2))
@@ -154,7 +151,7 @@ def test_the_condition_number_is_that_of_the_base_regressor(dynamics: ArmDynamic
     assert condition(Motion(q, v, a)) >= 1e8
 
 
-def test_rounded_angles_of_a_urdf_excite_no_parameters() -> None:
+def test_rounded_angles_of_a_urdf_excite_no_parameters():
     """The xArm 7 turns its axes by 1.5708, which differs from π/2 by 4e-6."""
     arm = load_arm(robot_urdf('xarm7'))
     q, v, a = np.random.default_rng(0).normal(size=(3, 100, 7))
@@ -170,14 +167,12 @@ def test_rounded_angles_of_a_urdf_excite_no_parameters() -> None:
     (LimitFractions(), [math.inf, 0.0], r'start\[0\] \(joint1\) is inf'),
     (LimitFractions(), [0.0], 'start has 1 values, expected 2'),
 ])
-def test_limits_that_make_no_sense_are_refused(
-    dynamics: ArmDynamics, fractions: LimitFractions, start: list[float] | None, words: str,
-) -> None:
+def test_limits_that_make_no_sense_are_refused(dynamics, fractions, start, words):
     with pytest.raises(InvalidInputError, match=words):
         motion_limits(dynamics, fractions, None if start is None else np.array(start))
 
 
-def test_a_start_that_leaves_no_room_is_refused() -> None:
+def test_a_start_that_leaves_no_room_is_refused():
     arm = load_arm(robot_urdf('ur10'))
     with pytest.raises(InvalidInputError, match="start of 'shoulder_pan_joint' is .* can move"):
         motion_limits(ArmDynamics(arm), LimitFractions(), arm.limits.upper)
@@ -185,9 +180,7 @@ def test_a_start_that_leaves_no_room_is_refused() -> None:
 
 # ------------------------------------------------------------------------------ the file
 
-def test_a_file_is_a_message_and_comes_back(
-    dynamics: ArmDynamics, excitation: Excitation, tmp_path: Path,
-) -> None:
+def test_a_file_is_a_message_and_comes_back(dynamics, excitation, tmp_path):
     trajectory = exciting_trajectory(excitation, dynamics, lead=2.0).trajectory
     path = tmp_path / 'trajectory.yaml'
     write_trajectory(path, trajectory)
@@ -217,21 +210,21 @@ def test_a_file_is_a_message_and_comes_back(
      'expected sec and nanosec'),
     ('{joint_names: [joint1], points: []}', 'lacks'),
 ])
-def test_what_is_no_trajectory_is_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_what_is_no_trajectory_is_refused(tmp_path, text, words):
     path = tmp_path / 'trajectory.yaml'
     path.write_text(text, encoding='utf-8')
     with pytest.raises(TrajectoryError, match=words):
         read_trajectory(path, ('joint1', 'joint2'))
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InvalidInputError, match='none.yaml'):
         read_trajectory(tmp_path / 'none.yaml', ('joint1',))
 
 
 # ------------------------------------------------------------------------------ the tool
 
-def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
+def test_the_tool_for_a_real_arm(tmp_path):
     """As a user starts the tool, without ROS."""
     path = tmp_path / 'ur10.yaml'
     program = (
@@ -266,10 +259,7 @@ def test_the_tool_for_a_real_arm(tmp_path: Path) -> None:
     (['--urdf', 'none.urdf'], 'none.urdf'),
     (['--start', '0', 'nan'], 'start'),
 ])
-def test_the_tool_reports_errors(
-    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_tool_reports_errors(arguments, words, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv('OPENBLAS_NUM_THREADS', '1')
     assert main([*arguments, '--output', str(tmp_path / 'trajectory.yaml')]) == 2
     error = capsys.readouterr().err

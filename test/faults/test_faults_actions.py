@@ -90,7 +90,7 @@ def check_return(bench: FaultBench) -> None:
 @fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',
        'g(q) for `hold_time`, then a linear ramp to zero over `ramp_time`, then no command; '
        'the first command after recovery is g(q)')
-def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
+def test_hold_gravity_then_ramp(bench, seen):
     answer, action = go_silent(bench)
     check_course(answer, action, HOLD)
     answered, times = answer[0], [t for t, _ in action]
@@ -102,7 +102,7 @@ def test_hold_gravity_then_ramp(bench: FaultBench, seen: Seen) -> None:
 
 @fault(GROUP, f'{SILENCE} while the command is 150 N·m; `hold_gravity_then_ramp`',
        'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
-def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
+def test_hold_gravity_from_a_large_effort(bench):
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
     bench.set_parameters(hold_time=60.0)  # longer than the change to g(q) takes
@@ -121,7 +121,7 @@ def test_hold_gravity_from_a_large_effort(bench: FaultBench) -> None:
 @fault(GROUP, f'{SILENCE}; `ramp_to_zero`',
        'an immediate linear ramp to zero over `ramp_time`, then no command; the first command '
        'after recovery is g(q)')
-def test_ramp_to_zero(bench: FaultBench) -> None:
+def test_ramp_to_zero(bench):
     bench.set_parameters(fault_action='ramp_to_zero')
     bench.check_alive()
     check_course(*go_silent(bench), hold=0.0)
@@ -131,7 +131,7 @@ def test_ramp_to_zero(bench: FaultBench) -> None:
 
 @fault(GROUP, f'{SILENCE}; `stop_publishing`',
        'no further command; the first command after recovery is g(q)')
-def test_stop_publishing(bench: FaultBench) -> None:
+def test_stop_publishing(bench):
     bench.set_parameters(fault_action='stop_publishing')
     bench.check_alive()
     (_, answer), action = go_silent(bench)
@@ -143,7 +143,7 @@ def test_stop_publishing(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a set-point 2 rad away, sent while joint states are missing',
        'rejected with the reason; the first command after recovery is g(q), and the arm is held')
-def test_a_reference_during_a_timeout(bench: FaultBench) -> None:
+def test_a_reference_during_a_timeout(bench):
     go_silent(bench)
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
     bench.node.wait_for_log('no reference can be followed now: fault state_timeout')
@@ -166,7 +166,7 @@ def compensating(client: RosClient) -> Iterator[FaultBench]:
 
 @fault(GROUP, '`robot_compensates: [gravity]`: the first state, a set-point, then a timeout',
        'the first command is zero, and the fault action holds the arm with zero')
-def test_a_robot_that_compensates_gravity(compensating: FaultBench) -> None:
+def test_a_robot_that_compensates_gravity(compensating):
     bench = compensating
     bench.driver.go_on()
     assert list(bench.efforts.wait_for().effort) == [0.0, 0.0]

@@ -101,7 +101,7 @@ def damages(topic: str, expected: str) -> Any:
 
 @damages('joint_states',
          'dropped and reported, or answered with a finite command; commands resume')
-def test_joint_states(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
+def test_joint_states(bench, raw, damage, seen):
     before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
     bench.driver.be_quiet()
     sent = send_until(
@@ -119,7 +119,7 @@ def test_joint_states(bench: FaultBench, raw: RawPublisher, damage: Damage, seen
 
 @fault(GROUP, '`joint_states`: truncated messages between valid ones',
        'dropped and reported; the valid ones are answered without a fault')
-def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublisher) -> None:
+def test_damaged_joint_states_among_good_ones(bench, raw):
     faults = bench.known('command', 'faults: state_timeout')
     before = bench.known('joint states', 'dropped: unreadable')
     send_until(
@@ -134,7 +134,7 @@ def test_damaged_joint_states_among_good_ones(bench: FaultBench, raw: RawPublish
 
 @fault(GROUP, '`joint_states`: a joint name that is not valid UTF-8',
        'reported as incomplete, with the name of the missing joint; commands resume')
-def test_a_name_that_is_not_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
+def test_a_name_that_is_not_utf_8(bench, raw):
     bench.driver.be_quiet()
     data = bytes_of(STATE).replace(b'joint1', b'\xff\xfe\xc0\x80t1')
     send_until(
@@ -144,7 +144,7 @@ def test_a_name_that_is_not_utf_8(bench: FaultBench, raw: RawPublisher) -> None:
 
 
 @damages('~/joint_trajectory', 'rejected and reported, or followed within all limits')
-def test_references(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: Seen) -> None:
+def test_references(bench, raw, damage, seen):
     before = bench.known('reference', 'refused')
     sent = send_until(
         raw, bench.name('joint_trajectory'), JointTrajectory,
@@ -163,7 +163,7 @@ def test_references(bench: FaultBench, raw: RawPublisher, damage: Damage, seen: 
 
 
 @damages('robot_description', 'rejected and reported; the active model stays')
-def test_descriptions(bench: FaultBench, raw: RawPublisher, damage: Damage) -> None:
+def test_descriptions(bench, raw, damage):
     before = bench.node.log.count('Kept the model in use')
     send_until(
         raw, f'{bench.namespace}/robot_description', String,
@@ -189,9 +189,7 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
 @fault_cases(
     'damage', GROUP, 'both topics of `simulated_arm`: {}',
     'rejected and reported, or applied; the arm continues with finite states', DAMAGES.items())
-def test_topics_of_the_simulated_arm(
-    client: RosClient, arm: NodeProcess, raw: RawPublisher, damage: Damage,
-) -> None:
+def test_topics_of_the_simulated_arm(client, arm, raw, damage):
     for message, topic, refusal in (
             (EFFORT, 'effort_command', 'Rejected an effort'),
             (WRENCH, 'simulated_arm/external_wrench', 'Rejected a message of ~/external_wrench')):

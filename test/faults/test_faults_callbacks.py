@@ -6,7 +6,6 @@
 from collections.abc import Iterator
 import re
 import time
-from typing import Any
 
 from failing_node import WORDS
 from fault_bench import FaultBench, STEADY
@@ -54,7 +53,7 @@ def check_reported(bench: FaultBench, of: str, words: str, since: float) -> None
          r"TypeError\('the service .* answered None'\)"),
         ('returns another type', 'answers_another_type', Trigger,
          r'TypeError\(.the service .* answered .*SetBool')))
-def test_a_service_that_fails(bench: FaultBench, service: str, kind: Any, words: str) -> None:
+def test_a_service_that_fails(bench, service, kind, words):
     begun = time.monotonic()
     for _ in range(CALLS):
         response = bench.ask(service, kind)
@@ -64,7 +63,7 @@ def test_a_service_that_fails(bench: FaultBench, service: str, kind: Any, words:
 
 
 @fault(GROUP, 'a subscription that raises an exception', REPORTED)
-def test_a_subscription_that_fails(bench: FaultBench) -> None:
+def test_a_subscription_that_fails(bench):
     begun = time.monotonic()
     publisher = bench.client.publisher(String, bench.name('raises'))
     for _ in range(CALLS):
@@ -74,7 +73,7 @@ def test_a_subscription_that_fails(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a parameter callback that raises an exception',
        f'rejected with the exception; the value stays; {REPORTED}')
-def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
+def test_a_parameter_callback_that_fails(bench):
     node = bench.name('').rstrip('/')
     before, begun = bench.client.get_parameter(node, 'hold_time'), time.monotonic()
     for _ in range(CALLS):
@@ -87,7 +86,7 @@ def test_a_parameter_callback_that_fails(bench: FaultBench) -> None:
 @fault(GROUP, 'a lifecycle transition that raises an exception',
        '`success` false; the command has ramped to zero; the node is unconfigured and can be '
        'configured')
-def test_a_transition_that_fails(bench: FaultBench) -> None:
+def test_a_transition_that_fails(bench):
     bench.check_commanding()
     assert bench.change(Transition.TRANSITION_DEACTIVATE)
     assert not bench.change(Transition.TRANSITION_CLEANUP)

@@ -153,7 +153,7 @@ def disturbed(clock: SimulatedClock, event: str) -> Iterator[None]:
 # --- stamps of the clock of this computer --------------------------------------------------------
 
 @fault(GROUP, '`use_sim_time: true`, and /clock has no publisher', UNAFFECTED)
-def test_without_a_clock(client: RosClient) -> None:
+def test_without_a_clock(client):
     with fault_bench(client, '/faults_no_clock', {
             **SIMULATED, 'effort_rate_limit': RATE}) as bench:
         effort = follow(bench)
@@ -166,7 +166,7 @@ def test_without_a_clock(client: RosClient) -> None:
     pytest.param(event, marks=fault(
         GROUP, f'/clock {event}; joint states keep stamps of the real time', UNAFFECTED))
     for event in ('stops', 'jumps forwards by 50 s', 'jumps back by 50 s')])
-def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
+def test_stamps_that_do_not_follow(bench, event):
     one, clock = bench
     effort = follow(one)
     one.efforts.clear()
@@ -182,7 +182,7 @@ def test_stamps_that_do_not_follow(bench: Bench, event: str) -> None:
 @STAMPS_OF_THE_WALL
 @fault(GROUP, '/clock stops, and the driver stops publishing',
        'fault action, ramp, diagnostics and recovery take their usual times')
-def test_silence_while_the_clock_stands(bench: Bench) -> None:
+def test_silence_while_the_clock_stands(bench):
     one, clock = bench
     follow(one)
     with clock.stopped():
@@ -197,7 +197,7 @@ def test_silence_while_the_clock_stands(bench: Bench) -> None:
 
 @STAMPS_OF_THE_WALL
 @fault(GROUP, '/clock stops before deactivation', 'the command ramps to zero as usual')
-def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
+def test_deactivation_while_the_clock_stands(bench):
     one, clock = bench
     one.check_alive()
     with clock.stopped():
@@ -218,7 +218,7 @@ def test_deactivation_while_the_clock_stands(bench: Bench) -> None:
         'command changes within `effort_rate_limit`'))
     for event, reason in (('jumps forwards by 50 s', 'stamp jumped ahead'),
                           ('jumps back by 50 s', 'stamp went back'))])
-def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
+def test_stamps_that_jump(bench, event, reason):
     one, clock = bench
     follow(one)
     one.next_status('command')
@@ -240,7 +240,7 @@ def test_stamps_that_jump(bench: Bench, event: str, reason: str) -> None:
 @fault(GROUP, '/clock stops, and so do the stamps of joint states',
        'the command is constant until `state_timeout`, then the fault action; commands resume '
        'when the stamps advance')
-def test_stamps_that_freeze(bench: Bench) -> None:
+def test_stamps_that_freeze(bench):
     one, clock = bench
     follow(one)
     one.efforts.clear()

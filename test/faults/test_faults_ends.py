@@ -75,7 +75,7 @@ def signal_node(node: NodeProcess, end_signal: signal.Signals) -> float:
 @pytest.mark.parametrize('end_signal', [
     pytest.param(one, marks=fault(GROUP, f'{one.name} while the node commands', RAMPED))
     for one in SIGNALS])
-def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: Any) -> None:
+def test_while_it_commands(client, end_signal, seen):
     with commanding(client, ramp_time=10.0 * RAMP) as bench:
         sent_at = signal_node(bench.node, end_signal)
         seen(check_ended(bench, sent_at))
@@ -84,7 +84,7 @@ def test_while_it_commands(client: RosClient, end_signal: signal.Signals, seen: 
 
 
 @fault(GROUP, 'a second SIGINT while the command ramps to zero', RAMPED)
-def test_twice(client: RosClient) -> None:
+def test_twice(client):
     with commanding(client) as bench:
         sent_at = signal_node(bench.node, signal.SIGINT)
         bench.efforts.wait_for(lambda m: m.effort[0] > 0.9 * G[0])
@@ -93,7 +93,7 @@ def test_twice(client: RosClient) -> None:
 
 
 @fault(GROUP, 'SIGINT while the node holds the arm in a fault', RAMPED)
-def test_in_a_fault(client: RosClient) -> None:
+def test_in_a_fault(client):
     with commanding(client, hold_time=60.0) as bench:
         bench.driver.be_quiet()
         bench.wait_state_timeout()
@@ -102,7 +102,7 @@ def test_in_a_fault(client: RosClient) -> None:
 
 @fault(GROUP, 'SIGINT while the node commands and computes service requests',
        f'the ramp does not wait for the service; {RAMPED}')
-def test_during_long_service_calls(client: RosClient, seen: Any) -> None:
+def test_during_long_service_calls(client, seen):
     service = client.node.create_client(
         InverseDynamicsBatch, '/faults_ends/dynamics/inverse_dynamics_batch')
     try:
@@ -137,7 +137,7 @@ def end_in_order(nodes: list[NodeProcess], words: str) -> None:
 
 @fault(GROUP, 'SIGINT and SIGTERM before the first joint state, or before a URDF arrives',
        f'no command; {IN_ORDER}')
-def test_before_it_commands(client: RosClient) -> None:
+def test_before_it_commands(client):
     nodes = [NodeProcess(DYNAMICS, parameters, namespace='/idle')
              for parameters in ({}, {}, {'joints': ['elbow']}, {'joints': ['elbow']})]
     with client.collect(JointState, '/idle/effort_command') as efforts, running(*nodes):
@@ -150,7 +150,7 @@ def test_before_it_commands(client: RosClient) -> None:
 
 @fault(GROUP, 'SIGINT and SIGTERM to `simulated_arm`, in wall time, and in lock-step without a '
        'controller', IN_ORDER)
-def test_the_simulated_arm(client: RosClient) -> None:
+def test_the_simulated_arm(client):
     nodes = [NodeProcess(SIMULATED_ARM, parameters, namespace='/arms')
              for parameters in ({}, {}, {'lock_step': True}, {'lock_step': True})]
     with client.collect(JointState, '/arms/joint_states') as states, running(*nodes):
@@ -204,7 +204,7 @@ class Executable:
         GROUP, f'SIGINT at several times during the start of `ros2 run robot_dynamics {name}`, '
         'from the first line of its code until it is ready', IN_ORDER))
     for name in ('dynamics_node', 'simulated_arm')])
-def test_an_interrupt_while_it_starts(name: str) -> None:
+def test_an_interrupt_while_it_starts(name):
     whole = Executable(name)
     whole.wait_for_own_code()
     began = time.monotonic()
@@ -224,7 +224,7 @@ def test_an_interrupt_while_it_starts(name: str) -> None:
        'and within its first 0.3 s',
        'the signal ends the process before its code runs; later it exits with status 0; no '
        'traceback')
-def test_a_sigterm_as_soon_as_it_exists() -> None:
+def test_a_sigterm_as_soon_as_it_exists():
     for moment in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3):
         one = Executable('dynamics_node')
         threading.Event().wait(moment)  # the stimulus is this time

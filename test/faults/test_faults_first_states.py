@@ -3,16 +3,14 @@
 
 """Faults of the first joint states after the start, and joint states at an excessive rate."""
 
-from collections.abc import Callable
 import os
 from pathlib import Path
 import subprocess
 import sys
 import time
-from typing import Any
 
 import children
-from fault_bench import Change, FaultBench, NAMES, nanoseconds_of, Q
+from fault_bench import NAMES, nanoseconds_of, Q
 from fault_stimuli import altered, NO_STREAM, shifted, wait_states
 from fault_table import fault, fault_cases
 import numpy as np
@@ -33,9 +31,7 @@ BENCH = {'parameters': NO_STREAM, 'stream': False}
         ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
         ('a stamp 10 s in the past', shifted(-10.0), 's old'),
         ('a stamp 10 s in the future', shifted(10.0), 's in the future')))
-def test_nothing_before_the_first_valid_state(
-    bench: FaultBench, change: Change, reported: str,
-) -> None:
+def test_nothing_before_the_first_valid_state(bench, change, reported):
     bench.driver.go_on()
     bench.driver.change = change
     if reported:
@@ -51,7 +47,7 @@ def test_nothing_before_the_first_valid_state(
 
 @fault(GROUP, 'a set-point 2 rad away, sent before the first valid state',
        'rejected with the reason; the first command is g(q), and the arm is held')
-def test_the_first_effort(bench: FaultBench) -> None:
+def test_the_first_effort(bench):
     bench.set_point([Q[0] + 2.0, Q[1]])
     bench.node.wait_for_log('no joint state with velocities has been received')
     bench.driver.go_on()
@@ -62,7 +58,7 @@ def test_the_first_effort(bench: FaultBench) -> None:
 @fault('Joint states at an excessive rate', '20,000 joint states per second for 1 s',
        'the newest is answered, older ones are skipped; services answer; normal operation '
        'afterwards')
-def test_a_flood(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_a_flood(bench, seen):
     bench.check_alive()
     bench.driver.be_quiet()
     flood = children.popen(

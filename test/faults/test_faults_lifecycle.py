@@ -4,9 +4,7 @@
 """Lifecycle faults: the node publishes commands only while it is active."""
 
 from collections.abc import Iterator
-from pathlib import Path
 import time
-from typing import Any
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
@@ -62,7 +60,7 @@ def check_no_model(bench: LifecycleBench) -> None:
 
 @fault(GROUP, '`autostart: false`: states and a set-point before configuration',
        'no command; services and `~/joint_trajectory` report that there is no model')
-def test_unconfigured_until_asked(client: RosClient) -> None:
+def test_unconfigured_until_asked(client):
     with lifecycle_bench(
             client, '/faults_unconfigured', {**PARAMETERS, 'autostart': False}) as one:
         check_no_model(one)
@@ -78,7 +76,7 @@ def test_unconfigured_until_asked(client: RosClient) -> None:
 @fault(GROUP, 'a set-point while the node is inactive, then activation while states stream',
        'the set-point is rejected with the reason; the first command is exactly g(q), in answer '
        'to the next state')
-def test_the_first_command_holds_the_arm(bench: LifecycleBench) -> None:
+def test_the_first_command_holds_the_arm(bench):
     assert bench.change(DEACTIVATE)
     bench.check_silent()
     bench.set_point([Q[0] + 0.5, Q[1]])  # the arm must not move there
@@ -93,7 +91,7 @@ def test_the_first_command_holds_the_arm(bench: LifecycleBench) -> None:
 
 @fault(GROUP, 'deactivation while the node commands',
        'the command ramps to exactly 0 over `ramp_time`, then no command; services still answer')
-def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
+def test_deactivation_ramps_to_zero(bench, seen):
     begun = time.time()
     assert bench.change(DEACTIVATE)
     bench.efforts.wait_for(lambda message: not any(message.effort))
@@ -116,12 +114,12 @@ def test_deactivation_ramps_to_zero(bench: LifecycleBench, seen: Any) -> None:
     ('an unknown transition number', {'transition': 200}),
     ('an unknown transition name', {'label': 'fly'}),
     ('an internal transition', {'transition': 10})))
-def test_wrong_transitions(bench: LifecycleBench, request_of: dict[str, Any]) -> None:
+def test_wrong_transitions(bench, request_of):
     assert not bench.change(**request_of)
     assert bench.state() == 'active'
 
 
-def test_the_transitions_are_those_of_every_lifecycle_node(bench: LifecycleBench) -> None:
+def test_the_transitions_are_those_of_every_lifecycle_node(bench):
     def available() -> set[str]:
         return {one.transition.label for one in bench.ask(
             'get_available_transitions', GetAvailableTransitions).available_transitions}
@@ -134,7 +132,7 @@ def test_the_transitions_are_those_of_every_lifecycle_node(bench: LifecycleBench
 
 @fault(GROUP, 'a `robot_description` message while the node is unconfigured',
        'not loaded until the next configuration')
-def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -> None:
+def test_no_model_while_unconfigured(client, bench):
     assert bench.change(DEACTIVATE)
     assert bench.change(CLEANUP)
     heavy = planar_arm_urdf([9.0, 9.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], name='heavy')
@@ -152,7 +150,7 @@ def test_no_model_while_unconfigured(client: RosClient, bench: LifecycleBench) -
 
 @fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration',
        'the fault persists, and no command is published after activation, until `~/reset_fault`')
-def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
+def test_a_latched_fault_survives_transitions(bench):
     latch(bench)
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
         for transition in transitions:
@@ -168,7 +166,7 @@ def test_a_latched_fault_survives_transitions(bench: LifecycleBench) -> None:
     'transitions', GROUP, '`~/reset_fault` after a latched fault while the node is {}',
     '`success` true; commands resume at the next activation, not earlier', (
         ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP])))
-def test_a_reset_while_not_active(bench: LifecycleBench, transitions: list[int]) -> None:
+def test_a_reset_while_not_active(bench, transitions):
     latch(bench)
     for transition in transitions:
         assert bench.change(transition)
@@ -196,7 +194,7 @@ def latch(bench: LifecycleBench) -> None:
 
 @fault(GROUP, 'configuration with an invalid file, which is then corrected',
        '`success` false, the reason in the log, unconfigured; configured after the correction')
-def test_an_invalid_file_that_is_corrected(client: RosClient, tmp_path: Path) -> None:
+def test_an_invalid_file_that_is_corrected(client, tmp_path):
     file = tmp_path / 'arm.urdf'
     bad = BAD_DESCRIPTIONS['a negative mass']
     file.write_text(bad.xml, encoding='utf-8')
@@ -219,7 +217,7 @@ def test_an_invalid_file_that_is_corrected(client: RosClient, tmp_path: Path) ->
 
 @fault(GROUP, 'configuration with a wrong number of gains, which is then corrected',
        '`success` false, the reason in the log, unconfigured; configured after the correction')
-def test_wrong_gains_that_are_corrected(client: RosClient) -> None:
+def test_wrong_gains_that_are_corrected(client):
     node = '/faults_gains/dynamics'
     with lifecycle_bench(client, '/faults_gains', {
             **PARAMETERS, 'autostart': False, 'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
@@ -235,7 +233,7 @@ def test_wrong_gains_that_are_corrected(client: RosClient) -> None:
 @fault(GROUP, 'shutdown while the node commands',
        'the command ramps to exactly 0 over `ramp_time`, then no command; no transition leaves '
        'this state')
-def test_shutdown_ramps_to_zero(client: RosClient) -> None:
+def test_shutdown_ramps_to_zero(client):
     with lifecycle_bench(client, '/faults_shutdown', PARAMETERS) as one:
         one.check_alive()
         begun = time.time()

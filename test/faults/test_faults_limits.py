@@ -3,7 +3,7 @@
 
 """Limits of position, velocity and effort: commands that they change, and that they do not."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import math
 from typing import Any
 
@@ -98,7 +98,7 @@ def wait_first(bench: FaultBench, joint: int, value: float) -> None:
         ('past its upper limit', 0, UPPER + 0.005, 1.0),
         ('before its lower limit', 1, LOWER + 0.005, -1.0),
         ('past its lower limit', 1, LOWER - 0.005, -1.0)))
-def test_a_position_limit_ahead(bench: FaultBench, joint: int, limit: float, sign: float) -> None:
+def test_a_position_limit_ahead(bench, joint, limit, sign):
     q = list(Q)
     q[joint] = limit
     be_at(bench, q)
@@ -137,9 +137,7 @@ def test_a_position_limit_ahead(bench: FaultBench, joint: int, limit: float, sig
          "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
         ('0.1 rad past its lower limit', 1, LOWER - 0.1,
          "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087")))
-def test_a_position_past_its_limit(
-    bench: FaultBench, joint: int, position: float, reported: str,
-) -> None:
+def test_a_position_past_its_limit(bench, joint, position, reported):
     before = bench.known('command', 'faults: position_limit')
     bench.driver.q[joint] = position
     assert reported in bench.wait_fault('position_limit').message
@@ -159,7 +157,7 @@ def test_a_position_past_its_limit(
 
 
 @fault(GROUP, f'a joint {MARGIN} rad past its limit', 'no fault: within the tolerance')
-def test_a_position_within_the_margin(bench: FaultBench) -> None:
+def test_a_position_within_the_margin(bench):
     before = bench.known('command', 'faults: position_limit')
     be_at(bench, [UPPER + 0.0086, Q[1]])
     bench.efforts.clear()
@@ -174,7 +172,7 @@ def test_a_position_within_the_margin(bench: FaultBench) -> None:
     'joint1 at 12 rad/s, and a reference that accelerates it {}; its limit is 10 rad/s',
     'no acceleration along the motion, counted; braking is not limited', (
         ('forwards', 1.0), ('backwards', -1.0)))
-def test_overspeed(bench: FaultBench, sign: float) -> None:
+def test_overspeed(bench, sign):
     before = bench.known('command', 'held back by velocity limit')
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
@@ -204,7 +202,7 @@ def test_overspeed(bench: FaultBench, sign: float) -> None:
     'a reference that needs more than the effort limit, `effort_limit_fraction` {}',
     'clamped to the URDF limit × `effort_limit_fraction`, counted; changes within the rate limit',
     (('1.0', 1.0), ('0.5', 0.5)))
-def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
+def test_an_effort_beyond_its_limit(bench, scale):
     bench.set_parameters(effort_limit_fraction=scale, **STIFF)
     limits = scale * np.array(EFFORT)
     before = bench.known('command', 'held back by effort limit')
@@ -219,7 +217,7 @@ def test_an_effort_beyond_its_limit(bench: FaultBench, scale: float) -> None:
 
 @fault(GROUP, '`effort_limit_fraction` is lowered while the command is at its limit',
        'the command changes to the new limit within the rate limit')
-def test_a_limit_that_falls(bench: FaultBench) -> None:
+def test_a_limit_that_falls(bench):
     bench.set_parameters(**STIFF)
     bench.set_point([Q[0] + 0.2, Q[1] + 0.2])
     wait_first(bench, 0, EFFORT[0])
@@ -230,7 +228,7 @@ def test_a_limit_that_falls(bench: FaultBench) -> None:
 
 @fault(GROUP, '`effort_rate_limit` of 100 N·m/s, and a set-point 0.2 rad away',
        'the command changes within that limit')
-def test_a_slower_rate(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_a_slower_rate(bench, seen):
     bench.set_parameters(effort_rate_limit=100.0, **STIFF)
     bench.set_point([Q[0] + 0.2, Q[1]])
     bench.efforts.wait_for(lambda message: message.effort[0] > 0.0)

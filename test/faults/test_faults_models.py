@@ -4,9 +4,8 @@
 """Invalid robot descriptions while the node commands, and changes of the model."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
-from bad_descriptions import Bad, BAD_DESCRIPTIONS
+from bad_descriptions import BAD_DESCRIPTIONS
 from fault_bench import G, nanoseconds_of, Q
 from fault_table import fault, fault_cases
 from lifecycle_bench import ACTIVATE, DEACTIVATE, lifecycle_bench, LifecycleBench
@@ -69,7 +68,7 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
 
 
 @fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
-def test_a_bad_description(bench: LifecycleBench, describe: Describe, bad: Bad) -> None:
+def test_a_bad_description(bench, describe, bad):
     bench.check_alive()
     describe(bad.xml)
     bench.node.wait_for_log(f'Kept the model in use: .*({bad.words})')
@@ -80,9 +79,7 @@ def test_a_bad_description(bench: LifecycleBench, describe: Describe, bad: Bad) 
 @fault(GROUP, 'another arm while the node commands, then a timeout of the joint states',
        'the log reports that the new arm waits; commands use the old arm; the new one is loaded '
        'when commands have ended; the next command is exactly its g(q)')
-def test_a_new_model_waits_until_commands_have_ended(
-    bench: LifecycleBench, describe: Describe,
-) -> None:
+def test_a_new_model_waits_until_commands_have_ended(bench, describe):
     bench.check_alive()
     describe(HEAVY)
     bench.node.wait_for_log('Kept the model in use while commanding')
@@ -101,7 +98,7 @@ def test_a_new_model_waits_until_commands_have_ended(
 
 @fault(GROUP, 'another arm while the node commands, then deactivation and activation',
        'loaded while inactive; the first command is exactly its g(q)')
-def test_a_new_model_is_loaded_while_inactive(bench: LifecycleBench, describe: Describe) -> None:
+def test_a_new_model_is_loaded_while_inactive(bench, describe):
     settle(bench, describe, LIGHT, 'arm_2')
     describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
@@ -121,9 +118,7 @@ def test_a_new_model_is_loaded_while_inactive(bench: LifecycleBench, describe: D
         (BAD_DESCRIPTIONS['a loop'].xml, BAD_DESCRIPTIONS['a loop'].words,
          'another arm while the node commands, then an invalid one',
          'rejected; no model waits, as only the newest counts; the active model stays'))])
-def test_the_newest_description_counts(
-    bench: LifecycleBench, describe: Describe, last: str, words: str,
-) -> None:
+def test_the_newest_description_counts(bench, describe, last, words):
     settle(bench, describe, LIGHT, 'arm_2')
     describe(HEAVY)
     wait_model(bench, 'arm_2', new_one_waits=True)
@@ -148,7 +143,7 @@ def settle(bench: LifecycleBench, describe: Describe, xml: str, name: str) -> No
 
 @fault(GROUP, 'a description while the node commands with the embedded arm',
        'loaded immediately; the command changes to its g(q) within `effort_rate_limit`')
-def test_the_embedded_arm_gives_way_at_once(client: RosClient, seen: Any) -> None:
+def test_the_embedded_arm_gives_way_at_once(client, seen):
     rate = 50.0
     with client.describing('/faults_embedded') as publish, lifecycle_bench(
             client, '/faults_embedded', {**PARAMETERS, 'effort_rate_limit': rate}) as one:

@@ -6,10 +6,9 @@
 import json
 import subprocess
 import sys
-from typing import Any
 
 import children
-from fault_bench import Driver, FaultBench
+from fault_bench import Driver
 from fault_table import fault, fault_cases
 import partition_scenario
 import pytest
@@ -36,9 +35,7 @@ PROMISING = QoSProfile(
     ('policy', 'qos'), GROUP, 'a subscriber to `effort_command` that requests {}', VISIBLE, (
         ('transient local', 'DURABILITY', LATCHED),
         ('a deadline', 'DEADLINE', QoSProfile(depth=1, deadline=SECOND))))
-def test_a_subscriber_that_requests_too_much(
-    bench: FaultBench, policy: str, qos: QoSProfile,
-) -> None:
+def test_a_subscriber_that_requests_too_much(bench, policy, qos):
     key = 'incompatible subscribers of effort_command'
     before = bench.figure('command', key)
     node, got = bench.client.node, []
@@ -60,7 +57,7 @@ def test_a_subscriber_that_requests_too_much(
 
 @fault(GROUP, 'a volatile publisher of `robot_description`',
        'the log names the incompatible policy; the active model stays')
-def test_a_volatile_description(bench: FaultBench) -> None:
+def test_a_volatile_description(bench):
     publisher = bench.client.node.create_publisher(
         String, f'{bench.namespace}/robot_description', 1)
     try:
@@ -77,7 +74,7 @@ def test_a_volatile_description(bench: FaultBench) -> None:
     ('reliable', QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)),
     ('reliable and transient local', LATCHED),
     ('best effort, with a deadline and a lease', PROMISING)))
-def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
+def test_any_publisher_of_states(bench, qos):
     """The node requests no policy that a publisher might not offer, so it receives all."""
     topic = f'{bench.namespace}/joint_states'
     requested = bench.client.node.get_subscriptions_info_by_topic(topic)[0].qos_profile
@@ -99,7 +96,7 @@ def test_any_publisher_of_states(bench: FaultBench, qos: QoSProfile) -> None:
 @fault(GROUP, 'link failure between driver and node in two network namespaces: until commands '
        'have ended, and until each participant has removed the other',
        'the fault action starts after `state_timeout` and is reported; commands resume')
-def test_a_partition(seen: Any) -> None:
+def test_a_partition(seen):
     command, reason = partition_scenario.own_network()
     if reason:
         pytest.skip(reason)

@@ -5,9 +5,8 @@
 
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from fault_bench import FaultBench
 from fault_table import fault, fault_cases
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -23,7 +22,7 @@ def is_alone(status: DiagnosticStatus) -> bool:
 @fault_cases(('key', 'kind'), GROUP, 'a second publisher of `{}`', WARNED, (
     ('effort_command', 'effort_command', JointState),
     ('~/commands', '~/commands', Float64MultiArray)))
-def test_a_second_publisher_of_the_command(bench: FaultBench, key: str, kind: type) -> None:
+def test_a_second_publisher_of_the_command(bench, key, kind):
     bench.wait_status('other nodes', is_alone)
     full = f'{bench.namespace}/{key}'.replace('~', 'dynamics')
     words = f'{full} has other publishers: [{bench.client.node.get_fully_qualified_name()!r}]'
@@ -40,7 +39,7 @@ def test_a_second_publisher_of_the_command(bench: FaultBench, key: str, kind: ty
 
 
 @fault(GROUP, 'a second node of the same full name', WARNED)
-def test_a_second_node_of_the_same_name(bench: FaultBench) -> None:
+def test_a_second_node_of_the_same_name(bench):
     full_name = f'{bench.namespace}/dynamics'
     bench.wait_status('other nodes', is_alone)
     with NodeProcess(DYNAMICS, {'autostart': False}, namespace=bench.namespace, ready=None):
@@ -55,7 +54,7 @@ def test_a_second_node_of_the_same_name(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a second publisher of `joint_states` next to `simulated_arm`',
        'a warning in the log, which names the publisher')
-def test_a_second_publisher_of_joint_states(client: RosClient) -> None:
+def test_a_second_publisher_of_joint_states(client):
     with NodeProcess(SIMULATED_ARM, namespace='/faults_double') as arm:
         publisher = client.node.create_publisher(JointState, '/faults_double/joint_states', 1)
         try:
@@ -69,7 +68,7 @@ def test_a_second_publisher_of_joint_states(client: RosClient) -> None:
 
 @fault(GROUP, 'two arms in two namespaces',
        'each status contains the full name of its node; the statuses of the two arms differ')
-def test_two_arms_report_under_different_names(client: RosClient) -> None:
+def test_two_arms_report_under_different_names(client):
     left, right = '/faults_left', '/faults_right'
     reports = []
     with running(*(NodeProcess(DYNAMICS, namespace=namespace) for namespace in (left, right))), \

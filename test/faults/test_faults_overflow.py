@@ -26,7 +26,7 @@ def reset(bench: FaultBench) -> Any:
        'computed torque overflows',
        'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
        'valid')
-def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
+def test_an_effort_that_is_not_finite(bench):
     follow(bench, bench.driver.q)
     overflow(bench)
     status = bench.wait_fault('non_finite')
@@ -50,7 +50,7 @@ def test_an_effort_that_is_not_finite(bench: FaultBench) -> None:
 
 
 @fault(GROUP, '`~/reset_fault` without a fault', '`success` false; the message reports it')
-def test_nothing_to_reset(bench: FaultBench) -> None:
+def test_nothing_to_reset(bench):
     answer = reset(bench)
     assert not answer.success
     assert answer.message == 'there is no fault'

@@ -86,7 +86,7 @@ def before(control: ControlContinues) -> Any:
 
 
 @fault_cases('parameters', GROUP, '{}', REFUSED, BAD_VALUES.items())
-def test_bad_values(control: ControlContinues, parameters: list[Parameter], before: Any) -> None:
+def test_bad_values(control, parameters, before):
     assert parameters
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -100,7 +100,7 @@ def test_bad_values(control: ControlContinues, parameters: list[Parameter], befo
 
 @fault(GROUP, 'unknown parameter names, one empty, one of a million characters',
        'rejected with the name, which is shortened if it is long; control continues')
-def test_unknown_names(control: ControlContinues, before: Any) -> None:
+def test_unknown_names(control, before):
     names = ['efort_scale', '', 'gains', 'gains.', 'x' * 1_000_000]
     with control.checked():
         results = control.ask('set_parameters', SetParameters, parameters=[
@@ -123,7 +123,7 @@ GOOD = Parameter('effort_limit_fraction', Type.DOUBLE, 0.5).to_parameter_msg()
     'control continues', (
         ('set_parameters', 'set_parameters', SetParameters),
         ('set_parameters_atomically', 'set_parameters_atomically', SetParametersAtomically)))
-def test_an_unknown_type(control: ControlContinues, service: str, kind: Any, before: Any) -> None:
+def test_an_unknown_type(control, service, kind, before):
     bad = ParameterMsg(name='hold_time', value=ParameterValue(type=77))
     with control.checked():
         response = control.ask(service, kind, parameters=[GOOD, bad, GOOD])
@@ -137,7 +137,7 @@ def test_an_unknown_type(control: ControlContinues, service: str, kind: Any, bef
 
 @fault(GROUP, 'a valid and an invalid value in `~/set_parameters_atomically`',
        'rejected with the reason of the invalid one; neither is set; control continues')
-def test_all_or_none(control: ControlContinues, before: Any) -> None:
+def test_all_or_none(control, before):
     bad = Parameter('gains.kp', Type.DOUBLE_ARRAY, [NAN]).to_parameter_msg()
     with control.checked():
         result = control.ask(
@@ -149,7 +149,7 @@ def test_all_or_none(control: ControlContinues, before: Any) -> None:
 
 @fault(GROUP, 'requests for unknown parameters',
        'empty answers, as from any rclpy node; control continues')
-def test_requests_for_unknown_parameters(control: ControlContinues) -> None:
+def test_requests_for_unknown_parameters(control):
     names = ['efort_scale', '', 'x' * 1_000_000]
     with control.checked():
         for name in names:
@@ -164,7 +164,7 @@ def test_requests_for_unknown_parameters(control: ControlContinues) -> None:
 
 @fault(GROUP, '`use_sim_time` set to true and back, while /clock has no publisher',
        'accepted; control continues, because no watchdog uses /clock')
-def test_use_sim_time(control: ControlContinues) -> None:
+def test_use_sim_time(control):
     node = control.bench.name('').rstrip('/')
     for value in (True, False):
         with control.checked():
@@ -173,7 +173,7 @@ def test_use_sim_time(control: ControlContinues) -> None:
 
 
 @fault(GROUP, '`use_sim_time` with a wrong type, or unset', REFUSED)
-def test_use_sim_time_of_another_type(control: ControlContinues) -> None:
+def test_use_sim_time_of_another_type(control):
     node = control.bench.name('').rstrip('/')
     with control.checked():
         for value in (

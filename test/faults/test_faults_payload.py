@@ -3,7 +3,7 @@
 
 """Payloads that are set, removed or rejected while the node commands."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -50,7 +50,7 @@ def set_payload(
 
 @fault(GROUP, '5 kg at the tip without a transition time, then removed',
        'the command changes to the new g(q) within the rate limit')
-def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_a_payload_at_once(bench, seen):
     assert set_payload(bench, MASS).success
     wait_effort(bench, LOADED)
     assert set_payload(bench, 0.0).success
@@ -62,7 +62,7 @@ def test_a_payload_at_once(bench: FaultBench, seen: Callable[[str], Any]) -> Non
 
 @fault(GROUP, '5 kg at the tip with a transition time of 0.5 s',
        'the command changes to the new g(q) over that time')
-def test_a_payload_that_fades_in(bench: FaultBench) -> None:
+def test_a_payload_that_fades_in(bench):
     assert set_payload(bench, MASS, 0.5).success
     wait_effort(bench, LOADED)
     check_rate(bench.efforts, abs(LOADED[0] - G[0]) / 0.5)
@@ -94,7 +94,7 @@ def test_a_payload_that_fades_in(bench: FaultBench) -> None:
         ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
         ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
         ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
-def test_an_invalid_payload(bench: FaultBench, request_: dict[str, Any], reported: str) -> None:
+def test_an_invalid_payload(bench, request_, reported):
     answer = set_payload(bench, **request_)
     assert not answer.success
     assert reported in answer.message
@@ -118,7 +118,7 @@ def wait_payloads(bench: FaultBench, words: str) -> DiagnosticStatus:
 
 @fault(GROUP, '100 kg at the tip with `allow_implausible_payload: true`',
        'accepted; the command changes to the effort limits within the rate limit')
-def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
+def test_an_implausible_payload_that_is_permitted(bench):
     with permitted(bench):
         answer = set_payload(bench, 100.0)
         assert answer.success
@@ -131,7 +131,7 @@ def test_an_implausible_payload_that_is_permitted(bench: FaultBench) -> None:
 
 @fault(GROUP, '5 kg at the tip, then 2 kg on another link; the first is removed, then all',
        'both are compensated and listed by link; after removing one the other stays active')
-def test_payloads_on_two_links(bench: FaultBench) -> None:
+def test_payloads_on_two_links(bench):
     elbow = np.array([-2.0 * 9.81 * SHOULDER[0], 0.0])  # g(q) of 2 kg at the elbow
     assert set_payload(bench, MASS).message.startswith("5 kg on 'tool0';")
     answer = set_payload(bench, 2.0, link='link2')
@@ -168,7 +168,7 @@ def managed(client: RosClient) -> Iterator[LifecycleBench]:
 
 @fault(GROUP, 'a payload of 5 kg, then `cleanup`, `configure` and activation',
        'the payload is active before the first command')
-def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
+def test_a_payload_survives_cleanup(managed):
     managed.check_alive()
     assert set_payload(managed, MASS).success
     wait_effort(managed, LOADED)
@@ -181,7 +181,7 @@ def test_a_payload_survives_cleanup(managed: LifecycleBench) -> None:
 
 @fault(GROUP, '`configure` with a payload that the arm cannot carry',
        'configuration fails with an error that names the payload, until it is removed')
-def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
+def test_a_payload_that_does_not_suit_the_next_model(client):
     with lifecycle_bench(client, '/faults_heavy_payload', {
             'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as bench:
         bench.check_alive()
@@ -201,7 +201,7 @@ def test_a_payload_that_does_not_suit_the_next_model(client: RosClient) -> None:
 @fault(GROUP, '`configure` with a payload that the embedded arm cannot carry',
        'no model is used and no command is published, with one error, until the payload is '
        'removed')
-def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) -> None:
+def test_a_payload_that_does_not_suit_the_embedded_arm(managed):
     managed.check_alive()
     with permitted(managed):
         assert set_payload(managed, 100.0).success
@@ -217,9 +217,7 @@ def test_a_payload_that_does_not_suit_the_embedded_arm(managed: LifecycleBench) 
 
 @fault(GROUP, 'a `robot_description` without the link that carries a payload',
        'the active model stays, with an error; the new one is loaded when the payload is removed')
-def test_a_description_without_the_link_of_a_payload(
-    client: RosClient, managed: LifecycleBench,
-) -> None:
+def test_a_description_without_the_link_of_a_payload(client, managed):
     managed.check_alive()
     assert set_payload(managed, 1.0, link='link2').success
     single = planar_arm_urdf([5.0], [1.0], [0.5], [0.1], name='single')

@@ -7,9 +7,8 @@ import os
 import signal
 import threading
 import time
-from typing import Any
 
-from fault_bench import FaultBench, G, STEADY
+from fault_bench import G, STEADY
 from fault_stimuli import wait_effort
 from fault_table import fault
 from joint_state_driver import DriverProcess
@@ -35,21 +34,21 @@ def pause() -> None:
 # --- the driver ----------------------------------------------------------------------------------
 
 @fault(GROUP, 'SIGKILL of the driver', f'{SOON}; {BACK}, which another driver publishes')
-def test_the_driver_is_killed(bench: FaultBench) -> None:
+def test_the_driver_is_killed(bench):
     bench.driver.kill()
     bench.wait_state_timeout()
     bench.wait_silent()
 
 
 @fault(GROUP, 'SIGSTOP of the driver, SIGCONT when commands have ended', f'{SOON}; {BACK}')
-def test_the_driver_is_stopped_and_continued(bench: FaultBench) -> None:
+def test_the_driver_is_stopped_and_continued(bench):
     bench.driver.be_quiet()
     bench.wait_state_timeout()
     bench.wait_silent()
 
 
 @fault(GROUP, 'the driver stalls for 200 ms, `state_timeout` 0.1 s', f'{SOON}; {BACK}')
-def test_the_driver_stalls(bench: FaultBench) -> None:
+def test_the_driver_stalls(bench):
     before = bench.figure('command', 'faults: state_timeout')
 
     def stall_is_reported() -> bool:
@@ -72,7 +71,7 @@ def test_the_driver_stalls(bench: FaultBench) -> None:
        '`effort_rate_limit`',
        'the node answers the next state or reports the timeout; the command continues from the '
        f'last one, within `effort_rate_limit` times {LONGEST_STEP:g} s')
-def test_the_node_stalls(bench: FaultBench, seen: Any) -> None:
+def test_the_node_stalls(bench, seen):
     rate = 100.0
     bench.set_parameters(effort_rate_limit=rate)
     try:

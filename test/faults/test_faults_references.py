@@ -3,7 +3,6 @@
 
 """Invalid references: each is rejected with one error, or followed within all limits."""
 
-from collections.abc import Callable
 from itertools import count
 import time
 from typing import Any
@@ -18,7 +17,7 @@ import pytest
 from raw_publisher import bytes_of
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import InverseDynamicsTrajectory
-from ros_harness import RosClient, wait_until
+from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -84,7 +83,7 @@ def is_torque(message: Any) -> bool:
      'expected an end in the future'),
     ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
      'expected an end in the future')))
-def test_a_malformed_reference(bench: FaultBench, message: JointTrajectory, reported: str) -> None:
+def test_a_malformed_reference(bench, message, reported):
     check_refused(bench, message, reported)
 
 
@@ -101,9 +100,7 @@ def many_joints(count: int) -> JointTrajectory:
     ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
     ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
     ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'")))
-def test_a_reference_that_is_too_large(
-    bench: FaultBench, make: Callable[[], JointTrajectory], reported: str,
-) -> None:
+def test_a_reference_that_is_too_large(bench, make, reported):
     data = bytes_of(make())  # this may delay the driver, a thread of this process
     bench.set_point(Q)
     bench.check_alive()
@@ -132,7 +129,7 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported:
     assert 'Traceback' not in bench.node.log
 
 
-def test_diagnostics_report_rejections(bench: FaultBench) -> None:
+def test_diagnostics_report_rejections(bench):
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     bench.trajectories.publish(trajectory())
@@ -156,7 +153,7 @@ def test_diagnostics_report_rejections(bench: FaultBench) -> None:
             point(GOAL), stamp=stamp_of(time.time_ns() + 1000 * 10**9))),
         ('a start time in 2038', 'approached until that time', trajectory(
             point(GOAL), stamp=Time(sec=2**31 - 1))))])
-def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory) -> None:
+def test_a_reference_that_takes_long(bench, message):
     bench.set_point(Q)
     bench.check_alive()
     bench.trajectories.publish(message)
@@ -171,7 +168,7 @@ def test_a_reference_that_takes_long(bench: FaultBench, message: JointTrajectory
 @fault(GROUP, 'a stream of set-points at 50 Hz that exceeds a position limit',
        'set-points beyond the limit are rejected, with one error per 5 s; the last valid one is '
        'held')
-def test_a_stream_with_set_points_beyond_a_limit(bench: FaultBench) -> None:
+def test_a_stream_with_set_points_beyond_a_limit(bench):
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     before, refused = len(refusals(bench)), bench.known('reference', 'refused')
@@ -188,7 +185,7 @@ def test_a_stream_with_set_points_beyond_a_limit(bench: FaultBench) -> None:
 
 @fault(GROUP, 'a goal 50 rad beyond the position limits, `infeasible_trajectory: clip`',
        'followed to the position limit')
-def test_a_goal_that_is_clipped(client: RosClient, bench: FaultBench) -> None:
+def test_a_goal_that_is_clipped(client, bench):
     bench.set_point(Q)
     bench.check_alive()
     bench.set_parameters(infeasible_trajectory='clip')
@@ -204,7 +201,7 @@ def test_a_goal_that_is_clipped(client: RosClient, bench: FaultBench) -> None:
 
 @fault(GROUP, '`~/inverse_dynamics_trajectory` with positions and velocities beyond the limits',
        '`feasible` false; the message names joint, value, limits and time')
-def test_a_trajectory_beyond_limits_is_not_feasible(bench: FaultBench) -> None:
+def test_a_trajectory_beyond_limits_is_not_feasible(bench):
     def ask(*points: JointTrajectoryPoint) -> Any:
         return bench.ask('inverse_dynamics_trajectory', InverseDynamicsTrajectory,
                          trajectory=trajectory(*points))

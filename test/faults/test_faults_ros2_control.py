@@ -30,7 +30,7 @@ GROUP = 'ros2_control and replayed recordings'
 @fault(GROUP, '`simulated_arm` receives 5,000 N·m on a joint with an effort limit of 60 N·m',
        '60 N·m act on the arm and are reported; a warning names joint, value, limit and '
        '`clip_efforts`; with `clip_efforts: false` 5,000 N·m act')
-def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
+def test_an_effort_beyond_the_limit_is_clipped(client):
     with lock_stepped(client, '/clips', rate=500.0) as arm:
         clipped = arm.step([1.0, -5000.0])
         assert list(clipped.effort) == [1.0, -60.0]
@@ -48,7 +48,7 @@ def test_an_effort_beyond_the_limit_is_clipped(client: RosClient) -> None:
        '`effort_command`; with one that sends nothing; with other stamps, as from ros2_control',
        'within 1 s a warning names the reason, and `lock_step:=false` for the last two; simulated '
        'time advances with the first command that has the stamp of the state')
-def test_lock_step_names_the_reason_why_it_gets_no_answer(client: RosClient) -> None:
+def test_lock_step_names_the_reason_why_it_gets_no_answer(client):
     assert UNANSWERED_AFTER + RESEND_PERIOD < 1.0
     with NodeProcess(
             SIMULATED_ARM, {'lock_step': True}, namespace='/unanswered',
@@ -93,7 +93,7 @@ def has_replay_hint(status: DiagnosticStatus) -> bool:
          '`use_sim_time:=true`; live states are answered and clear the hint'),
         (7200.0, 'two hours',
          'answered, as stamps of another clock; the same hint; live states clear the hint'))])
-def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> None:
+def test_a_replayed_recording_is_recognised(client, age):
     namespace = f'/replayed{age:.0f}'
     with fault_bench(client, namespace, stream=False) as bench:
         bench.driver.stream_changed(shifted(-age))
@@ -113,7 +113,7 @@ def test_a_replayed_recording_is_recognised(client: RosClient, age: float) -> No
 @fault(GROUP, 'the effort controller has another joint order than `joints`',
        'latched fault `controller_order`, which names both orders; no message on `~/commands`; '
        'with a controller in the right order and `~/reset_fault` commands are published')
-def test_another_order_of_the_controller_stops_the_command(client: RosClient) -> None:
+def test_another_order_of_the_controller_stops_the_command(client):
     space = '/order'
     with client.collect(
             JointState, f'{space}/simulated/effort_command', KEEP_MANY) as forwarded, \
@@ -148,9 +148,7 @@ def test_another_order_of_the_controller_stops_the_command(client: RosClient) ->
         'one warning that the order was not checked, with the required order; commands are '
         'published'))
     for has_service, what in ((False, 'parameter service'), (True, 'parameter `joints`'))])
-def test_an_order_that_cannot_be_checked_is_named(
-    client: RosClient, has_service: bool, reason: str,
-) -> None:
+def test_an_order_that_cannot_be_checked_is_named(client, has_service, reason):
     space = f'/unchecked{has_service:d}'
     with RosClient('bridge', has_parameters=has_service) as bridge, \
             bridge.collect(Float64MultiArray, f'{space}/effort_controller/commands') as commands, \

@@ -3,12 +3,11 @@
 
 """Invalid service requests: each is answered or ignored, and control continues."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 import itertools
 import random
 import re
 import threading
-from typing import Any
 
 from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
@@ -69,7 +68,7 @@ def raw(control: ControlContinues) -> Iterator[RawRequests]:
         ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
         ('set_payload', 'an unknown link, a negative or infinite time'),
         ('estimate_payload', 'no estimation, an unknown link, contradictory fields'))])
-def test_malformed_requests(control: ControlContinues, service: str) -> None:
+def test_malformed_requests(control, service):
     cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
     assert cases
     with control.checked():
@@ -98,9 +97,7 @@ def test_malformed_requests(control: ControlContinues, service: str) -> None:
          'a link name of 10 million characters',
          'rejected with a short message; control continues'),
     )])
-def test_large_requests(
-    control: ControlContinues, large: LargeRequests, case: str, message: str, seen: Any,
-) -> None:
+def test_large_requests(control, large, case, message, seen):
     with control.checked():
         answer = large.call(case)
     assert answer.is_right
@@ -114,7 +111,7 @@ def test_large_requests(
 
 @fault(GROUP, '20 clients with 5 requests each at the same time',
        'each client gets the answers to its own requests; control continues')
-def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> None:
+def test_many_clients_at_the_same_time(control, seen):
     node, name = control.bench.client.node, control.bench.name('inverse_dynamics')
     dynamics = default_dynamics()
     positions = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 5, 2))
@@ -142,7 +139,7 @@ def test_many_clients_at_the_same_time(control: ControlContinues, seen: Any) -> 
 
 @fault(GROUP, 'a client that is killed during its request',
        'the next client gets its answer; control continues')
-def test_a_client_that_dies_mid_call(control: ControlContinues) -> None:
+def test_a_client_that_dies_mid_call(control):
     doomed = LargeRequests(control.bench.namespace, NO_SHARED_MEMORY)
     with control.checked():
         doomed.send('points')
@@ -152,7 +149,7 @@ def test_a_client_that_dies_mid_call(control: ControlContinues) -> None:
 
 @fault(GROUP, 'a client of another service type with the name of a service',
        'no answer; control continues')
-def test_a_client_of_another_type(control: ControlContinues) -> None:
+def test_a_client_of_another_type(control):
     name = control.bench.name('inverse_dynamics_batch')
     with RosClient('stranger') as stranger, control.checked():
         service = stranger.node.create_client(SetBool, name)
@@ -170,7 +167,7 @@ def begins(count: int) -> bytes:
 
 
 @fault(GROUP, 'random bytes as requests, to every service', IGNORED)
-def test_random_bytes_as_requests(control: ControlContinues, raw: RawRequests, seen: Any) -> None:
+def test_random_bytes_as_requests(control, raw, seen):
     source = random.Random(1)
     requests = [
         (name, kind, source.randbytes(LENGTH)) for name, kind in RAW_TYPES.items()
@@ -185,7 +182,7 @@ def test_random_bytes_as_requests(control: ControlContinues, raw: RawRequests, s
 
 
 @fault(GROUP, 'truncated requests', IGNORED)
-def test_truncated_requests(control: ControlContinues, raw: RawRequests) -> None:
+def test_truncated_requests(control, raw):
     whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
     requests = [
         (name, SERVICES[name], whole[start:start + LENGTH])
@@ -198,9 +195,7 @@ def test_truncated_requests(control: ControlContinues, raw: RawRequests) -> None
 
 @fault(GROUP, 'requests with a wrong element count, 4 billion or 500 million',
        f'{IGNORED}; the node uses at most 1 GiB of memory')
-def test_counts_that_no_memory_holds(
-    control: ControlContinues, raw: RawRequests, seen: Any,
-) -> None:
+def test_counts_that_no_memory_holds(control, raw, seen):
     requests = [
         (name, kind, begins(count)) for name, kind in RAW_TYPES.items()
         for count in (2**32 - 1, 2**29)]
@@ -212,9 +207,7 @@ def test_counts_that_no_memory_holds(
 
 @fault(GROUP, 'a request with an element count of 8 million names, without names',
        'ignored; control may pause while the middleware allocates memory; commands resume')
-def test_a_count_that_delays_control(
-    control: ControlContinues, raw: RawRequests, seen: Any,
-) -> None:
+def test_a_count_that_delays_control(control, raw, seen):
     with control.checked(with_faults=True):
         raw.send([('inverse_dynamics', InverseDynamics, begins(2**23))])
     assert control.bench.peak_memory() < MOST_MEMORY
@@ -244,10 +237,7 @@ def with_counts(data: bytes) -> Iterator[bytes]:
         ('wrong element counts, 4 billion or 500 million', with_counts),
         ('random bytes within a request', lambda data: with_noise(data, 50)),
         ('only random bytes', lambda _: noise(50))))
-def test_damaged_requests_of_the_action(
-    client: RosClient, control: ControlContinues, seen: Any,
-    damage: Callable[[bytes], Iterator[bytes]],
-) -> None:
+def test_damaged_requests_of_the_action(client, control, seen, damage):
     damaged = [
         [(ACTION + name, kind, data[HEAD:].ljust(LENGTH + 1, b'\0')[:WIDE])
          for data in damage(bytes(serialize_message(kind.Request(**fields))))]
@@ -265,9 +255,7 @@ def test_damaged_requests_of_the_action(
 
 @fault(GROUP, 'a goal from a client without readers of the results',
        'the goal waits for them, or is executed; everything else is answered meanwhile')
-def test_a_goal_without_readers_of_the_results(
-    client: RosClient, control: ControlContinues,
-) -> None:
+def test_a_goal_without_readers_of_the_results(client, control):
     request = bytes(serialize_message(IMPL.SendGoalService.Request(goal=HOLD)))[HEAD:]
     with RawRequests(control.bench.namespace) as raw, control.checked():
         raw.send([(f'{ACTION}send_goal', IMPL.SendGoalService, request)])

@@ -71,7 +71,7 @@ def wait_now(bench: FaultBench, predicate: Callable[[Any], bool]) -> float:
 @fault(GROUP, 'set-points at 50 Hz that time out',
        'followed for `reference_timeout` (0.5 s in this test), then a planned stop, and the '
        'position is held; reported and counted; the next set-point is followed again')
-def test_a_stream_that_pauses(bench: FaultBench) -> None:
+def test_a_stream_that_pauses(bench):
     bench.check_alive()
     for _ in range(2):
         before = bench.known('reference', 'streams that paused')
@@ -91,7 +91,7 @@ def test_a_stream_that_pauses(bench: FaultBench) -> None:
 
 
 @fault(GROUP, 'a single set-point', 'held, because one set-point is not a stream')
-def test_one_set_point_is_held(bench: FaultBench) -> None:
+def test_one_set_point_is_held(bench):
     bench.check_alive()
     bench.set_point(GOAL)
     sent = time.monotonic()
@@ -106,7 +106,7 @@ def test_one_set_point_is_held(bench: FaultBench) -> None:
 @fault(GROUP, 'joint states without velocities, with `require_measured_velocities`',
        'gravity compensation; the reference ends, with a report; a set-point is rejected; no '
        'message on `~/computed_torque`; with velocities again, the position is held')
-def test_states_without_velocities(bench: FaultBench) -> None:
+def test_states_without_velocities(bench):
     rest(bench)
     with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
         torques.wait_matched()
@@ -142,7 +142,7 @@ JUMPS = (
 @fault_cases(
     'more', GROUP, '{}, `condition_references: false`',
     'the command stays within the effort limits and `effort_rate_limit`', JUMPS)
-def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> None:
+def test_a_set_point_that_jumps(direct, more):
     bench = direct
     bench.check_alive()
     before = bench.known('command', 'held back by effort rate')
@@ -159,7 +159,7 @@ def test_a_set_point_that_jumps(direct: FaultBench, more: dict[str, Any]) -> Non
 
 @fault(GROUP, 'set-points that jump by 4 rad at 50 Hz, `condition_references: false`',
        'the command stays within the effort limits and `effort_rate_limit`')
-def test_a_stream_of_set_points_that_jump(direct: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_a_stream_of_set_points_that_jump(direct, seen):
     bench = direct
     bench.check_alive()
     poses = cycle(([Q[0] + 2.0, Q[1]], [Q[0] - 2.0, Q[1]]))
@@ -180,7 +180,7 @@ def test_a_stream_of_set_points_that_jump(direct: FaultBench, seen: Callable[[st
         GROUP, f'{words}, by default', 'rejected, or approached within all limits of the arm: '
         'the command stays within the effort limits and `effort_rate_limit`')))
     for i, (words, more) in enumerate(JUMPS)])
-def test_a_set_point_far_away(bench: FaultBench, more: dict[str, Any]) -> None:
+def test_a_set_point_far_away(bench, more):
     rest(bench)
     before = bench.figure('reference', 'refused')
     with bench.client.collect(JointState, bench.name('reference'), KEEP_MANY) as references:

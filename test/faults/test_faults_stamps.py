@@ -8,7 +8,7 @@ import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import Change, FaultBench, G, Q, stamp_of
+from fault_bench import FaultBench, G, Q, stamp_of
 from fault_stimuli import (
     another_publisher,
     check_rate,
@@ -37,9 +37,7 @@ DROPPED = 'dropped and reported; fault `state_timeout` without valid states; com
     ('10 s in the past', -10.0, 'too old', 's old, expected at most 9 s (state_max_age)'),
     ('10 s in the future', 10.0, 'from the future', 's in the future, expected at most 9 s'),
     ('54 years in the past', -1.7e9, 'too old', 's old')))
-def test_stamps_of_another_time(
-    bench: FaultBench, seconds: float, reason: str, words: str,
-) -> None:
+def test_stamps_of_another_time(bench, seconds, reason, words):
     before = bench.known('joint states', f'dropped: {reason}')
     bench.driver.change = shifted(seconds)
     assert words in bench.wait_dropped(reason, before).message
@@ -57,7 +55,7 @@ def moving(message: JointState) -> JointState:
     'counted; commands resume', (
         ('constant stamps', lambda message: message),
         ('constant stamps with changing positions', moving)))
-def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
+def test_frozen_stamps(bench, change):
     bench.set_parameters(command='gravity_compensation')  # no feedback, whatever the position
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
@@ -81,7 +79,7 @@ def test_frozen_stamps(bench: FaultBench, change: Change) -> None:
 
 @fault(GROUP, '`use_sim_time` is set to true and back at run time, with old stamps',
        'old stamps are answered while it is true, and dropped while it is false')
-def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
+def test_use_sim_time_at_run_time_changes_the_rule(bench):
     bench.set_parameters(use_sim_time=True)
     bench.driver.change = shifted(-100.0)
     bench.efforts.wait_for(lambda m: m.header.stamp.sec < time.time() - 50.0)
@@ -99,9 +97,7 @@ def test_use_sim_time_at_run_time_changes_the_rule(bench: FaultBench) -> None:
     'automatically', (
         ('two publishers with poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
         ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back')))
-def test_two_publishers(
-    bench: FaultBench, driver: dict[str, Any], change: Change, reason: str, seen: Any,
-) -> None:
+def test_two_publishers(bench, driver, change, reason, seen):
     before = bench.known('command', 'faults: several_publishers')
     dropped = bench.known('joint states', f'dropped: {reason}')
     with another_publisher(bench, change, **driver):
@@ -158,7 +154,7 @@ def disturb_until_noticed(
 @fault(PUBLISHERS, 'one publisher whose position jumps by 3 rad',
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
-def test_one_publisher_that_jumps(bench: FaultBench) -> None:
+def test_one_publisher_that_jumps(bench):
     leave(bench)
     faults = bench.known('command', 'faults: several_publishers')
 
@@ -179,7 +175,7 @@ def test_one_publisher_that_jumps(bench: FaultBench) -> None:
 @fault(PUBLISHERS, 'one publisher whose stamps go back by 1 s',
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
-def test_one_publisher_that_is_set_back(bench: FaultBench) -> None:
+def test_one_publisher_that_is_set_back(bench):
     leave(bench)
     def shift(seconds: float) -> None:
         bench.driver.change = shifted(seconds)

@@ -3,8 +3,6 @@
 
 """Joint states with invalid values, joints or lengths, and anomalous but valid states."""
 
-from collections.abc import Callable
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import Change, FaultBench, figure_of, NAMES, Q
@@ -48,15 +46,13 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
     ('more velocities than names', {'velocity': [0.0] * 3},
      'velocity has 3 values, expected 2'),
     ('no position', {'position': []}, 'position has 0 values, expected 2')))
-def test_a_state_that_cannot_be_used(
-    bench: FaultBench, fields: dict[str, Any], reported: str,
-) -> None:
+def test_a_state_that_cannot_be_used(bench, fields, reported):
     check_dropped(bench, altered(**fields), 'invalid', reported)
 
 
 @fault(GROUP, 'a missing joint', 'reported as incomplete, with the joint; fault `state_timeout`; '
        'commands resume')
-def test_a_joint_that_is_missing(bench: FaultBench) -> None:
+def test_a_joint_that_is_missing(bench):
     bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[0.0])
     bench.wait_status('joint states', lambda status: (
         status.level == DiagnosticStatus.ERROR
@@ -67,7 +63,7 @@ def test_a_joint_that_is_missing(bench: FaultBench) -> None:
 @fault_cases('velocity', GROUP, '{}', 'velocities are estimated from the positions; logged once', (
     ('NaN in a velocity of a joint in use', [NAN, 0.0]),
     ('no velocities', [])))
-def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -> None:
+def test_velocities_that_are_missing(bench, velocity):
     bench.driver.change = altered(velocity=velocity)
     bench.wait_status('joint states', lambda status: any(
         value.key == 'velocities' and value.value == 'estimated from positions'
@@ -83,9 +79,7 @@ def test_velocities_that_are_missing(bench: FaultBench, velocity: list[float]) -
         ('an empty message', lambda _: JointState()),
         ('positions without names', altered(name=[])),
         ('only joints of another robot', altered(name=['left', 'right']))))
-def test_a_state_of_no_joint_of_this_arm(
-    bench: FaultBench, change: Callable[[JointState], JointState],
-) -> None:
+def test_a_state_of_no_joint_of_this_arm(bench, change):
     check_dropped(bench, change, 'other joints')
 
 
@@ -101,7 +95,7 @@ def test_a_state_of_no_joint_of_this_arm(
     ('a duplicate joint that is not in use', {
         'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
     ('no stamp (0)', {'header': JointState().header})))
-def test_an_anomalous_state(bench: FaultBench, fields: dict[str, Any]) -> None:
+def test_an_anomalous_state(bench, fields):
     bench.efforts.clear()
     bench.driver.change = altered(**fields)
     bench.check_hold(50)
@@ -125,7 +119,7 @@ def many_joints(names: list[str], count: int) -> Change:
 
 
 @fault(GROUP, '10,000 additional joints', ANSWERED)
-def test_many_joints(bench: FaultBench) -> None:
+def test_many_joints(bench):
     bench.efforts.clear()
     bench.driver.change = many_joints(NAMES, 10_000)
     bench.check_hold(5)
@@ -136,7 +130,7 @@ def test_many_joints(bench: FaultBench) -> None:
     'dropped undecoded, because decoding would delay control; reported in a short line; '
     'fault `state_timeout` without valid states; commands resume', (
         ('including those of the arm', NAMES), ('without those of the arm', [])))
-def test_a_message_of_200_000_joints(bench: FaultBench, names: list[str]) -> None:
+def test_a_message_of_200_000_joints(bench, names):
     check_dropped(
         bench, many_joints(names, 200_000), 'unreadable', 'bytes, expected at most 1000000')
     assert max(map(len, bench.node.log.splitlines())) < 400

@@ -74,9 +74,7 @@ def wait_consistent(bench: FaultBench) -> None:
     ('all velocities in degrees per second',
      with_velocity(math.degrees, math.degrees), 'joint'),
     ('twice the velocity of a joint', with_velocity(lambda v: 2.0 * v, same), 'joint1')))
-def test_a_velocity_that_contradicts_the_positions(
-    bench: FaultBench, change: Callable[[JointState], JointState], joint: str,
-) -> None:
+def test_a_velocity_that_contradicts_the_positions(bench, change, joint):
     # The cause that the message names depends on the interval of the states, hence on load;
     # test_velocity_faults.py tests it.
     follow(bench, Q)
@@ -93,7 +91,7 @@ def test_a_velocity_that_contradicts_the_positions(
 @fault_cases('j', GROUP, '{}', FROZEN, (
     ('repeated position and velocity of a moving joint', [0]),
     ('repeated positions and velocities of all moving joints, with new stamps', [0, 1])))
-def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
+def test_a_frozen_joint(bench, j):
     samples: list[tuple[float, float]] = []
 
     def frozen(message: JointState) -> JointState:
@@ -115,7 +113,7 @@ def test_a_frozen_joint(bench: FaultBench, j: list[int]) -> None:
 
 
 @fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
-def test_an_arm_at_rest_may_repeat_its_sample(bench: FaultBench) -> None:
+def test_an_arm_at_rest_may_repeat_its_sample(bench):
     faults = bench.known('command', 'faults: frozen_joint')
     bench.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
     wait_states(bench, 300)

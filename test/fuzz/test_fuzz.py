@@ -218,16 +218,13 @@ def feed(target: Target, nodes: RunningNodes, number: int, count: int) -> Counte
 
 
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
-def test_any_input_is_answered_or_rejected(target: Target, nodes: RunningNodes) -> None:
+def test_any_input_is_answered_or_rejected(target, nodes):
     feed(target, nodes, 0, SHORT_EXAMPLES)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize('target', TARGETS, ids=lambda target: target.name)
-def test_a_hundred_thousand_are_answered_or_refused(
-    target: Target, nodes: RunningNodes, soaked: Counter[str], capsys: pytest.CaptureFixture[str],
-    request: pytest.FixtureRequest,
-) -> None:
+def test_a_hundred_thousand_are_answered_or_refused(target, nodes, soaked, capsys, request):
     given_seed = request.config.getoption('--hypothesis-seed')
     number = secrets.randbits(32) if given_seed is None else int(given_seed)
     with capsys.disabled():

@@ -39,7 +39,7 @@ def one_link(actuators: Actuators | None = None) -> ArmModel:
 
 @laws
 @given(numbers, numbers, numbers)
-def test_from_effort_to_motor_and_back(tau: float, v: float, a: float) -> None:
+def test_from_effort_to_motor_and_back(tau, v, a):
     actuators = motor()
     effort, v_, a_ = np.array([tau]), np.array([v]), np.array([a])
     there = actuators.motor_torque(effort, v_, a_)
@@ -48,7 +48,7 @@ def test_from_effort_to_motor_and_back(tau: float, v: float, a: float) -> None:
 
 @laws
 @given(numbers, numbers)
-def test_the_gearbox_loses_power_whichever_side_drives(tau: float, v: float) -> None:
+def test_the_gearbox_loses_power_whichever_side_drives(tau, v):
     actuators = motor(rotor_inertia=[0.0])
     effort, v_, zero = np.array([tau]), np.array([v]), np.zeros(1)
     motor_power = (actuators.motor_torque(effort, v_, zero) * 100.0 * v_)[0]
@@ -60,7 +60,7 @@ def test_the_gearbox_loses_power_whichever_side_drives(tau: float, v: float) -> 
         assert motor_power == pytest.approx(0.7 * joint_power)
 
 
-def test_current_and_voltage_by_hand() -> None:
+def test_current_and_voltage_by_hand():
     load = motor(current_limit=[10.0], voltage_limit=[24.0]).load(
         np.array([14.0]), np.array([2.0]), np.zeros(1))
     current = 14.0 / (100.0 * 0.7) / 0.05
@@ -70,14 +70,14 @@ def test_current_and_voltage_by_hand() -> None:
     assert load.voltage_ratio == pytest.approx([(0.8 * current + 10.0) / 24.0])
 
 
-def test_the_rotor_does_not_pass_the_gearbox() -> None:
+def test_the_rotor_does_not_pass_the_gearbox():
     actuators = motor()
     a = np.array([3.0])
     only_rotor = actuators.reflected_inertia * a
     assert actuators.motor_torque(only_rotor, np.ones(1), a) == pytest.approx(2e-5 * 100.0 * a)
 
 
-def test_the_envelope_falls_from_stall_to_no_load() -> None:
+def test_the_envelope_falls_from_stall_to_no_load():
     actuators = motor(voltage_limit=[24.0], current_limit=[20.0], efficiency=[1.0])
     _, stall = actuators.effort_range(np.zeros(1))
     assert stall == pytest.approx([20.0 * 0.05 * 100.0])  # the current limit
@@ -90,7 +90,7 @@ def test_the_envelope_falls_from_stall_to_no_load() -> None:
 
 @laws
 @given(numbers, st.floats(0.5, 40.0))
-def test_steady_currents_are_within_the_voltage_at_every_speed(v: float, limit: float) -> None:
+def test_steady_currents_are_within_the_voltage_at_every_speed(v, limit):
     """The current is within the current limit, too, if any current is within both limits."""
     actuators = motor(voltage_limit=[24.0], current_limit=[limit])
     speed = np.array([v])
@@ -109,7 +109,7 @@ def test_steady_currents_are_within_the_voltage_at_every_speed(v: float, limit: 
 
 
 @pytest.mark.parametrize('direction', [1.0, -1.0])
-def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction: float) -> None:
+def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction):
     """At 12 rad/s the back-EMF is 60 V: no current is within both limits, 24 V and 2 A."""
     actuators = motor(voltage_limit=[24.0], current_limit=[2.0])
     v = np.array([12.0 * direction])
@@ -120,7 +120,7 @@ def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction: float) -> 
 
 @laws
 @given(numbers)
-def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
+def test_a_gearbox_that_reverses_has_the_same_envelope(velocity):
     limits = {'voltage_limit': [24.0], 'current_limit': [20.0]}
     v = np.array([velocity])
     low, high = motor(**limits).effort_range(v)
@@ -144,7 +144,7 @@ def test_a_gearbox_that_reverses_has_the_same_envelope(velocity: float) -> None:
      "actuator.reflected_inertia of 'joint1' is -0.2, expected a number >= 0"),
     ('reflected_inertia', [float('nan')], r'actuator.reflected_inertia\[0\] is nan'),
 ])
-def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
         motor(**{field: value})
 
@@ -158,8 +158,7 @@ positive = st.floats(0.0, 5.0)
 @laws
 @given(st.lists(positive, min_size=2, max_size=2), st.lists(
     st.floats(1.0, 200.0), min_size=2, max_size=2), st.lists(numbers, min_size=6, max_size=6))
-def test_a_reflected_inertia_needs_no_motor(
-        J: list[float], N: list[float], state: list[float]) -> None:
+def test_a_reflected_inertia_needs_no_motor(J, N, state):
     """M grows by diag(J), as with the motors of this inertia, and dynamics stay consistent."""
     bare = load_arm(planar_arm_urdf([2.0, 1.0], [1.0, 0.8], [0.5, 0.3], [0.1, 0.05]))
     arm = bare.with_reflected_inertia(J)
@@ -177,14 +176,14 @@ def test_a_reflected_inertia_needs_no_motor(
         assert ArmDynamics(geared).inverse_dynamics(q, v, a) == pytest.approx(tau, rel=1e-12)
 
 
-def test_each_joint_has_one_of_both_inertias() -> None:
+def test_each_joint_has_one_of_both_inertias():
     motors = make_actuators(
         ('a', 'b', 'c'), [0.1], [10.0, 20.0, 5.0], rotor_inertia=[1e-3, 0.0, 0.0],
         reflected_inertia=[0.0, 0.4, 0.0])
     assert motors.reflected_inertia == pytest.approx([0.1, 0.4, 0.0])
 
 
-def test_a_motors_step_response_is_that_of_its_linear_equations() -> None:
+def test_a_motors_step_response_is_that_of_its_linear_equations():
     """L di/dt = V − R i − K_e N v and (J + N² J_r) dv/dt = N K_t i, by matrix exponential."""
     K, N, R, L, V, t = 0.05, 100.0, 0.8, 0.05, 24.0, 0.15
     J = ABOUT_JOINT + N**2 * 2e-5
@@ -203,7 +202,7 @@ def test_a_motors_step_response_is_that_of_its_linear_equations() -> None:
 
 @pytest.mark.parametrize('inductance', [0.0, 4e-4])
 @pytest.mark.parametrize('step', [1e-3, 8e-3, 64e-3])
-def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductance: float) -> None:
+def test_a_motor_at_its_voltage_limit_settles_at_any_step(step, inductance):
     """Back-EMF decelerates with K² N² / (R J) = 39 /s: 3 time constants in the longest step."""
     actuators = motor(
         efficiency=[1.0], voltage_limit=[24.0], inductance=[inductance], rotor_inertia=[2e-5])
@@ -217,9 +216,7 @@ def test_a_motor_at_its_voltage_limit_settles_at_any_step(step: float, inductanc
 
 @pytest.mark.parametrize('asked', [-8.0, 0.0, 8.0])
 @pytest.mark.parametrize(('inductance', 'bound'), [(0.0, 1e-6), (4e-4, 1e-2)])
-def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
-    inductance: float, bound: float, asked: float,
-) -> None:
+def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(inductance, bound, asked):
     """J dv/dt = K N (V − K N v) / R, independent of the requested effort."""
     K, N, R, V, v0, t = 0.05, 100.0, 0.8, 24.0, 12.0, 0.05
     actuators = motor(
@@ -231,7 +228,7 @@ def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(
     assert simulation.step(np.array([asked]), t).velocity == pytest.approx([expected], rel=bound)
 
 
-def test_the_current_follows_its_loop_however_long_the_step() -> None:
+def test_the_current_follows_its_loop_however_long_the_step():
     """Within the voltage limit, the mean effort lags by exactly the time constant of the loop."""
     T_c = 5e-4
     actuators = motor(efficiency=[1.0], current_time_constant=[T_c], rotor_inertia=[0.0])
@@ -241,14 +238,14 @@ def test_the_current_follows_its_loop_however_long_the_step() -> None:
     assert simulation.effort == pytest.approx([1.0 - lag], rel=1e-9)
 
 
-def test_the_current_limit_holds() -> None:
+def test_the_current_limit_holds():
     actuators = motor(current_limit=[2.0], efficiency=[1.0])
     simulation = released(one_link(actuators))
     simulation.step(np.array([1000.0]), 0.05)
     assert simulation.effort == pytest.approx([2.0 * 0.05 * 100.0], rel=1e-6)
 
 
-def test_no_motor_delivers_more_power_than_it_takes() -> None:
+def test_no_motor_delivers_more_power_than_it_takes():
     actuators = motor(voltage_limit=[24.0], current_limit=[20.0])
     simulation = released(one_link(actuators))
     for _ in range(400):

@@ -3,7 +3,6 @@
 
 """A term of friction that is added in one module acts everywhere; every term is complete."""
 
-from collections.abc import Sequence
 import json
 import os
 import sys
@@ -38,7 +37,7 @@ def peak(v: float | np.ndarray) -> np.ndarray:
     return np.asarray(PEAK * np.exp(-(np.asarray(v) / VELOCITY)**2) * np.sign(v))
 
 
-def test_it_acts_in_the_model(findings: dict[str, Any]) -> None:
+def test_it_acts_in_the_model(findings):
     expected = COULOMB * np.sign(SPEEDS) + peak(np.array(SPEEDS))
     assert findings['effort'] == pytest.approx(expected, rel=1e-12)
     assert findings['forward'] == pytest.approx([0.3, 0.4], rel=1e-9)
@@ -48,31 +47,31 @@ def test_it_acts_in_the_model(findings: dict[str, Any]) -> None:
     assert findings['at_rest'] == [COULOMB + PEAK] * 2
 
 
-def test_it_acts_in_the_simulation(findings: dict[str, Any]) -> None:
+def test_it_acts_in_the_simulation(findings):
     assert findings['sticks_at'] == [0.0, 0.0]
     assert findings['slips_to'][0] > 0.0
     assert abs(findings['energy_error']) < 1e-6 * findings['energy']
 
 
-def test_it_has_columns_and_is_identified(findings: dict[str, Any]) -> None:
+def test_it_has_columns_and_is_identified(findings):
     assert findings['column'] == pytest.approx(peak(np.array(SPEEDS)) / PEAK, rel=1e-12)
     assert findings['written']['friction.peak'] == pytest.approx([PEAK] * 2, rel=0.1)
     assert findings['written']['friction.peak_velocity'] == [VELOCITY] * 2
     assert 'peak' in findings['reported']
 
 
-def test_its_uncertainty_has_its_name(findings: dict[str, Any]) -> None:
+def test_its_uncertainty_has_its_name(findings):
     assert {'peak(joint1)', 'peak(joint2)'} <= set(findings['uncertain'])
     assert 'coulomb(joint1)' not in findings['uncertain']
     assert findings['deviation'] == pytest.approx([0.0, np.exp(-0.25)], rel=1e-12)
 
 
-def test_the_export_names_it(findings: dict[str, Any]) -> None:
+def test_the_export_names_it(findings):
     assert 'Without counterpart in MuJoCo: the second Stribeck peak F_2.' in findings['export']
     assert 'frictionloss="1.0"' in findings['export']
 
 
-def test_the_nodes_have_its_parameters(findings: dict[str, Any]) -> None:
+def test_the_nodes_have_its_parameters(findings):
     declared = findings['declared']
     assert declared['friction.peak'].startswith('Second Stribeck peak F_2 [N·m] or [N]; one value')
     assert declared['friction.peak_velocity'].endswith('If empty, 0.3.')
@@ -90,11 +89,11 @@ def incomplete(term: FrictionTerm) -> list[str]:
 
 
 @pytest.mark.parametrize('term', TERMS, ids=lambda term: term.fields[0].name)
-def test_a_term_has_a_column_and_a_counterpart_or_its_absence(term: FrictionTerm) -> None:
+def test_a_term_has_a_column_and_a_counterpart_or_its_absence(term):
     assert incomplete(term) == []
 
 
-def test_names_are_unique() -> None:
+def test_names_are_unique():
     for names in (COLUMN_NAMES, JOINT_PARAMETERS):
         assert len(set(names)) == len(names)
 
@@ -102,6 +101,6 @@ def test_names_are_unique() -> None:
 @pytest.mark.parametrize(('changes', 'lacking'), [
     ({'heading': ''}, ['column']),
     ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load_coefficient'])])
-def test_an_incomplete_term_is_found(changes: dict[str, str], lacking: Sequence[str]) -> None:
+def test_an_incomplete_term_is_found(changes, lacking):
     fields = tuple(field._replace(**changes) for field in GEARS.fields)
     assert incomplete(GEARS._replace(fields=fields)) == lacking

@@ -38,16 +38,14 @@ def drive(scale: Any = (0.7, 1.3, 1.0), offset: Any = (1.0, -2.0, 0.0)) -> Effor
 
 # --- conversions ---------------------------------------------------------------------------------
 
-def test_an_effort_without_its_offset_times_the_scale_is_the_torque() -> None:
+def test_an_effort_without_its_offset_times_the_scale_is_the_torque():
     assert drive().torque(np.array([11.0, 8.0, 5.0])) == pytest.approx([7.0, 13.0, 5.0])
     assert drive().effort(np.array([7.0, 13.0, 5.0])) == pytest.approx([11.0, 8.0, 5.0])
 
 
 @laws
 @given(scales, offsets, torques)
-def test_the_conversions_are_inverse_for_one_and_many_samples(
-    scale: list[float], offset: Any, torque: np.ndarray,
-) -> None:
+def test_the_conversions_are_inverse_for_one_and_many_samples(scale, offset, torque):
     some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     for samples in (torque, np.tile(torque, (4, 2, 1))):
         there = some.effort(samples)
@@ -59,9 +57,7 @@ def test_the_conversions_are_inverse_for_one_and_many_samples(
 
 @laws
 @given(scales, offsets, st.floats(0.0, 1.0), st.sampled_from([1.0, -1.0]))
-def test_the_largest_torque_needs_no_effort_beyond_the_limit(
-    scale: list[float], offset: Any, fraction: float, sign: float,
-) -> None:
+def test_the_largest_torque_needs_no_effort_beyond_the_limit(scale, offset, fraction, sign):
     some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     most = some.torque_limit(fraction)
     assert (most >= 0.0).all()
@@ -72,7 +68,7 @@ def test_the_largest_torque_needs_no_effort_beyond_the_limit(
 
 @laws
 @given(scales, offsets, st.sampled_from([1.0, -1.0]))
-def test_no_command_is_beyond_the_limit(scale: list[float], offset: Any, sign: float) -> None:
+def test_no_command_is_beyond_the_limit(scale, offset, sign):
     some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
     command = some.command(np.full(3, sign * FAR))
     assert command[:2].tolist() == [sign * 10.0, sign * 40.0]
@@ -82,7 +78,7 @@ def test_no_command_is_beyond_the_limit(scale: list[float], offset: Any, sign: f
         some.effort(np.append(within, 0.0)))
 
 
-def test_the_limit_of_the_torque() -> None:
+def test_the_limit_of_the_torque():
     assert drive().torque_limit().tolist() == pytest.approx([0.7 * 9.0, 40.0, np.inf])
     assert drive().torque_limit(0.5).tolist() == pytest.approx([0.7 * 4.0, 20.0, np.inf])
     assert drive().torque_limit(0.0).tolist() == [0.0, 0.0, np.inf]
@@ -92,11 +88,11 @@ def test_the_limit_of_the_torque() -> None:
 # --- parameters ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('scale', 'offset'), [((), ()), ([1.0], [0.0]), ([1.0] * 3, ())])
-def test_drives_whose_effort_is_the_torque_cost_nothing(scale: Any, offset: Any) -> None:
+def test_drives_whose_effort_is_the_torque_cost_nothing(scale, offset):
     assert make_effort_calibration(NAMES, scale, offset, LIMIT) is None
 
 
-def test_one_value_is_for_all_joints() -> None:
+def test_one_value_is_for_all_joints():
     some = make_effort_calibration(NAMES, [2.0], [-1.5])
     assert some.scale.tolist() == [2.0] * 3
     assert some.offset.tolist() == [-1.5] * 3
@@ -114,12 +110,12 @@ def test_one_value_is_for_all_joints() -> None:
      'limit 40'),
     ((), [3.0], r"effort.offset of 'joint1' is 3, expected a number in \[-2, 2\], 20 %"),
 ])
-def test_mismatched_values_are_rejected_by_name(scale: Any, offset: Any, words: str) -> None:
+def test_mismatched_values_are_rejected_by_name(scale, offset, words):
     with pytest.raises(InvalidInputError, match=words):
         make_effort_calibration(NAMES, scale, offset, LIMIT)
 
 
-def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque() -> None:
+def test_the_arm_of_the_parameters_has_drives_and_limits_of_their_torque():
     values = {'joints': ['joint2', 'joint1'], 'effort.scale': [0.5, 2.0],
               'effort.offset': [4.0, -10.0]}
     arm = arm_from_parameters(default_arm_urdf(), values, ('joint1', 'joint2'))
@@ -143,7 +139,7 @@ def covariance_of(deviations: list[float], seed: int = 0) -> np.ndarray:
     return np.asarray(C * np.outer(size, size))
 
 
-def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
+def test_the_covariance_of_the_torque_is_that_of_drawn_drives():
     C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
     known = make_effort_calibration(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
     drawn = np.random.default_rng(1).multivariate_normal(
@@ -159,14 +155,14 @@ def test_the_covariance_of_the_torque_is_that_of_drawn_drives() -> None:
         expected / np.outer(deviation, deviation), abs=0.03)
 
 
-def test_drives_without_a_covariance_are_exact() -> None:
+def test_drives_without_a_covariance_are_exact():
     assert not drive().torque_error_covariance().any()
     exact = make_effort_calibration(NAMES, (), (), LIMIT, covariance_of([0.01] * 6))
     assert exact is not None  # scale 1 is only known within 1 %
     assert exact.torque_error_covariance().any()
 
 
-def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints() -> None:
+def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints():
     C = covariance_of([0.01, 0.02, 0.1, 0.2])
     values = {'joints': ['joint2', 'joint1'],
               'effort.covariance': C[np.tril_indices(4)].tolist()}
@@ -183,7 +179,7 @@ def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints() -> Non
     ([-1.0, *[0.0] * 9], r"effort.covariance of 'scale\(joint1\)' with itself is -1, expected"),
     ([np.nan, *[0.0] * 9], r'effort.covariance\[0\] is nan, expected a finite number'),
 ])
-def test_a_wrong_covariance_is_rejected(covariance: list[float], words: str) -> None:
+def test_a_wrong_covariance_is_rejected(covariance, words):
     with pytest.raises(InvalidInputError, match=words):
         arm_from_parameters(default_arm_urdf(), {
             'joints': ['joint1', 'joint2'], 'effort.covariance': covariance})

@@ -50,19 +50,19 @@ def motors(efficiency: float = 1.0) -> Actuators:
     ('motor_torque', [-4000.0, -600.0]),
     ('motor_current', [-400.0, -30.0]),
 ])
-def test_a_measured_effort_is_taken_to_the_joint_side(kind: str, expected: list[float]) -> None:
+def test_a_measured_effort_is_taken_to_the_joint_side(kind, expected):
     assert joint_effort_at_rest(kind, EFFORT, motors()) == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize('kind', ['joint_torque', 'motor_torque', 'motor_current'])
-def test_the_reported_effort_at_rest_is_converted_back(kind: str) -> None:
+def test_the_reported_effort_at_rest_is_converted_back(kind):
     reported = measured_from_joint(kind, EFFORT, ZERO, G, motors())
     back = joint_effort_at_rest(kind, np.tile(reported, (3, 1)), motors())
     assert back == pytest.approx(np.tile(EFFORT, (3, 1)))
 
 
 @pytest.mark.parametrize('v', [-1.0, 0.0, 1.0])
-def test_a_lossy_gearbox_is_read_within_its_losses(v: float) -> None:
+def test_a_lossy_gearbox_is_read_within_its_losses(v):
     """For power in either direction, the error of readings at rest is within the efficiency."""
     eta = 0.7
     reported = measured_from_joint('motor_current', EFFORT, np.full(2, v), G, motors(eta))
@@ -71,7 +71,7 @@ def test_a_lossy_gearbox_is_read_within_its_losses(v: float) -> None:
     assert (ratio <= 1.0 / eta + 1e-12).all()
 
 
-def test_gravity_and_nothing_may_be_reported() -> None:
+def test_gravity_and_nothing_may_be_reported():
     without = measured_from_joint('joint_torque_without_gravity', EFFORT, V, G, None)
     assert without.tolist() == (EFFORT - G).tolist()
     assert measured_from_joint('none', EFFORT, V, G, None).size == 0
@@ -81,9 +81,7 @@ def test_gravity_and_nothing_may_be_reported() -> None:
     ('joint_torque', (), 0.0), ('joint_torque', ALL, 1.0), ('motor_current', ('friction',), 0.0),
     ('joint_torque_without_gravity', (), -1.0), ('joint_torque_without_gravity', ALL, 0.0),
 ])
-def test_the_expected_ratio_of_gravity(
-    measured: str, compensates: tuple[str, ...], expected: float,
-) -> None:
+def test_the_expected_ratio_of_gravity(measured, compensates, expected):
     assert make_effort_convention(measured, compensates, True).expected_ratio == expected
 
 
@@ -95,12 +93,12 @@ def test_the_expected_ratio_of_gravity(
      "'motor_current', but there are no actuators: expected actuator.torque_constant and"),
     (('motor_torque', [], False), r"or one of \['joint_torque', .*'none'\]"),
 ])
-def test_mismatched_inputs_are_rejected_by_name(arguments: Any, words: str) -> None:
+def test_mismatched_inputs_are_rejected_by_name(arguments, words):
     with pytest.raises(InvalidInputError, match=words):
         make_effort_convention(*arguments)
 
 
-def test_nothing_is_converted_without_what_it_takes() -> None:
+def test_nothing_is_converted_without_what_it_takes():
     with pytest.raises(InvalidInputError, match="'motor_torque', expected actuators"):
         joint_effort_at_rest('motor_torque', EFFORT, None)
     with pytest.raises(InvalidInputError, match="'none', expected an effort"):
@@ -127,9 +125,7 @@ def update(controller: Controller, target: Any = None) -> ControlOutput:
 
 
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ALL])
-def test_the_command_and_what_the_robot_adds_are_computed_torque(
-    compensates: tuple[str, ...],
-) -> None:
+def test_the_command_and_what_the_robot_adds_are_computed_torque(compensates):
     output = update(make_controller(compensates), Q + 0.01)
     whole = update(make_controller(()), Q + 0.01)
     assert np.abs(whole.terms.friction).min() > 1.0
@@ -144,7 +140,7 @@ def test_the_command_and_what_the_robot_adds_are_computed_torque(
         assert getattr(terms, name).tolist() == [0.0, 0.0]
 
 
-def test_a_load_that_only_this_node_knows_of_stays_in_the_command() -> None:
+def test_a_load_that_only_this_node_knows_of_stays_in_the_command():
     controller = make_controller(('gravity',))
     load = make_payload('tool0', 2.0)
     controller.set_payloads([load], 0.0, lambda _: None)
@@ -164,9 +160,7 @@ LIMIT = np.array([150.0, 60.0])
 @pytest.mark.parametrize('target', [[3.0, -2.0], [-3.0, 3.0], [0.9, 0.6], None])
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ALL])
-def test_joint_and_command_keep_within_their_limits(
-    compensates: tuple[str, ...], scale: float, target: Any,
-) -> None:
+def test_joint_and_command_keep_within_their_limits(compensates, scale, target):
     """
     The effort at the joint is within the limit of the URDF, the command within its share of it.
 
@@ -198,17 +192,17 @@ def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO
     return simulation
 
 
-def test_a_robot_that_compensates_gravity_holds_itself() -> None:
+def test_a_robot_that_compensates_gravity_holds_itself():
     assert run(ARM, ('gravity',), ZERO).q == pytest.approx(Q, abs=1e-9)
 
 
-def test_gravity_twice_lifts_the_arm() -> None:
+def test_gravity_twice_lifts_the_arm():
     held, lifted = run(ARM, (), G).q, run(ARM, ('gravity',), G).q
     assert held == pytest.approx(Q, abs=1e-6)
     assert np.abs(lifted - Q).max() > 0.5
 
 
-def test_a_robot_that_compensates_friction_slides_on() -> None:
+def test_a_robot_that_compensates_friction_slides_on():
     slow = np.array([0.05, 0.05])
     free = run(ARM, ('gravity',), ZERO, slow).q
     compensated = run(with_friction(), ALL, ZERO, slow).q
@@ -217,7 +211,7 @@ def test_a_robot_that_compensates_friction_slides_on() -> None:
     assert np.linalg.norm(compensated - free) < 0.3 * np.linalg.norm(free - Q)
 
 
-def test_a_robot_does_not_know_its_load() -> None:
+def test_a_robot_does_not_know_its_load():
     load = make_payload('tool0', 2.0)
     robot = InnerController(ARM, EffortConvention(robot_compensates=('gravity',)))
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
@@ -225,7 +219,7 @@ def test_a_robot_does_not_know_its_load() -> None:
     assert np.abs(loaded - G).min() > 5.0
 
 
-def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against() -> None:
+def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against():
     """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
     urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')
     arm = load_arm(urdf)

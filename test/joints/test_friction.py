@@ -44,7 +44,7 @@ def example() -> JointFriction:
         stribeck_velocity=[0.1, 0.2], offset=[0.3, -0.2])
 
 
-def test_the_curve_by_hand() -> None:
+def test_the_curve_by_hand():
     friction = example()
     v = np.array([0.2, -0.4])
     by_hand = [0.5 * 0.2 + 2.0 + np.exp(-4.0) + 0.3, -1.0 - 0.2]
@@ -55,19 +55,19 @@ def test_the_curve_by_hand() -> None:
 
 @laws
 @given(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
-def test_friction_takes_power_and_never_gives_any(v1: float, v2: float) -> None:
+def test_friction_takes_power_and_never_gives_any(v1, v2):
     v = np.array([v1, v2])
     assert (example().effort(v) * v >= 0.0).all()
 
 
 @laws
 @given(st.floats(0.05, 5.0), st.sampled_from([-1.0, 1.0]))
-def test_the_smooth_curve_is_the_curve_away_from_rest(speed: float, sign: float) -> None:
+def test_the_smooth_curve_is_the_curve_away_from_rest(speed, sign):
     v = np.full(2, sign * speed)
     assert example().smooth_effort(v) == pytest.approx(example().effort(v), rel=1e-3)
 
 
-def test_the_sigmoid_of_identification() -> None:
+def test_the_sigmoid_of_identification():
     v = np.linspace(-0.1, 0.1, 41)
     assert smooth_sign(v, 0.02) == pytest.approx(2.0 / (1.0 + np.exp(-100.0 * v)) - 1.0, abs=1e-14)
 
@@ -87,13 +87,13 @@ def test_the_sigmoid_of_identification() -> None:
     ('presliding_distance', [-0.1], "friction.presliding_distance of 'joint1' is -0.1"),
     ('effort_bias', [1.0, 2.0, 3.0], 'friction.effort_bias has 3 values, expected 2'),
 ])
-def test_invalid_values_are_rejected_by_name(field: str, value: list[float], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(field, value, words):
     parameters = {'coulomb': [1.0], field: value}
     with pytest.raises(InvalidInputError, match=words):
         make_friction(NAMES, **parameters)
 
 
-def test_what_is_left_out_is_as_in_the_description() -> None:
+def test_what_is_left_out_is_as_in_the_description():
     default = example()
     assert make_friction(NAMES, default=default).static.tolist() == [3.0, 1.0]
     changed = make_friction(NAMES, coulomb=[4.0], default=default)
@@ -101,7 +101,7 @@ def test_what_is_left_out_is_as_in_the_description() -> None:
     assert changed.viscous.tolist() == [0.5, 0.0]
 
 
-def test_an_empty_parameter_has_the_default_of_its_field() -> None:
+def test_an_empty_parameter_has_the_default_of_its_field():
     friction = make_friction(NAMES)
     assert friction.is_zero
     for field in FRICTION_FIELDS:
@@ -110,7 +110,7 @@ def test_an_empty_parameter_has_the_default_of_its_field() -> None:
             assert f'If empty, {field.default:g}.' in field.description
 
 
-def test_an_unknown_parameter_is_refused_by_name() -> None:
+def test_an_unknown_parameter_is_refused_by_name():
     with pytest.raises(InvalidInputError, match='friction.stribek is unknown, expected one of'):
         make_friction(NAMES, stribek=[1.0])
 
@@ -125,9 +125,7 @@ signed = st.floats(1e-3, 3.0).flatmap(lambda x: st.sampled_from([-x, x]))
 
 @laws
 @given(signed, signed, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(
-    v1: float, v2: float, load1: float, load2: float,
-) -> None:
+def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), np.array([load1, load2])
     effort = load + EVERY_TERM.effort(v, load)
     sliding = EVERY_TERM.sliding(effort, np.sign(v), True)
@@ -141,28 +139,26 @@ def test_a_sliding_joint_leaves_the_load_whose_friction_it_has(
 
 @laws
 @given(signed, signed, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_the_damping_is_the_slope_of_the_smooth_terms(
-    v1: float, v2: float, load1: float, load2: float,
-) -> None:
+def test_the_damping_is_the_slope_of_the_smooth_terms(v1, v2, load1, load2):
     v, load = np.array([v1, v2]), np.array([load1, load2])
     smooth = EVERY_TERM.effort(v, load, np.zeros(2)) - EVERY_TERM.offset - EVERY_TERM.effort_bias
     assert EVERY_TERM.damping(v, load) * v == pytest.approx(smooth, rel=1e-9, abs=1e-12)
 
 
-def test_beyond_the_stribeck_range_sliding_friction_is_coulomb_friction() -> None:
+def test_beyond_the_stribeck_range_sliding_friction_is_coulomb_friction():
     effort, v = np.array([20.0, -5.0]), np.array([0.9, -1.8])  # 9 v_s
     fast, exact = (
         EVERY_TERM.sliding(effort, np.sign(v), is_active)(v) for is_active in (False, True))
     assert fast == pytest.approx(exact, rel=1e-12)
 
 
-def test_friction_at_rest_holds_with_all_its_terms() -> None:
+def test_friction_at_rest_holds_with_all_its_terms():
     at_rest = EVERY_TERM.at_rest
     assert at_rest.static.tolist() == [4.5, 2.0]
     assert at_rest.offset == pytest.approx(np.array([0.7, 2.2]))
 
 
-def test_other_processes_get_the_same_friction() -> None:
+def test_other_processes_get_the_same_friction():
     v, load = np.array([0.3, -0.02]), np.array([4.0, -7.0])
     copied = pickle.loads(pickle.dumps(EVERY_TERM))
     assert copied.effort(v, load).tolist() == EVERY_TERM.effort(v, load).tolist()
@@ -170,7 +166,7 @@ def test_other_processes_get_the_same_friction() -> None:
 
 # --- sticking ------------------------------------------------------------------------------------
 
-def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
+def test_an_arm_under_gravity_sticks_where_friction_can_bear_it():
     torque = MASS * 9.81 * COM * np.sin(0.1)
     holds = one_link(gravity=9.81, coulomb=0.9 * torque, static=1.01 * torque)
     simulation = released(holds, (0.1,))
@@ -180,7 +176,7 @@ def test_an_arm_under_gravity_sticks_where_friction_can_bear_it() -> None:
     assert falling.step(np.zeros(1), 0.5).velocity[0] > 0.0
 
 
-def test_a_pendulum_comes_to_rest_and_stays() -> None:
+def test_a_pendulum_comes_to_rest_and_stays():
     simulation = released(
         one_link(gravity=9.81, viscous=0.05, coulomb=0.4, static=0.6), (2.0,))
     simulation.step(np.zeros(1), 60.0)
@@ -191,7 +187,7 @@ def test_a_pendulum_comes_to_rest_and_stays() -> None:
     assert simulation.q.tolist() == rest
 
 
-def test_stick_slip_breaks_away_at_the_static_friction() -> None:
+def test_stick_slip_breaks_away_at_the_static_friction():
     """A spring whose end moves slowly: F_s at each break-away, less than F_c where it sticks."""
     F_s, F_c, stiffness, pull = 1.5, 0.8, 20.0, 0.2
     simulation = released(one_link(coulomb=F_c, static=F_s, stribeck_velocity=0.02), (0.0,))
@@ -226,7 +222,7 @@ def imbalance(simulation: ArmSimulation, before: float) -> float:
     {'viscous': [0.5, 0.2], 'coulomb': [1.0, 0.5], 'static': [1.5, 0.7],
      'stribeck_velocity': [0.01], 'offset': [0.6, -0.4]},
 ], ids=['viscous', 'coulomb', 'stribeck', 'all'])
-def test_work_is_energy_gained_and_heat(friction: dict[str, list[float]]) -> None:
+def test_work_is_energy_gained_and_heat(friction):
     simulation = released(two_links(**friction), (1.0, 0.5), (0.5, -1.0))
     before = sum(simulation.energy)
     for k in range(1000):
@@ -238,7 +234,7 @@ def test_work_is_energy_gained_and_heat(friction: dict[str, list[float]]) -> Non
     assert simulation.heat > 1.0
 
 
-def test_the_stribeck_effect_does_not_cost_the_method_its_accuracy() -> None:
+def test_the_stribeck_effect_does_not_cost_the_method_its_accuracy():
     arm = two_links(
         viscous=[0.5, 0.2], coulomb=[1.0, 0.5], static=[2.0, 1.0], stribeck_velocity=[0.02])
 

@@ -26,7 +26,7 @@ def random_case(seed: int, n: int) -> tuple[np.ndarray, ...]:
 
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
-def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
+def test_the_modes_fit_the_friction_that_they_need(seed, n):
     M, v, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, v, effort, coulomb, coulomb)
     sliding = effort - modes.direction * coulomb
@@ -45,7 +45,7 @@ def test_the_modes_fit_the_friction_that_they_need(seed: int, n: int) -> None:
 
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(2, 7))
-def test_a_joint_starts_to_slide_against_friction(seed: int, n: int) -> None:
+def test_a_joint_starts_to_slide_against_friction(seed, n):
     M, _, effort, coulomb = random_case(seed, n)
     modes = choose_modes(M, np.zeros(n), 2.0 * effort, coulomb, coulomb)
     sliding = 2.0 * effort - modes.direction * coulomb
@@ -58,7 +58,7 @@ def test_a_joint_starts_to_slide_against_friction(seed: int, n: int) -> None:
 
 
 @pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
-def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sticks: bool) -> None:
+def test_one_joint_breaks_away_at_its_friction_and_not_before(effort, sticks):
     modes = choose_modes(
         np.eye(1), np.zeros(1), np.array([effort]), np.ones(1), np.ones(1))
     assert bool(modes.stuck[0]) is sticks
@@ -67,7 +67,7 @@ def test_one_joint_breaks_away_at_its_friction_and_not_before(effort: float, sti
 
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
-def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed: int, n: int) -> None:
+def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed, n):
     M, v, _, viscous = random_case(seed, n)
     free = v != 0.0
     moving = np.flatnonzero(free)
@@ -79,7 +79,7 @@ def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed: in
 
 @pytest.mark.parametrize('damping', [0.0, 1e-9, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize('stiffness', [0.0, 1.0, 1e5])
-def test_an_exponential_step_of_a_linear_arm_is_exact(damping: float, stiffness: float) -> None:
+def test_an_exponential_step_of_a_linear_arm_is_exact(damping, stiffness):
     M, _, _, viscous = random_case(7, 4)
     v = np.array([0.5, 0.0, -1.2, 0.8])
     h, free = 2e-3, v != 0.0

@@ -13,7 +13,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.base_gravity import gravity_from_imu
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, wait_until
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
 
@@ -37,13 +37,13 @@ def accelerated(x: float, y: float, z: float) -> Imu:
 # --- the message ---------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('rpy', [(0, 0, 0), (0.3, 0, 0), (0, -1.2, 0.4), (2.0, 0.5, -3.0)])
-def test_gravity_of_an_orientation(rpy: tuple[float, float, float]) -> None:
+def test_gravity_of_an_orientation(rpy):
     rotation = Rotation.from_euler('xyz', rpy)
     expected = rotation.inv().apply([0.0, 0.0, -1.62])
     assert gravity_from_imu(oriented(rotation), 1.62) == pytest.approx(expected, abs=1e-12)
 
 
-def test_gravity_of_an_accelerometer() -> None:
+def test_gravity_of_an_accelerometer():
     assert gravity_from_imu(accelerated(0.0, 1.0, 9.7), 9.81).tolist() == [0.0, -1.0, -9.7]
     without = accelerated(3.0, 0.0, 9.0)
     without.orientation_covariance = 9 * [0.0]
@@ -60,14 +60,14 @@ def test_gravity_of_an_accelerometer() -> None:
     (Imu(orientation_covariance=NOT_GIVEN, linear_acceleration=Vector3(z=9.81),
          linear_acceleration_covariance=NOT_GIVEN), 'or an orientation'),
 ])
-def test_implausible_messages_are_rejected(message: Imu, words: str) -> None:
+def test_implausible_messages_are_rejected(message, words):
     with pytest.raises(InvalidInputError, match=words):
         gravity_from_imu(message, 9.81)
 
 
 # --- the nodes -----------------------------------------------------------------------------------
 
-def test_the_parameter_changes_while_the_arm_holds(client: RosClient) -> None:
+def test_the_parameter_changes_while_the_arm_holds(client):
     """Simulated time stands still while both nodes receive the new gravity."""
     namespace = '/tilted'
     with client.collect(JointState, f'{namespace}/joint_states') as states, \
@@ -90,7 +90,7 @@ def test_the_parameter_changes_while_the_arm_holds(client: RosClient) -> None:
     assert 'gravity has 2 values, expected 3' in reason
 
 
-def test_gravity_of_the_base_imu(client: RosClient) -> None:
+def test_gravity_of_the_base_imu(client):
     namespace = '/mobile'
     node = NodeProcess(
         DYNAMICS, {'gravity_from_imu': True, 'imu_rpy': [0.0, 0.0, math.pi],

@@ -49,8 +49,8 @@ def send_pose(
 
 
 def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_stiffness(
-    client: RosClient, node: NodeProcess,
-) -> None:
+    client, node,
+):
     goal = place([START[0] - 0.2, START[1] + 0.3])
     with client.collect(JointState, f'{NAMESPACE}/joint_states') as states:
         states.wait_count(200)
@@ -74,10 +74,7 @@ def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_
     ([0.5, float('nan'), 0.5], 'base_link', 1.0, 'pose.position[1] (y) is nan'),
     ([0.5, 0.0, 0.5], 'base_link', 3.0, 'pose.orientation has the norm 3, expected 1'),
     ([9.0, 0.0, 0.5], 'base_link', 1.0, "pose of 'tool0' is ")])
-def test_a_wrong_pose_is_refused_by_name(
-    client: RosClient, node: NodeProcess, translation: list[float], frame_id: str, w: float,
-    words: str,
-) -> None:
+def test_a_wrong_pose_is_refused_by_name(client, node, translation, frame_id, w, words):
     def refuses(message: DiagnosticArray) -> bool:
         return any(pair.key == 'refusal of the latest' and words in pair.value
                    for status in message.status for pair in status.values)
@@ -88,9 +85,7 @@ def test_a_wrong_pose_is_refused_by_name(
     assert 'Traceback' not in node.log
 
 
-def test_the_verb_moves_to_a_pose_and_names_a_refusal(
-    client: RosClient, node: NodeProcess,
-) -> None:
+def test_the_verb_moves_to_a_pose_and_names_a_refusal(client, node):
     goal = place(START)
     words = [
         *PROGRAM, 'pose', '--node', f'{NAMESPACE}/dynamics', '--timeout', str(TIMEOUT), '--json']
@@ -105,9 +100,7 @@ def test_the_verb_moves_to_a_pose_and_names_a_refusal(
     assert "rejected the goal: pose of 'tool0' is " in refused.stderr
 
 
-def test_a_wrong_parameter_is_refused_at_the_start_and_at_run_time(
-    client: RosClient, node: NodeProcess,
-) -> None:
+def test_a_wrong_parameter_is_refused_at_the_start_and_at_run_time(client, node):
     for name, value in (
             ('cartesian.translation_stiffness', [1.0, 2.0]),
             ('cartesian.translation_stiffness', [-1.0]), ('cartesian.rotation_stiffness', -1.0),

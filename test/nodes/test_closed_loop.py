@@ -132,9 +132,7 @@ def drift(states: list[Any], pose: list[float]) -> float:
 
 
 @pytest.mark.parametrize('arm_first', [True, False])
-def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(
-    client: RosClient, arm_first: bool,
-) -> None:
+def test_gravity_compensation_holds_the_arm_whichever_node_starts_first(client, arm_first):
     """The drift is below 1 mrad in 10 s."""
     namespace = f'/hold_{"arm" if arm_first else "dynamics"}'
     nodes = [NodeProcess(DYNAMICS, namespace=namespace), simulated_arm(namespace, rate=100.0)]
@@ -167,7 +165,7 @@ DEFAULTS = {'condition_references': True, 'scale_gains': True, 'effort_rate_limi
 
 @pytest.mark.parametrize('law', [
     pytest.param({}, id='exact', marks=pytest.mark.soak), pytest.param(DEFAULTS, id='defaults')])
-def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any]) -> None:
+def test_computed_torque_follows_a_quintic(client, law):
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
     with client.collect(JointState, '/follow/joint_states') as states, \
             gated(client, '/follow', path, 0.5, {'rate': 500.0}, **law):
@@ -180,9 +178,7 @@ def test_computed_torque_follows_a_quintic(client: RosClient, law: dict[str, Any
 
 @pytest.mark.parametrize(('noise', 'bound'), [
     pytest.param(0.0, 0.01, marks=pytest.mark.soak), (1e-4, 0.01)])
-def test_positions_without_velocities_suffice_for_tracking(
-    client: RosClient, noise: float, bound: float,
-) -> None:
+def test_positions_without_velocities_suffice_for_tracking(client, noise, bound):
     """Velocities are estimated, with the default parameters, without and with noise."""
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 2.0)
     arm = {'rate': 500.0, 'position_noise': noise, 'seed': 3}
@@ -203,7 +199,7 @@ def content(state: Any) -> bytes:
         values.tobytes() for values in (state.position, state.velocity, state.effort))
 
 
-def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
+def test_lock_step_is_repeatable_to_the_last_bit(client):
     """
     Equal seeds give the same noisy motion along a trajectory, another seed another motion.
 
@@ -226,7 +222,7 @@ def test_lock_step_is_repeatable_to_the_last_bit(client: RosClient) -> None:
     assert not set(first) & set(other)
 
 
-def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client: RosClient) -> None:
+def test_a_state_that_waits_is_answered_once_a_command_is_wanted(client):
     """In lock-step the arm repeats its state, with the same stamp, until a command arrives."""
     with client.collect(JointState, '/late/joint_states') as states, \
             closed_loop('/late', {'command': 'none'}):

@@ -97,7 +97,7 @@ def wait_standing(states: Collector, count: int = 50) -> JointState:
 
 # --- efforts that end ----------------------------------------------------------------------------
 
-def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> None:
+def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm):
     arm.move()
     arm.command(None)
     standing = wait_standing(arm.states)
@@ -114,7 +114,7 @@ def test_the_arm_stops_when_efforts_end_and_logs_the_timeout(arm: Driven) -> Non
 
 # --- the duration of the timeout -----------------------------------------------------------------
 
-def test_with_0_the_last_effort_acts_indefinitely(client: RosClient) -> None:
+def test_with_0_the_last_effort_acts_indefinitely(client):
     with NodeProcess(SIMULATED_ARM, {**ARM, 'command_timeout': 0.0}, namespace='/ever') as node:
         arm = Driven(client, node, '/ever')
         arm.move()
@@ -130,7 +130,7 @@ def test_with_0_the_last_effort_acts_indefinitely(client: RosClient) -> None:
         arm.close()
 
 
-def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> None:
+def test_a_process_that_was_suspended_could_not_receive(client):
     """The suspension is longer than the timeout; the arm continues under its last effort."""
     timeout = 2.0
     parameters = {**ARM, 'command_timeout': timeout, 'publish_clock': True}
@@ -165,9 +165,7 @@ def test_a_process_that_was_suspended_could_not_receive(client: RosClient) -> No
        'SIGKILL of `dynamics` while it moves `simulated_arm`',
        'after `command_timeout` the brakes engage, the velocity is exactly 0, and the arm logs '
        'it; another `dynamics` holds the arm there and moves it again')
-def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(
-    client: RosClient,
-) -> None:
+def test_the_arm_stands_when_its_controller_is_killed_and_is_held_by_the_next(client):
     parameters = {'rate': 200.0, 'initial_position': START}
     path = quintic_point_to_point(NAMES, START, [-0.4, 1.4], 3.0)
     topic = '/killed/dynamics/joint_trajectory'

@@ -60,9 +60,7 @@ MORE_GAPS = [(share, second) for share in (0.02, 0.1, 0.5, 0.7, 0.98) for second
     *((name, GAPS) for name in ('default', 'panda', 'z1')),
     *(pytest.param(name, MORE_GAPS, marks=soak) for name in (
         'default', 'panda', 'z1', 'ur5', 'ur10', 'xarm7'))])
-def test_a_gap_and_a_second_goal(
-    client: RosClient, name: str, gaps: list[tuple[float, float]], seen: Any,
-) -> None:
+def test_a_gap_and_a_second_goal(client, name, gaps, seen):
     """The arm stays in the hull of start, earliest stop and goals."""
     with disturbed_arm(client, name) as bench:
         limits, worst = bench.arm.limits, [0.0, 0.0]
@@ -125,9 +123,7 @@ FURTHER = [
 @pytest.mark.parametrize('share', [pytest.param(0.05, marks=soak), 0.4])
 @pytest.mark.parametrize(('name', 'kind'), [
     *WRONG, *(pytest.param(*one, marks=soak) for one in FURTHER)])
-def test_a_wrong_measurement_during_a_motion(
-    client: RosClient, name: str, kind: str, share: float, seen: Any,
-) -> None:
+def test_a_wrong_measurement_during_a_motion(client, name, kind, share, seen):
     """The speed stays below 1.2 times its limit, and the arm stops."""
     with disturbed_arm(client, name) as bench:
         bench.run(0.1)
@@ -185,9 +181,7 @@ def deactivate(bench: DisturbedArm) -> None:
     *(pytest.param(*one, marks=soak) for one in (
         ('ur10', interrupt), ('panda', terminate), ('z1', command_none), ('xarm7', interrupt),
         ('ur10', deactivate)))])
-def test_the_command_ends_in_a_motion(
-    client: RosClient, name: str, end: Callable[[DisturbedArm], None], seen: Any,
-) -> None:
+def test_the_command_ends_in_a_motion(client, name, end, seen):
     """The arm stops and is held; then the command ramps to zero; all within 5 s."""
     for _ in range(ATTEMPTS_IN_REAL_TIME):
         late = end_in_a_motion(client, name, end, seen)

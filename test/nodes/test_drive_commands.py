@@ -4,14 +4,13 @@
 """`~/feed_forward` and `~/position_offset` of real nodes, with the drives of `simulated_arm`."""
 
 from pathlib import Path
-from typing import Any
 
 from closed_loop import closed_loop, collecting, NAMES, send, START
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
@@ -25,7 +24,7 @@ def stamp_of(message: JointState) -> int:
 
 
 @pytest.mark.parametrize('rate', [100.0, 500.0])
-def test_the_drives_hold_and_move_the_arm_without_sag(client: RosClient, rate: float) -> None:
+def test_the_drives_hold_and_move_the_arm_without_sag(client, rate):
     """Gravity alone would be an error of 140 and 370 mrad; the feed-forward leaves 2 mrad."""
     namespace = f'/drives{rate:.0f}'
     with collecting(
@@ -52,7 +51,7 @@ def test_the_drives_hold_and_move_the_arm_without_sag(client: RosClient, rate: f
     assert all(all(m.velocity) for m in moving)  # 0 would let the drives brake the arm
 
 
-def test_drives_without_a_torque_input_take_the_offset(client: RosClient) -> None:
+def test_drives_without_a_torque_input_take_the_offset(client):
     """A message without efforts: the position error of the drive is the effort over k_p."""
     arm = NodeProcess(
         SIMULATED_ARM, {'rate': 250.0, 'lock_step': True, 'initial_position': START, **DRIVES},
@@ -70,14 +69,14 @@ def test_drives_without_a_torque_input_take_the_offset(client: RosClient) -> Non
     assert not len(found.effort)
 
 
-def test_without_a_stiffness_the_offset_is_refused_by_name(client: RosClient) -> None:
+def test_without_a_stiffness_the_offset_is_refused_by_name(client):
     with client.collect(JointState, '/soft/dynamics/position_offset') as commands, \
             closed_loop('/soft') as node:
         node.wait_for_log('position_offset: drive.stiffness is empty')
         assert not commands.messages
 
 
-def test_no_command_follows_an_invalid_state(client: RosClient) -> None:
+def test_no_command_follows_an_invalid_state(client):
     """Only fresh and valid states are answered."""
     with NodeProcess(DYNAMICS, {'state_timeout': 60.0}, namespace='/fresh') as node, \
             client.collect(JointState, '/fresh/dynamics/feed_forward') as commands:
@@ -99,9 +98,7 @@ def test_no_command_follows_an_invalid_state(client: RosClient) -> None:
     ({'velocity': []}, 'velocity is empty'),
     ({'effort': [float('nan'), 0.0]}, "effort of 'joint1' is nan"),
     ({'position': [1.0]}, 'position has 1 values')])
-def test_the_drives_refuse_a_wrong_command(
-    client: RosClient, message: dict[str, Any], words: str,
-) -> None:
+def test_the_drives_refuse_a_wrong_command(client, message, words):
     with NodeProcess(SIMULATED_ARM, DRIVES, namespace='/refusing') as arm:
         commands = client.publisher(JointState, '/refusing/dynamics/feed_forward')
         commands.publish(JointState(**{
@@ -113,7 +110,7 @@ DM4310 = Path(__file__).resolve().parents[2] / 'config' / 'robots' / 'dm4310.yam
 
 
 @pytest.mark.parametrize('gain', [240.0, 600.0])
-def test_gains_beyond_those_of_a_dm4310_end_the_start(gain: float) -> None:
+def test_gains_beyond_those_of_a_dm4310_end_the_start(gain):
     ones = [1.0] * 6
     arm = NodeProcess(
         SIMULATED_ARM, {'robot_description': planar_arm_urdf(

@@ -66,7 +66,7 @@ def moves(state: Any) -> bool:
 ARM_OF_DRIVES = {**DRIVES, 'rate': 200.0, 'real_time_factor': 3.0, 'effort_noise': NOISE}
 
 
-def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosClient) -> None:
+def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client):
     with collecting(
             client, '/sags', 'joint_states', 'dynamics/computed_torque') as (states, answers), \
             closed_loop('/sags', {'joints': NAMES, **SOFT}, **ARM_OF_DRIVES):
@@ -75,9 +75,7 @@ def test_drives_that_the_controller_does_not_know_let_the_arm_sag(client: RosCli
     assert moved.max() > 0.02
 
 
-def test_known_drives_hold_the_arm_and_a_recording_agrees_with_the_model(
-    client: RosClient, tmp_path: Path, capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_known_drives_hold_the_arm_and_a_recording_agrees_with_the_model(client, tmp_path, capsys):
     with client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, collecting(
             client, '/holds', 'joint_states', 'effort_command', 'dynamics/computed_torque',
             'dynamics/gravity_compensation', 'dynamics/residual') as topics:
@@ -131,7 +129,7 @@ def check_recording(
 
 
 @pytest.mark.parametrize(('rate', 'driver'), [(0.0, [1500.0, 600.0]), (40.0, [40.0, 40.0])])
-def test_the_rate_limit_is_that_of_the_driver(rate: float, driver: list[float]) -> None:
+def test_the_rate_limit_is_that_of_the_driver(rate, driver):
     arm, values = arm_from_parameters(default_arm_urdf(), DRIVES), {'effort_rate_limit': rate}
     assert effort_rates(values, arm).tolist() == driver
     assert torque_rates(values, arm) == pytest.approx(np.array(driver) * SCALE)

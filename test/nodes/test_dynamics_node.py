@@ -32,7 +32,7 @@ def bench(client: RosClient) -> Iterator[Bench]:
 @pytest.mark.parametrize('stamp', [
     Time(sec=1, nanosec=123_456_789), Time(sec=1_790_000_000, nanosec=987_654_321),
     Time(sec=2**31 - 1, nanosec=999_999_999)])
-def test_the_command_for_a_state_carries_its_stamp(bench: Bench, stamp: Time) -> None:
+def test_the_command_for_a_state_carries_its_stamp(bench, stamp):
     state = bench.state()
     state.header.stamp = stamp
     message = bench.command(state)
@@ -47,7 +47,7 @@ def test_the_command_for_a_state_carries_its_stamp(bench: Bench, stamp: Time) ->
 
 # --- the robot description -----------------------------------------------------------------------
 
-def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient) -> None:
+def test_a_description_on_its_topic_replaces_the_embedded_arm(client):
     one = planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name='one_link', joint_names=['hinge'])
     with client.describing('/described') as publish:
         publish(one)
@@ -59,7 +59,7 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm(client: RosClient)
     assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
 
 
-def test_a_parameter_takes_precedence_over_the_topic(client: RosClient) -> None:
+def test_a_parameter_takes_precedence_over_the_topic(client):
     urdf = robot_urdf('kinova')
     arm = load_arm(urdf)
     with NodeProcess(
@@ -73,7 +73,7 @@ def test_a_parameter_takes_precedence_over_the_topic(client: RosClient) -> None:
         assert effort.effort == pytest.approx(ArmDynamics(arm).rigid_body.gravity(q))
 
 
-def test_drops_may_be_counted_while_they_are_reported() -> None:
+def test_drops_may_be_counted_while_they_are_reported():
     counters = ControlCounters()
     report = StateReport(counters, lambda: None)
 

@@ -15,7 +15,7 @@ import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robots import robot_path
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
@@ -57,9 +57,7 @@ def checks(message: Any, namespace: str) -> list[DiagnosticStatus]:
      {**MOTORS, 'measured_effort': 'motor_torque', 'robot_compensates': ['gravity', 'friction']},
      1.0),
 ], ids=['default', 'wall time', 'gravity', 'without gravity', 'current', 'motor torque'])
-def test_what_is_as_declared_passes(
-    dynamics: dict[str, Any], arm: dict[str, Any], k: float,
-) -> None:
+def test_what_is_as_declared_passes(dynamics, arm, k):
     with closed_loop('/declared', dynamics, **SLOW, **arm) as node:
         line = node.wait_for_log(PASSED, LONG)
     # the losses of the gears, by which the measured effort may be too large or too small
@@ -68,7 +66,7 @@ def test_what_is_as_declared_passes(
     assert not re.search(WARNED, node.log)
 
 
-def test_the_bare_defaults_warn_of_nothing() -> None:
+def test_the_bare_defaults_warn_of_nothing():
     """The arm stands upright, without gravity torques: it logs once that no check is possible."""
     with NodeProcess(DYNAMICS, namespace='/bare') as node, \
             NodeProcess(SIMULATED_ARM, namespace='/bare'):
@@ -82,7 +80,7 @@ def test_the_bare_defaults_warn_of_nothing() -> None:
     ('ur10.yaml', 'ur10', 'cannot decide: the measured effort does not carry the arm'),
     ('xarm7.yaml', 'xarm7', 'cannot decide: the measured effort does not carry the arm'),
 ])
-def test_the_shipped_parameter_files_warn_of_nothing(file: str, robot: str, words: str) -> None:
+def test_the_shipped_parameter_files_warn_of_nothing(file, robot, words):
     """The files of real robots set command none, so that the simulated arm stays on its brakes."""
     description = {'robot_description_file': str(robot_path(robot))} if robot else {}
     arguments = ('--ros-args', '--params-file', str(CONFIG / file))
@@ -92,7 +90,7 @@ def test_the_shipped_parameter_files_warn_of_nothing(file: str, robot: str, word
     assert not re.search(WARNED, node.log)
 
 
-def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosClient) -> None:
+def test_with_both_declared_the_arm_holds_still_without_a_command(client):
     gravity = {'robot_compensates': ['gravity']}
     with client.collect(JointState, '/both/joint_states') as states, \
             client.collect(JointState, '/both/effort_command') as commands, \
@@ -106,7 +104,7 @@ def test_with_both_declared_the_arm_holds_still_without_a_command(client: RosCli
     assert states.messages[-1].effort == pytest.approx(G, abs=1e-3)
 
 
-def test_a_new_model_is_checked_again(client: RosClient) -> None:
+def test_a_new_model_is_checked_again(client):
     other = re.sub('name="planar_arm"', 'name="other_arm"', default_arm_urdf())
     with client.describing('/second') as publish, closed_loop('/second', **SLOW) as node:
         node.wait_for_log(PASSED, LONG)
@@ -118,7 +116,7 @@ def test_a_new_model_is_checked_again(client: RosClient) -> None:
 
 # --- wrong declarations --------------------------------------------------------------------------
 
-def test_a_self_compensating_robot_is_found_before_the_first_command(client: RosClient) -> None:
+def test_a_self_compensating_robot_is_found_before_the_first_command(client):
     """As in a start with a real robot: command none, while the robot's own controller holds it."""
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
             closed_loop('/alone', {'command': 'none'}, **{
@@ -145,9 +143,7 @@ def test_a_self_compensating_robot_is_found_before_the_first_command(client: Ros
     ([float('nan'), float('nan')], 'no measured effort'),
     ([1.0], 'no measured effort: effort has 1 values, expected 2 as name has'),
 ])
-def test_states_without_an_effort_are_answered_all_the_same(
-    client: RosClient, effort: list[float], words: str,
-) -> None:
+def test_states_without_an_effort_are_answered_all_the_same(client, effort, words):
     with NodeProcess(DYNAMICS, namespace='/without') as node, \
             client.collect(JointState, '/without/effort_command') as commands:
         commands.wait_matched()
@@ -164,9 +160,7 @@ def test_states_without_an_effort_are_answered_all_the_same(
     ({'measured_effort': 'none'}, "no measured effort (measured_effort is 'none')"),
     ({'effort_check': False}, 'off'),
 ])
-def test_the_check_can_be_declared_away(
-    client: RosClient, parameters: dict[str, Any], words: str,
-) -> None:
+def test_the_check_can_be_declared_away(client, parameters, words):
     """An arm that compensates its gravity, for which the check would warn."""
     arm = {'robot_compensates': ['gravity'], 'brakes': False, 'lock_step': False,
            'measured_effort': 'none' if 'measured_effort' in parameters else 'joint_torque'}

@@ -6,7 +6,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 import os
-from pathlib import Path
 from typing import Any
 
 from action_clients import Client, seconds
@@ -58,7 +57,7 @@ def arm(client: RosClient) -> Iterator[Client]:
         yield server
 
 
-def test_a_plan_succeeds_with_feedback(client: RosClient) -> None:
+def test_a_plan_succeeds_with_feedback(client):
     """In wall time, because feedback comes at 20 Hz of wall time."""
     with served(client, '/succeeds', lock_step=False) as (server, _):
         sent = server.send(goal_of((0.0, START), (2.0, GOAL)))
@@ -90,15 +89,13 @@ def test_a_plan_succeeds_with_feedback(client: RosClient) -> None:
      'goal_time_tolerance is -2 s'),
     (goal_of((1.0, START), component_goal_tolerance=[JointComponentTolerance()]),
      Result.INVALID_GOAL, 'component_goal_tolerance has 1 entries')])
-def test_an_invalid_goal_is_aborted_with_its_reason(
-    arm: Client, goal: FollowJointTrajectory.Goal, code: int, words: str,
-) -> None:
+def test_an_invalid_goal_is_aborted_with_its_reason(arm, goal, code, words):
     status, found, message = arm.send(goal).result()
     assert (status, found) == (GoalStatus.STATUS_ABORTED, code), message
     assert words in message
 
 
-def test_a_goal_of_the_past_is_refused(arm: Client) -> None:
+def test_a_goal_of_the_past_is_refused(arm):
     """It ends before the first state of the simulated time, which is at 2 ms."""
     goal = goal_of((0.0, START), (0.001, START))
     goal.trajectory.header.stamp.nanosec = 1
@@ -107,7 +104,7 @@ def test_a_goal_of_the_past_is_refused(arm: Client) -> None:
     assert 'expected an end in the future' in message
 
 
-def test_an_invalid_goal_does_not_disturb_the_motion(arm: Client) -> None:
+def test_an_invalid_goal_does_not_disturb_the_motion(arm):
     moving = arm.send(goal_of((0.0, START), (2.0, GOAL)))
     wrong = arm.send(goal_of((1.0, START), names=['joint1', 'elbow']))
     assert wrong.result()[1] == Result.INVALID_JOINTS
@@ -115,7 +112,7 @@ def test_an_invalid_goal_does_not_disturb_the_motion(arm: Client) -> None:
     assert arm.send(goal_of((0.0, GOAL), (2.0, START))).result()[1] == Result.SUCCESSFUL
 
 
-def test_tolerances_that_the_arm_exceeds_abort_the_goal(client: RosClient) -> None:
+def test_tolerances_that_the_arm_exceeds_abort_the_goal(client):
     """A load that the model lacks: the arm is 10 mrad or more behind its reference."""
     with served(client, '/tolerances') as (server, _):
         tight = [JointTolerance(name='joint1', position=1e-9)]
@@ -132,7 +129,7 @@ def test_tolerances_that_the_arm_exceeds_abort_the_goal(client: RosClient) -> No
             GoalStatus.STATUS_ABORTED, Result.GOAL_TOLERANCE_VIOLATED), message
 
 
-def test_a_cancelled_goal_ends_at_rest(client: RosClient) -> None:
+def test_a_cancelled_goal_ends_at_rest(client):
     with served(client, '/cancels', real_time_factor=1.0) as (server, _), \
             client.collect(JointState, '/cancels/joint_states') as states:
         sent = server.send(goal_of((0.0, START), (3.0, GOAL)))
@@ -148,7 +145,7 @@ def test_a_cancelled_goal_ends_at_rest(client: RosClient) -> None:
     assert np.abs(after).max() < 0.03
 
 
-def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client) -> None:
+def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client, arm):
     first = arm.send(goal_of((3600.0, GOAL)))
     second = arm.send(goal_of((3600.0, GOAL)))
     assert first.result() == (
@@ -165,7 +162,7 @@ def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client: RosClient, arm: Client
     assert arm.send(goal_of((2.0, START))).result()[1] == Result.SUCCESSFUL
 
 
-def test_a_stop_ends_every_goal_that_was_accepted_before(client: RosClient, arm: Client) -> None:
+def test_a_stop_ends_every_goal_that_was_accepted_before(client, arm):
     """The node executes a goal later than it accepts it, and answers ~/stop at once."""
     for _ in range(50):
         sent = arm.send(goal_of((3600.0, GOAL)))
@@ -174,7 +171,7 @@ def test_a_stop_ends_every_goal_that_was_accepted_before(client: RosClient, arm:
             GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, '~/stop was called')
 
 
-def test_the_result_arrives_when_the_node_ends(client: RosClient) -> None:
+def test_the_result_arrives_when_the_node_ends(client):
     with served(client, '/ending', lock_step=False) as (server, node):
         sent = server.send(goal_of((3600.0, GOAL)))
         wait_until(lambda: bool(sent.feedback), 'feedback')
@@ -184,7 +181,7 @@ def test_the_result_arrives_when_the_node_ends(client: RosClient) -> None:
     assert message == 'the node was deactivated'
 
 
-def test_the_tolerances_of_the_parameters_are_the_defaults(client: RosClient) -> None:
+def test_the_tolerances_of_the_parameters_are_the_defaults(client):
     with served(client, '/defaults', {'joints': NAMES, 'goal.path_tolerance': [0.0, 1e-9]}) as (
             server, _):
         goal = goal_of((0.0, START), (2.0, GOAL))
@@ -199,7 +196,7 @@ def test_the_tolerances_of_the_parameters_are_the_defaults(client: RosClient) ->
         assert code == Result.SUCCESSFUL, message
 
 
-def test_without_control_msgs_the_node_starts_and_says_so(tmp_path: Path) -> None:
+def test_without_control_msgs_the_node_starts_and_says_so(tmp_path):
     hidden = tmp_path / 'control_msgs'
     hidden.mkdir()
     (hidden / '__init__.py').write_text('raise ImportError("not installed")\n', 'utf-8')

@@ -20,7 +20,7 @@ RESULTS = [
     ('replaced', 'ABORTED', -1), ('cancelled', 'CANCELED', -1)]
 
 
-def test_the_example_gets_each_result() -> None:
+def test_the_example_gets_each_result():
     with running(
             NodeProcess(DYNAMICS, {'condition_references': True, 'scale_gains': True}),
             NodeProcess(SIMULATED_ARM, {

@@ -33,7 +33,7 @@ def publish_until(publisher: Publisher, message: Any, is_so: Callable[[], bool])
     wait_until(published, str(message)[:100], LONG)
 
 
-def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client: RosClient) -> None:
+def test_a_push_moves_the_arm_and_leaving_the_mode_holds_it(client):
     with client.collect(JointState, '/guided/joint_states') as states, \
             closed_loop('/guided', LAW, rate=500.0):
         states.wait_count(200)
@@ -58,9 +58,7 @@ def guided(client: RosClient) -> Iterator[NodeProcess]:
         yield node
 
 
-def test_a_force_is_felt_and_ends_with_its_messages(
-    client: RosClient, guided: NodeProcess,
-) -> None:
+def test_a_force_is_felt_and_ends_with_its_messages(client, guided):
     force = JointState(name=['gripper', *NAMES[::-1]], effort=[1.0, -0.6, 0.4])
     publisher = client.publisher(JointState, '/felt/dynamics/force_feedback')
 
@@ -82,9 +80,7 @@ def test_a_force_is_felt_and_ends_with_its_messages(
                       lambda: "name leaves out ['joint2']" in guided.log)
 
 
-def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
-    client: RosClient,
-) -> None:
+def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(client):
     """Nodes and remappings are those of leader_and_follower.launch.py."""
     effort = '/follower/dynamics/external_effort'
     leader = NodeProcess(DYNAMICS, {**LAW, **ROUGH}, namespace='/leader', arguments=(
@@ -120,7 +116,7 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(
         wait_until(is_felt, 'the push at the leader', LONG)
 
 
-def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client: RosClient) -> None:
+def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client):
     goal = [START[0] - 0.3, START[1] + 0.2]
     with client.collect(JointState, '/moved/joint_states') as states, \
             closed_loop('/moved', {'joints': NAMES}) as node:
@@ -133,7 +129,7 @@ def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client: Ro
             np.abs(np.subtract(states.messages[-1].position, goal)).max() < 1e-3))
 
 
-def test_illegal_options_are_refused_by_name(client: RosClient) -> None:
+def test_illegal_options_are_refused_by_name(client):
     with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/illegal') as node:
         for name, value in (('hand_guiding.friction_share', [0.9]),
                             ('hand_guiding.feedback_gain', [0.6]),

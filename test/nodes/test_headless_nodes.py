@@ -4,14 +4,13 @@
 """A robot without a screen: both nodes run where the libraries of the tools are missing."""
 
 import os
-from pathlib import Path
 import sys
 
 from absent_libraries import environment_without
 import children
 import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 
 OF_TOOLS = ('matplotlib', 'scipy', 'PIL', 'rosbags', 'mcap', 'viser', 'trimesh', 'xacro', 'launch')
@@ -29,7 +28,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return variables
 
 
-def test_both_nodes_close_the_loop(client: RosClient, environment: dict[str, str]) -> None:
+def test_both_nodes_close_the_loop(client, environment):
     nodes = [NodeProcess(DYNAMICS, environment=environment),
              NodeProcess(SIMULATED_ARM, {'initial_position': [0.5, 0.2]}, environment=environment)]
     with client.collect(JointState, '/effort_command') as efforts, \
@@ -45,8 +44,7 @@ def test_both_nodes_close_the_loop(client: RosClient, environment: dict[str, str
 
 
 @pytest.mark.parametrize('name', ['demo', 'viewer'])
-def test_a_tool_says_what_is_missing_before_it_starts_a_node(
-        environment: dict[str, str], tmp_path: Path, name: str) -> None:
+def test_a_tool_says_what_is_missing_before_it_starts_a_node(environment, tmp_path, name):
     library = {'demo': 'rosbags', 'viewer': 'viser'}[name]
     command = [sys.executable, '-m', f'robot_dynamics.tools.{name}']
     done = children.run(

@@ -10,7 +10,7 @@ independent of the reference before the interruption and of messages sent during
 
 import re
 
-from fault_bench import FaultBench, figure_of, G, Q
+from fault_bench import figure_of, G, Q
 from fault_stimuli import follow, move_by_hand, RATE, Swing, wait_effort
 from fault_table import fault, fault_cases
 from interruption_bench import check_held, ELSEWHERE, gravity, GROUP, HELD, LIMIT, wait_rejected
@@ -29,7 +29,7 @@ SWING = 43.0
 
 @fault(GROUP, 'a trajectory and a set-point during a timeout of the joint states',
        f'rejected with the fault as the reason; after recovery {HELD}')
-def test_an_outage(arm: FaultBench) -> None:
+def test_an_outage(arm):
     arm.driver.be_quiet()
     arm.wait_state_timeout()
     status = arm.next_status('reference')
@@ -46,7 +46,7 @@ def test_an_outage(arm: FaultBench) -> None:
 
 @fault(GROUP, 'a trajectory and a set-point during the fault `position_limit`',
        f'rejected with the fault as the reason; during the fault and after it {HELD}')
-def test_a_position_limit(arm: FaultBench) -> None:
+def test_a_position_limit(arm):
     arm.set_parameters(command='gravity_compensation')  # allows to move the arm by hand
     beyond = [LIMIT + 0.02, Q[1]]
     move_by_hand(arm, beyond)
@@ -69,7 +69,7 @@ def test_a_position_limit(arm: FaultBench) -> None:
 
 @fault(GROUP, 'deactivation; the arm is moved by hand; activation',
        f'a trajectory sent in between is rejected; after activation {HELD}')
-def test_deactivation(arm: FaultBench) -> None:
+def test_deactivation(arm):
     assert arm.change(DEACTIVATE)
     assert arm.next_status('reference').message == 'ended early: the node was deactivated'
     move_by_hand(arm, ELSEWHERE)
@@ -85,7 +85,7 @@ def test_deactivation(arm: FaultBench) -> None:
         GROUP, f'`command: {command}`; the arm is moved by hand; `command: computed_torque`',
         f'a trajectory sent in between is rejected; afterwards {HELD}'))
     for command in ('gravity_compensation', 'none')])
-def test_another_command(arm: FaultBench, command: str) -> None:
+def test_another_command(arm, command):
     arm.set_parameters(command=command)
     ended = f'ended early: command was set to {command!r}'
     assert arm.next_status('reference').message == ended
@@ -111,7 +111,7 @@ def test_another_command(arm: FaultBench, command: str) -> None:
     'the limits; ends automatically; after the third, references wait for `~/reset_fault`', (
         ('13 rad/s, 1.3 times the limit', [13.0, 0.0]),
         ('-20 and 20 rad/s', [-20.0, 20.0])))
-def test_overspeed(arm: FaultBench, v: list[float]) -> None:
+def test_overspeed(arm, v):
     before = arm.known('command', 'faults: overspeed')
     arm.efforts.clear()
     arm.driver.change = Swing(Q, np.divide(v, SWING).tolist(), SWING)
@@ -140,7 +140,7 @@ def test_overspeed(arm: FaultBench, v: list[float]) -> None:
 @fault(GROUP, 'an arm that does not follow its reference',
        'fault `following_error` that names joint and distance; the arm is held at its '
        'measured position; the reference has ended')
-def test_a_following_error(arm: FaultBench) -> None:
+def test_a_following_error(arm):
     before = arm.known('command', 'faults: following_error')
     arm.set_parameters(following_error_limit=[0.05])
     arm.efforts.clear()

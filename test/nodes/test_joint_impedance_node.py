@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm, make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess, RosClient
+from ros_harness import DYNAMICS, log_of_failed_start, LONG, NodeProcess
 from sensor_msgs.msg import JointState
 
 STIFFNESS = [100.0, 40.0]
@@ -18,9 +18,7 @@ LAW = {'command': 'joint_impedance', 'impedance.stiffness': STIFFNESS,
        'condition_references': True, 'scale_gains': True, 'joints': NAMES}
 
 
-def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffness(
-    client: RosClient,
-) -> None:
+def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffness(client):
     arm = load_arm(default_arm_urdf())
     load = make_payload('tool0', 0.5)
     loaded = arm.with_payloads([load])
@@ -42,7 +40,7 @@ def test_it_moves_exactly_and_an_unknown_load_sags_by_its_torque_over_the_stiffn
         states.wait_for(rests_below, LONG)
 
 
-def test_a_wrong_stiffness_is_refused_at_the_start_and_at_run_time(client: RosClient) -> None:
+def test_a_wrong_stiffness_is_refused_at_the_start_and_at_run_time(client):
     with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/stiff') as node:
         for name, value in (('impedance.stiffness', [1.0, 2.0, 3.0]),
                             ('impedance.damping_ratio', [-1.0])):

@@ -95,7 +95,7 @@ def wait_first_answers(publishers: Sequence[Any], nodes: Sequence[Arm]) -> None:
     for count in (1, 2)
     for order, words in (('arm first', 'after the arm states'), (
         'gripper first', 'before the arm states'), ('any', 'in any order'))])
-def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) -> None:
+def test_a_gripper_costs_no_answer(client, count, order):
     """Messages of the gripper have the same rate, directly before or after those of an arm."""
     rng = random.Random(0)
     with arms(client, count) as nodes:
@@ -125,7 +125,7 @@ def test_a_gripper_costs_no_answer(client: RosClient, count: int, order: str) ->
         SHARED, f'the joints of an arm in two messages, {phase:g} periods apart',
         'one answer per period, with the newest stamp'))
     for phase in (0.0, 0.3, 0.8)])
-def test_an_arm_in_two_messages_is_answered(client: RosClient, phase: float) -> None:
+def test_an_arm_in_two_messages_is_answered(client, phase):
     with arms(client, 1) as (arm,):
         halves = [client.publisher(JointState, '/shared/joint_states') for _ in NAMES]
         wait_first_answers(halves, [arm])
@@ -164,9 +164,7 @@ def send_until(
     ('`joint1` to `joint7`', [f'joint{i}' for i in range(1, 8)]),
     ('`joint1`, `joint2` and `gripper`', [*NAMES, 'gripper']),
     ('`shoulder` and `elbow`', ['shoulder', 'elbow'])))
-def test_the_embedded_arm_is_not_commanded_for_another_robot(
-    client: RosClient, names: list[str],
-) -> None:
+def test_the_embedded_arm_is_not_commanded_for_another_robot(client, names):
     with ExitStack() as stack:
         node = stack.enter_context(NodeProcess(DYNAMICS, namespace='/other'))
         node.wait_for_log('No robot_description was given: the embedded planar two-link arm')
@@ -183,7 +181,7 @@ def test_the_embedded_arm_is_not_commanded_for_another_robot(
         assert len(errors) == 1
 
 
-def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client: RosClient) -> None:
+def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client):
     with NodeProcess(DYNAMICS, namespace='/own') as node, \
             client.collect(JointState, '/own/effort_command') as efforts:
         efforts.wait_matched()
@@ -194,7 +192,7 @@ def test_the_embedded_arm_is_commanded_by_states_of_its_joints_alone(client: Ros
 
 @fault(OTHER, 'no description, and `~/commands` is remapped',
        'no model; a warning names the topic and the missing description')
-def test_remapped_commands_need_a_description(client: RosClient) -> None:
+def test_remapped_commands_need_a_description(client):
     with NodeProcess(
             DYNAMICS, namespace='/bare', remaps={'~/commands': '/controller/commands'}) as node, \
             client.collect(JointState, '/bare/effort_command') as efforts:
@@ -204,7 +202,7 @@ def test_remapped_commands_need_a_description(client: RosClient) -> None:
         assert efforts.messages == []
 
 
-def test_a_description_on_its_topic_ends_the_refusal(client: RosClient) -> None:
+def test_a_description_on_its_topic_ends_the_refusal(client):
     names = [f'left_{name}' for name in NAMES]
     with NodeProcess(DYNAMICS, namespace='/late') as node, \
             client.collect(JointState, '/late/effort_command') as efforts:

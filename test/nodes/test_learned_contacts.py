@@ -3,7 +3,6 @@
 
 """Real nodes: contact levels from the file that `learn_contact_levels` writes."""
 
-from pathlib import Path
 
 from closed_loop import closed_loop, NAMES, send, START
 from disturbances import push
@@ -12,15 +11,13 @@ import numpy as np
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics_interfaces.msg import Contact
-from ros_harness import KEEP_MANY, LONG, RosClient
+from ros_harness import KEEP_MANY, LONG
 from sensor_msgs.msg import JointState
 
 LEFT = [0.3, 0.9]
 
 
-def test_a_push_exceeds_the_learned_levels_and_motion_does_not(
-    client: RosClient, tmp_path: Path,
-) -> None:
+def test_a_push_exceeds_the_learned_levels_and_motion_does_not(client, tmp_path):
     """In lock-step: as fast as in the recording, then pushed at rest."""
     record_free_motion(tmp_path)
     file = tmp_path / 'levels.yaml'

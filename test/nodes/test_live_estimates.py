@@ -19,7 +19,7 @@ from robot_dynamics.model import ArmDynamics, ExternalWrench, load_arm, make_pay
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -50,7 +50,7 @@ def pairs(states: Collector, estimates: Collector) -> list[int]:
     return [t for t in r if {t, t - STEP_NS} <= q.keys() and t - STEP_NS in r]
 
 
-def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> None:
+def test_a_push_is_seen_through_a_filter_of_first_order(client):
     """In lock-step, so that the values at each stamp do not depend on the machine."""
     with collecting(
             client, '/pushed', 'joint_states', 'dynamics/external_effort', 'dynamics/residual',
@@ -93,7 +93,7 @@ def test_a_push_is_seen_through_a_filter_of_first_order(client: RosClient) -> No
 # ------------------------------------------------------------------------- a robot without nodes
 
 
-def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClient) -> None:
+def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client):
     """Of the planar arm, the lift of joint2 is a force and a torque at tool0."""
     parameters = {
         'joints': NAMES, 'uncertainty.noise_deviation': [0.1, 0.1],
@@ -130,7 +130,7 @@ def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client: RosClie
             assert abs(message.wrench.torque.y) < 0.05
 
 
-def test_a_contact_is_an_event_and_a_fault_if_wanted(client: RosClient) -> None:
+def test_a_contact_is_an_event_and_a_fault_if_wanted(client):
     """The lift of joint2 exceeds its level; the robot rests, so that the velocity adds nothing."""
     parameters = {
         'joints': NAMES, 'contact.effort': [1.0, 2.0], 'contact.effort_per_velocity': [5.0]}
@@ -170,7 +170,7 @@ def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArra
     return fits
 
 
-def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> None:
+def test_missing_data_are_reported_and_estimates_restart(client):
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 
@@ -229,7 +229,7 @@ def test_missing_data_are_reported_and_estimates_restart(client: RosClient) -> N
         assert 0.0 < estimates.messages[0].effort[1] < 1.5
 
 
-def test_the_noise_of_the_estimates_is_the_published_deviation(client: RosClient) -> None:
+def test_the_noise_of_the_estimates_is_the_published_deviation(client):
     """White noise on the effort of a robot at rest; the deviation of the model is the smaller."""
     noise, band = np.array([2.0, 0.5]), 5.0
     uncertainty = {

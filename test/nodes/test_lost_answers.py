@@ -28,7 +28,7 @@ PAIRS = 6
 """Servers, each with one client, that start and end at the same time."""
 
 
-def test_a_client_that_cannot_receive_a_response_is_logged(client: RosClient) -> None:
+def test_a_client_that_cannot_receive_a_response_is_logged(client):
     with NodeProcess(DYNAMICS, namespace='/answers') as node:
         request = InverseDynamics.Request(position=[0.0, 0.0])
         client.call(InverseDynamics, SERVICE, request)
@@ -42,7 +42,7 @@ def test_a_client_that_cannot_receive_a_response_is_logged(client: RosClient) ->
         client.node.destroy_client(unmatched)
 
 
-def test_a_response_waits_until_its_reader_is_discovered(client: RosClient) -> None:
+def test_a_response_waits_until_its_reader_is_discovered(client):
     # The announcements to a stopped node overflow its socket and are repeated later. Writers and
     # readers are announced separately: the node discovers the request writer before the reader.
     with NodeProcess(DYNAMICS, namespace='/answers') as node:
@@ -63,7 +63,7 @@ def test_a_response_waits_until_its_reader_is_discovered(client: RosClient) -> N
 
 
 @pytest.mark.soak
-def test_the_client_of_the_tests_survives_the_end_of_subscriptions(client: RosClient) -> None:
+def test_the_client_of_the_tests_survives_the_end_of_subscriptions(client):
     with NodeProcess(DYNAMICS, namespace='/answers'):
         client.forget('/answers')
         for _ in range(3):
@@ -113,7 +113,7 @@ def answers_of(pair: int, deadline: float) -> tuple[int, int]:
 
 
 @pytest.mark.soak
-def test_no_answer_is_lost_while_nodes_start_and_end() -> None:
+def test_no_answer_is_lost_while_nodes_start_and_end():
     deadline = time.monotonic() + 180.0
     with busy_loops(2), ThreadPoolExecutor(PAIRS) as pool:
         counts = list(pool.map(lambda pair: answers_of(pair, deadline), range(PAIRS)))

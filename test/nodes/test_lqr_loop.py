@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from robot_dynamics.model import ArmDerivatives, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import RosClient
 
 RATE = 200.0
 FORCE = 5.0
@@ -42,7 +41,7 @@ def steps_until(arm: LockStepped, K: np.ndarray, least: float, most: float) -> l
     pytest.fail(f'the largest angle is {angles[-1]} after {MOST_STEPS} steps')
 
 
-def test_the_arm_returns_upright_after_a_push(client: RosClient) -> None:
+def test_the_arm_returns_upright_after_a_push(client):
     K = lqr_gain()
     with lock_stepped(client, '/upright', initial_position=[0.2, -0.1], rate=RATE) as arm:
         steps_until(arm, K, 0.0, 1e-4)
@@ -55,6 +54,6 @@ def test_the_arm_returns_upright_after_a_push(client: RosClient) -> None:
         assert max(left) < 0.2
 
 
-def test_without_feedback_the_arm_falls(client: RosClient) -> None:
+def test_without_feedback_the_arm_falls(client):
     with lock_stepped(client, '/falling', initial_position=[0.2, -0.1], rate=RATE) as arm:
         steps_until(arm, np.zeros((2, 4)), 1.5, np.inf)

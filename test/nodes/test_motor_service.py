@@ -46,7 +46,7 @@ def node(client: RosClient) -> Iterator[Served]:
         yield node
 
 
-def test_inverse_dynamics_reports_the_load_of_the_motors(node: Served) -> None:
+def test_inverse_dynamics_reports_the_load_of_the_motors(node):
     answer = node.answer('inverse_dynamics', joint_names=NAMES[::-1], **{
         name: values[::-1] for name, values in MOTION.items()})
     reflected = np.array([0.1, 0.05]) * A  # the inertia of the rotors at the joints
@@ -60,14 +60,14 @@ def test_inverse_dynamics_reports_the_load_of_the_motors(node: Served) -> None:
     assert any("current of the motor of 'joint1'" in words for words in answer.warnings)
 
 
-def test_forward_dynamics_takes_the_rotors_along(node: Served) -> None:
+def test_forward_dynamics_takes_the_rotors_along(node):
     answer = node.answer('forward_dynamics', position=Q, velocity=V, effort=EFFORT)
     assert list(answer.acceleration) == pytest.approx(A)
     assert len(answer.motor_current) == 2
     assert any("current of the motor of 'joint1'" in words for words in answer.warnings)
 
 
-def test_a_trajectory_must_be_within_what_the_motors_have(node: Served) -> None:
+def test_a_trajectory_must_be_within_what_the_motors_have(node):
     path = quintic_via_points(NAMES, (0.0, 1.0, 2.0), [[0.0, 0.0], [1.5, -0.4], [0.2, 1.0]])
     answer = node.answer('inverse_dynamics_trajectory', trajectory=trajectory_to_ros(path))
     expected = efforts_along(DRIVEN, path)
@@ -81,14 +81,14 @@ def test_a_trajectory_must_be_within_what_the_motors_have(node: Served) -> None:
     assert answer.warnings == [answer.message]
 
 
-def test_a_batch_warns_of_the_motors_too(node: Served) -> None:
+def test_a_batch_warns_of_the_motors_too(node):
     one, batch = (
         node.answer(name, **MOTION) for name in ('inverse_dynamics', 'inverse_dynamics_batch'))
     assert [line.replace(' in sample 0', '') for line in batch.warnings] == list(one.warnings)
     assert any('current of the motor' in line for line in batch.warnings)
 
 
-def test_the_urdfs_transmissions_are_the_gear_ratios(client: RosClient) -> None:
+def test_the_urdfs_transmissions_are_the_gear_ratios(client):
     parameters = {**PARAMETERS, 'actuator.gear_ratio': []}
     with served(client, '/described', with_transmissions(100, 50), **parameters) as node:
         answer = node.answer('inverse_dynamics', **MOTION)

@@ -4,14 +4,13 @@
 """The running node `mujoco_arm`, alone and in lock-step with `dynamics`."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from absent_libraries import environment_without
 from disturbances import push, ZERO
 import numpy as np
 import pytest
-from ros_harness import DYNAMICS, log_of_failed_start, MUJOCO_ARM, NodeProcess, RosClient, running
+from ros_harness import DYNAMICS, log_of_failed_start, MUJOCO_ARM, NodeProcess, running
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -36,7 +35,7 @@ def loop() -> Iterator[NodeProcess]:
         yield arm
 
 
-def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) -> None:
+def test_it_holds_and_is_pushed_and_reset(client, loop):
     with client.collect(JointState, '/mujoco/joint_states') as states:
         first = states.wait_for(lambda state: state.header.stamp.sec >= 2)
         assert list(first.name) == NAMES
@@ -53,7 +52,7 @@ def test_it_holds_and_is_pushed_and_reset(client: RosClient, loop: NodeProcess) 
     assert answer.success
 
 
-def test_invalid_messages_are_named_and_nothing_ends(client: RosClient, loop: NodeProcess) -> None:
+def test_invalid_messages_are_named_and_nothing_ends(client, loop):
     loop.provoke(
         lambda: push(client, '/mujoco/mujoco_arm', ZERO, 'elbow'),
         "Rejected a message of ~/external_wrench: header.frame_id is 'elbow', expected a body of "
@@ -70,7 +69,7 @@ def test_invalid_messages_are_named_and_nothing_ends(client: RosClient, loop: No
         states.wait_for(lambda state: state.header.stamp.sec > time.sec + 1)
 
 
-def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
+def test_without_commands_the_brakes_hold_again(client):
     with NodeProcess(MUJOCO_ARM, {'initial_position': START}, namespace='/braked') as node:
         efforts = client.publisher(JointState, '/braked/effort_command', 1)
         with client.collect(JointState, '/braked/joint_states') as states:
@@ -92,20 +91,20 @@ def test_without_commands_the_brakes_hold_again(client: RosClient) -> None:
     ({'gravity': [0.0]}, 'gravity has 1 values, expected 3'),
     ({'paused': True}, 'paused is true, expected false'),
 ])
-def test_an_invalid_start_is_one_line(parameters: dict[str, Any], words: str) -> None:
+def test_an_invalid_start_is_one_line(parameters, words):
     log = log_of_failed_start(MUJOCO_ARM, parameters)
     line, = [line for line in log.splitlines() if line.startswith('robot_dynamics: ')]
     assert words in line
 
 
-def test_broken_xml_is_one_error(tmp_path: Path) -> None:
+def test_broken_xml_is_one_error(tmp_path):
     file = tmp_path / 'arm.xml'
     file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
     assert 'robot_dynamics: mjcf: MuJoCo rejects' in log_of_failed_start(
         MUJOCO_ARM, {'mjcf': str(file)})
 
 
-def test_without_mujoco_the_extra_is_named(tmp_path: Path) -> None:
+def test_without_mujoco_the_extra_is_named(tmp_path):
     log = log_of_failed_start(
         MUJOCO_ARM, environment=environment_without(tmp_path, ['mujoco']))
     assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in log

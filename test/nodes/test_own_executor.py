@@ -19,7 +19,7 @@ from own_process import answer, own_process, OwnProcess, stamps_of
 import pytest
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from ros_harness import NodeProcess, PATIENT, RosClient, wait_until
+from ros_harness import NodeProcess, PATIENT, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
@@ -43,9 +43,7 @@ def process() -> Iterator[OwnProcess]:
 
 
 @pytest.mark.parametrize('state_thread', [True, False])
-def test_dynamics_answers_joint_states(
-    client: RosClient, process: OwnProcess, executor: Any, state_thread: bool,
-) -> None:
+def test_dynamics_answers_joint_states(client, process, executor, state_thread):
     node = process.dynamics(state_thread=state_thread)
     process.other('neighbour')
     with process.spun(executor):
@@ -56,7 +54,7 @@ def test_dynamics_answers_joint_states(
     assert node.callback_errors == 0
 
 
-def test_a_node_that_changes_its_executor_answers(client: RosClient, process: OwnProcess) -> None:
+def test_a_node_that_changes_its_executor_answers(client, process):
     node = process.dynamics()
     first = SingleThreadedExecutor(context=process.context)
     first.add_node(node)
@@ -68,9 +66,7 @@ def test_a_node_that_changes_its_executor_answers(client: RosClient, process: Ow
         assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
 
 
-def test_simulated_arm_publishes_states_and_takes_efforts(
-    client: RosClient, process: OwnProcess, executor: Any,
-) -> None:
+def test_simulated_arm_publishes_states_and_takes_efforts(client, process, executor):
     process.simulated_arm(rate=50.0, command_timeout=0.0)
     with process.spun(executor), client.collect(
             JointState, f'{process.namespace}/joint_states') as states:
@@ -82,9 +78,7 @@ def test_simulated_arm_publishes_states_and_takes_efforts(
     assert len(moved.effort) == 2
 
 
-def test_both_and_a_third_node_in_one_executor(
-    client: RosClient, process: OwnProcess, executor: Any,
-) -> None:
+def test_both_and_a_third_node_in_one_executor(client, process, executor):
     nodes = process.simulated_arm(rate=50.0), process.dynamics()
     neighbour, ticks = process.other('neighbour'), Counter[str]()
     neighbour.create_timer(0.05, lambda: ticks.update(['timer']))
@@ -103,9 +97,7 @@ def test_both_and_a_third_node_in_one_executor(
     assert [node.callback_errors for node in nodes] == [0, 0]
 
 
-def test_the_threads_of_both_nodes_end_with_the_nodes(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_the_threads_of_both_nodes_end_with_the_nodes(client, process):
     before = set(threading.enumerate())
     process.simulated_arm(rate=50.0)
     process.dynamics()
@@ -118,7 +110,7 @@ def test_the_threads_of_both_nodes_end_with_the_nodes(
 
 
 @pytest.mark.parametrize('threads', [1, 3])
-def test_the_example_of_the_documentation(client: RosClient, threads: int) -> None:
+def test_the_example_of_the_documentation(client, threads):
     namespace = f'/example{threads}'
     example = NodeProcess(
         'one_process', {**PATIENT, 'rate': 50.0, 'initial_position': Q}, namespace=namespace,
@@ -160,7 +152,7 @@ print('all done')
 
 
 @pytest.mark.parametrize('end', ['shutdown', 'nothing'])
-def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) -> None:
+def test_a_process_that_destroys_no_node_ends_in_order(executor, end):
     done = subprocess.run(
         [sys.executable, '-c', FORGETFUL, executor.__name__, end],
         capture_output=True, text=True, timeout=TIMEOUT)
@@ -169,9 +161,7 @@ def test_a_process_that_destroys_no_node_ends_in_order(executor: Any, end: str) 
     assert 'Traceback' not in done.stderr
 
 
-def test_a_stop_ends_what_waits_for_a_busy_executor(
-    client: RosClient, process: OwnProcess,
-) -> None:
+def test_a_stop_ends_what_waits_for_a_busy_executor(client, process):
     node, busy, released = process.dynamics(), threading.Event(), threading.Event()
 
     def work() -> None:

@@ -51,7 +51,7 @@ def ask(client: RosClient, **fields: Any) -> Any:
         LONG)
 
 
-def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
+def test_a_hidden_payload_is_estimated_and_applied(client):
     with client.collect(JointState, '/carried/dynamics/gravity_compensation') as gravity, \
             client.collect(InertiaStamped, '/carried/dynamics/payload') as payloads, \
             client.collect(JointState, '/carried/dynamics/reference') as references, \
@@ -89,7 +89,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client: RosClient) -> None:
         assert 'no estimation is active' in ask(client).message
 
 
-def test_an_estimation_ends_with_its_model_and_needs_effort(client: RosClient) -> None:
+def test_an_estimation_ends_with_its_model_and_needs_effort(client):
     with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/carried'):
         states = client.publisher(JointState, '/carried/joint_states', 1)
 

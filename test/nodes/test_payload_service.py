@@ -5,7 +5,6 @@
 
 from dataclasses import replace
 import re
-from typing import Any
 
 from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
@@ -24,20 +23,17 @@ from ros_harness import (
     LATCHED,
     log_of_failed_start,
     NodeProcess,
-    RosClient,
     running,
     SIMULATED_ARM,
     wait_until,
 )
 from sensor_msgs.msg import JointState
-from service_bench import A, Q, Served, TAU, V
+from service_bench import A, Q, TAU, V
 
 LOAD = make_payload('tool0', 2.5, (0.1, 0.0, 0.2), np.diag((0.01, 0.02, 0.015)))
 
 
-def test_a_payload_counts_in_every_service_and_is_latched(
-    planar: Served, client: RosClient,
-) -> None:
+def test_a_payload_counts_in_every_service_and_is_latched(planar, client):
     arm = planar.arm
     loaded = ArmDynamics(arm.with_payloads([LOAD]))
     q, v, a = np.array(Q), np.array(V), np.array(A)
@@ -68,7 +64,7 @@ def test_a_payload_counts_in_every_service_and_is_latched(
         qos=LATCHED)
 
 
-def test_payloads_of_the_parameters_are_in_force_after_the_start(client: RosClient) -> None:
+def test_payloads_of_the_parameters_are_in_force_after_the_start(client):
     parameters = {
         'joints': ['joint1', 'joint2'], 'payload.links': ['tool0', 'link2'],
         'payload.mass': [2.5, 1.0], 'payload.com': [0.1, 0.0, 0.2, 0.0, 0.0, 0.0],
@@ -88,7 +84,7 @@ def test_payloads_of_the_parameters_are_in_force_after_the_start(client: RosClie
         assert replaced.message == "1 kg on 'link2', 1 kg on 'tool0' (replaces 2.5 kg on 'tool0')"
 
 
-def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> None:
+def test_a_payload_that_the_arm_cannot_hold_where_it_is(client):
     with NodeProcess(DYNAMICS, {'joints': ['joint1', 'joint2']}, namespace='/heavy'):
         states = client.publisher(JointState, '/heavy/joint_states', 1)
         request = SetPayload.Request(payload=payload_to_ros(make_payload('tool0', 12.0)))
@@ -116,13 +112,11 @@ def test_a_payload_that_the_arm_cannot_hold_where_it_is(client: RosClient) -> No
      r'payload\.com has 2 values, expected 3 for each'),
     ({'payload.links': ['tool0', 'tool0'], 'payload.mass': [1.0, 2.0]}, 'expected each link once'),
     ({'payload.links': ['tool0'], 'payload.mass': [-1.0]}, r'payload\.mass.* -1')])
-def test_mismatched_payload_parameters_end_the_start(changes: dict[str, Any], words: str) -> None:
+def test_mismatched_payload_parameters_end_the_start(changes, words):
     assert re.search(words, log_of_failed_start(DYNAMICS, changes))
 
 
-def test_a_transition_takes_the_time_of_the_joint_states(
-    planar: Served, client: RosClient,
-) -> None:
+def test_a_transition_takes_the_time_of_the_joint_states(planar, client):
     # The mass differs from earlier ones, which a late subscriber to the payload may receive too.
     load = replace(LOAD, mass=1.5)
     loaded = ArmDynamics(planar.arm.with_payloads([load]))

@@ -7,7 +7,7 @@ Planned stops on a real node: `~/stop`, and the timeout of a stream of set-point
 The reference comes to rest along its path without a jump, and the node then holds the position.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import time
 from typing import Any
 
@@ -97,7 +97,7 @@ SLOW_GOAL = [Q[0] + 0.8, Q[1] + 0.8]
 
 @fault(GROUP, '`~/stop` while a trajectory is followed',
        'each joint stops alone; the position is held; reported until the next reference')
-def test_stop_on_a_trajectory(arm: FaultBench) -> None:
+def test_stop_on_a_trajectory(arm):
     with IdealArm(arm) as ideal:
         arm.trajectories.publish(trajectory_to(SLOW_GOAL, 10))
         ideal.wait_moving()
@@ -115,7 +115,7 @@ def test_stop_on_a_trajectory(arm: FaultBench) -> None:
 
 @fault(GROUP, '`~/stop` without a reference',
        'a planned stop from the measured state; the position is held')
-def test_stop_without_a_reference(arm: FaultBench) -> None:
+def test_stop_without_a_reference(arm):
     arm.set_parameters(command='gravity_compensation')
     move_by_hand(arm, ELSEWHERE)
     response = stop(arm)
@@ -133,7 +133,7 @@ BATCHES, SAMPLES = 20, 100_000
 
 @fault(GROUP, '`~/stop` while 20 batches of 100,000 samples are computed',
        'answered, and effective, before the batches are answered')
-def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], Any]) -> None:
+def test_stop_while_batches_are_computed(arm, seen):
     node = arm.client.node
     service = node.create_client(InverseDynamicsBatch, arm.name('inverse_dynamics_batch'))
     answered: list[float] = []
@@ -162,7 +162,7 @@ def test_stop_while_batches_are_computed(arm: FaultBench, seen: Callable[[str], 
 
 @fault(GROUP, '`~/stop` while the node is unconfigured or inactive',
        '`success` true; the message explains that there is nothing to stop')
-def test_stop_of_a_node_that_is_not_active(client: RosClient) -> None:
+def test_stop_of_a_node_that_is_not_active(client):
     with lifecycle_bench(client, '/interrupted_idle', {'autostart': False}) as one:
         words = 'nothing to stop: the node is not active'
         assert one.state() == 'unconfigured'

@@ -12,7 +12,7 @@ from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
@@ -28,7 +28,7 @@ def state(nanoseconds: int, **fields: Any) -> JointState:
     return message
 
 
-def test_it_is_the_trajectory_at_the_stamp_of_the_state(client: RosClient) -> None:
+def test_it_is_the_trajectory_at_the_stamp_of_the_state(client):
     """In the joint order of the node, independent of the order of the trajectory."""
     trajectory = quintic_via_points(
         NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])

@@ -54,7 +54,7 @@ def settle(tracking: Bench, reference: Any) -> Any:
     raise AssertionError(f'the computed torque did not become {wanted} in {TIMEOUT:g} s')
 
 
-def test_a_set_point_is_followed(tracking: Bench) -> None:
+def test_a_set_point_is_followed(tracking):
     tracking.command(tracking.state())
     tracking.follow(JointTrajectoryPoint(
         positions=Q, velocities=V, accelerations=[0.1, 0.2]))
@@ -82,6 +82,6 @@ def test_a_set_point_is_followed(tracking: Bench) -> None:
     assert terms.coriolis == pytest.approx([0.15, -0.234], abs=5e-9)
 
 
-def test_the_error_is_fed_back_with_the_gains_of_each_joint(tracking: Bench) -> None:
+def test_the_error_is_fed_back_with_the_gains_of_each_joint(tracking):
     tracking.follow(JointTrajectoryPoint(positions=[Q[0] + 0.02, Q[1] - 0.03]))
     settle(tracking, ([Q[0] + 0.02, Q[1] - 0.03],))

@@ -71,9 +71,7 @@ SHORT, LONGEST = recordings_of(COUNTS)[:2], recordings_of(COUNTS)[2]
 
 @pytest.mark.parametrize('name', [
     *SHORT, pytest.param(*LONGEST.values, marks=[*LONGEST.marks, pytest.mark.soak])])
-def test_the_efforts_are_those_of_the_library_and_of_the_recording(
-    replay: Replay, name: str, tmp_path: Path,
-) -> None:
+def test_the_efforts_are_those_of_the_library_and_of_the_recording(replay, name, tmp_path):
     dynamics = ArmDynamics(load_arm(default_arm_urdf(), NAMES))
     path = recording_path(name, tmp_path)
     with Recording(path) as recording:
@@ -89,9 +87,7 @@ def test_the_efforts_are_those_of_the_library_and_of_the_recording(
 
 
 @pytest.mark.parametrize('name', recordings_of(['made_sqlite3', 'sqlite3_zstd']))
-def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(
-    client: RosClient, name: str, tmp_path: Path,
-) -> None:
+def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(client, name, tmp_path):
     """As `ros2 bag play --clock` publishes it, to a node with `use_sim_time`."""
     states = states_of(recording_path(name, tmp_path))[:300]
     shift = int(time.time()) - 600 - STAMP.unpack_from(states[0], 4)[0]

@@ -12,7 +12,7 @@ import pytest
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robots import arm_without_gripper, robot_urdf
-from ros_harness import LONG, RosClient
+from ros_harness import LONG
 from sensor_msgs.msg import JointState
 from service_bench import Served
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -25,7 +25,7 @@ TOLERANCE = 0.05
 
 
 @pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-def test_retimed_plans_succeed_also_after_a_preemption(client: RosClient, name: str) -> None:
+def test_retimed_plans_succeed_also_after_a_preemption(client, name):
     arm = arm_without_gripper(name)
     names, n = list(arm.joint_names), arm.joint_count
     limit = arm.limits.effort

@@ -3,7 +3,6 @@
 
 """`~/retime_trajectory` over DDS: results, order of the joints, and joint states meanwhile."""
 
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from robot_dynamics.ros.middleware.conversions import trajectory_from_ros, traje
 from robot_dynamics.trajectories import efforts_along, make_trajectory, retime
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess
 from service_bench import Served, served
 from simulated_arms import two_link
 from trajectory_msgs.msg import JointTrajectory
@@ -28,7 +27,7 @@ def rate_of(node: Served) -> float:
     return float(node.client.get_parameter('/planar/dynamics', 'effort_rate_limit'))
 
 
-def test_the_result_is_that_of_the_library(planar: Served) -> None:
+def test_the_result_is_that_of_the_library(planar):
     response = planar.answer('retime_trajectory', trajectory=request(planar))
     path = trajectory_from_ros(request(planar), planar.arm.joint_names)
     rates = 0.75 * rate_of(planar)
@@ -46,7 +45,7 @@ def test_the_result_is_that_of_the_library(planar: Served) -> None:
     assert list(response.warnings) == []
 
 
-def test_efforts_that_may_jump_are_faster(planar: Served) -> None:
+def test_efforts_that_may_jump_are_faster(planar):
     slow = planar.answer('retime_trajectory', trajectory=request(planar))
     fast = planar.answer(
         'retime_trajectory', trajectory=request(planar), efforts_may_jump=True)
@@ -57,7 +56,7 @@ def test_efforts_that_may_jump_are_faster(planar: Served) -> None:
     assert len(slow.trajectory.points[1].accelerations) == 2
 
 
-def test_the_order_is_that_of_the_request(planar: Served) -> None:
+def test_the_order_is_that_of_the_request(planar):
     message = request(planar)
     expected = planar.answer(
         'retime_trajectory', trajectory=message, acceleration_limits=[5.0, 50.0])
@@ -76,7 +75,7 @@ def test_the_order_is_that_of_the_request(planar: Served) -> None:
         assert list(point.effort) == list(other.effort[::-1])
 
 
-def test_the_effort_limit_fraction_is_that_of_the_node(client: RosClient) -> None:
+def test_the_effort_limit_fraction_is_that_of_the_node(client):
     with NodeProcess(DYNAMICS, {'effort_limit_fraction': 0.7}, namespace='/weak'):
         weak = Served(client, '/weak', two_link())
         message = request(weak)
@@ -87,14 +86,14 @@ def test_the_effort_limit_fraction_is_that_of_the_node(client: RosClient) -> Non
     assert of_node.duration == named.duration > full.duration
 
 
-def test_slow_down(planar: Served) -> None:
+def test_slow_down(planar):
     response = planar.answer(
         'retime_trajectory', trajectory=request(planar), method='slow_down')
     assert response.ratio >= 1.0
     assert len(response.trajectory.points) == 3
 
 
-def test_joint_states_are_answered_meanwhile(client: RosClient) -> None:
+def test_joint_states_are_answered_meanwhile(client):
     with served(client, '/busy', robot_urdf('panda')) as node:
         arm = node.arm
         t = np.linspace(0.0, 1.0, 1000)[:, np.newaxis]
@@ -109,9 +108,7 @@ def test_joint_states_are_answered_meanwhile(client: RosClient) -> None:
     ({'method': 'quick'}, "method is 'quick', expected one of"),
     ({'acceleration_limits': [1.0, -1.0]}, "acceleration_limits of 'joint2' is -1"),
 ])
-def test_bad_requests_are_rejected_by_name(
-    planar: Served, fields: dict[str, Any], words: str,
-) -> None:
+def test_bad_requests_are_rejected_by_name(planar, fields, words):
     trajectory = request(planar) if fields else JointTrajectory()
     response = planar.ask('retime_trajectory', trajectory=trajectory, **fields)
     assert not response.success

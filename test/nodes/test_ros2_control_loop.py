@@ -81,7 +81,7 @@ def stack() -> Iterator[ExitStack]:
         yield processes
 
 
-def test_before_the_first_command_there_is_none(client: RosClient, stack: ExitStack) -> None:
+def test_before_the_first_command_there_is_none(client, stack):
     one = robot(client, stack, '/before', ALWAYS, ['position'])
     assert all(np.isnan(m.effort).all() for m in one.received.wait_count(20))
     one.arm.wait_for_log('Rejected an effort')
@@ -110,9 +110,7 @@ def wait_unchanged(efforts: Collector) -> list[float]:
        '`simulated_arm`; then the controller is deactivated',
        'the arm reaches its goal first; after SIGKILL the last command stays active, and the '
        'brakes do not engage; deactivation writes 0 immediately: the arm falls')
-def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
-    client: RosClient, stack: ExitStack,
-) -> None:
+def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(client, stack):
     one = robot(client, stack, '/closed', ALWAYS, command_timeout=1.0)
     dynamics = commanding(one.space).start()
     try:
@@ -152,9 +150,7 @@ def test_the_loop_closes_and_the_controller_keeps_the_last_efforts(
        'a command equal to the reported effort is not published: the brakes of '
        '`simulated_arm` engage after `command_timeout`; the next command releases them; this '
        'repeats')
-def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(
-    client: RosClient, stack: ExitStack, seen: Any,
-) -> None:
+def test_a_threshold_that_is_not_negative_lets_the_brakes_cycle(client, stack, seen):
     one = robot(client, stack, '/threshold', DEFAULT_THRESHOLD)
     stack.enter_context(commanding(one.space))
     one.received.wait_for(lambda m: np.isfinite(m.effort).all())

@@ -79,9 +79,7 @@ def wait_held(
     ('default', 30.0), ('ur10', 250.0),
     *(pytest.param(*case, marks=pytest.mark.soak) for case in (
         ('default', 500.0), ('panda', 100.0), ('xarm7', 250.0)))])
-def test_a_set_point_is_reached_within_the_limits(
-    client: RosClient, name: str, rate: float, size: float,
-) -> None:
+def test_a_set_point_is_reached_within_the_limits(client, name, rate, size):
     urdf = robot_urdf(name)
     arm = load_arm(urdf, JOINTS.get(name, []))
     names, limits = list(arm.joint_names), arm.limits
@@ -106,7 +104,7 @@ def test_a_set_point_is_reached_within_the_limits(
     assert (past <= np.maximum(0.05 * moved, 0.01)).all()
 
 
-def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
+def test_the_first_trial_of_the_safety_page(client):
     """docs/safety.md, section "The first command, and every change", step by step."""
     start, goal = np.array([0.8, 0.5]), np.array([0.85, 0.5])
     namespace, node = '/first_trial', '/first_trial/dynamics'
@@ -145,9 +143,7 @@ def test_the_first_trial_of_the_safety_page(client: RosClient) -> None:
         assert all((np.abs(m.velocity) <= limits.velocity).all() for m in states.messages)
 
 
-def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(
-    client: RosClient,
-) -> None:
+def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(client):
     start, limit = np.array([0.3, 0.5]), 15.0
     namespace = '/pushed_beyond'
     with both(client, namespace, start, external_effort_limit=[limit]) as states, \

@@ -14,7 +14,6 @@ from ros_harness import (
     DYNAMICS,
     log_of_failed_start,
     NodeProcess,
-    RosClient,
     SIMULATED_ARM,
     wait_until,
 )
@@ -53,7 +52,7 @@ def nodes() -> Iterator[None]:
 
 @pytest.mark.parametrize('kind', ['publish', 'subscribe', 'reply', 'request'])
 @pytest.mark.parametrize('node', NODES)
-def test_the_policy_is_that_of_the_running_node(client: RosClient, node: str, kind: str) -> None:
+def test_the_policy_is_that_of_the_running_node(client, node, kind):
     ask: Any = {
         'publish': client.node.get_publisher_names_and_types_by_node,
         'subscribe': client.node.get_subscriber_names_and_types_by_node,
@@ -73,14 +72,14 @@ def test_the_policy_is_that_of_the_running_node(client: RosClient, node: str, ki
     assert running() == expected
 
 
-def test_the_policy_allows_the_action_of_the_running_node(client: RosClient) -> None:
+def test_the_policy_allows_the_action_of_the_running_node(client):
     (expected,) = allowed('dynamics', 'execute')
     ask = client.node.get_service_names_and_types_by_node
     wait_until(
         lambda: f'{expected}/_action/send_goal' in dict(ask('dynamics', '/')), 'the action')
 
 
-def test_the_policy_allows_drives_no_other_nodes_and_one_controller() -> None:
+def test_the_policy_allows_drives_no_other_nodes_and_one_controller():
     assert allowed('simulated_arm', 'subscribe') > WITH_DRIVES
     profiles = ElementTree.parse(POLICY).findall('.//profile')
     assert [profile.get('node') for profile in profiles] == list(NODES)
@@ -92,9 +91,7 @@ def test_the_policy_allows_drives_no_other_nodes_and_one_controller() -> None:
     ((), 'SECURITY ERROR|security'),
     (FILES, "doesn't have the security libraries|SECURITY|security"),
 ])
-def test_a_node_without_the_required_security_ends(
-    tmp_path: Path, files: tuple[str, ...], words: str,
-) -> None:
+def test_a_node_without_the_required_security_ends(tmp_path, files, words):
     """No node starts unprotected: a node ends if keys are missing or invalid."""
     enclave = tmp_path / 'enclaves' / 'arm'
     enclave.mkdir(parents=True)

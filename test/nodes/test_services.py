@@ -35,7 +35,7 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 # --- reference values of the planar arm ----------------------------------------------------------
 
-def test_manipulator_equation_of_the_planar_arm(planar: Served) -> None:
+def test_manipulator_equation_of_the_planar_arm(planar):
     response = planar.answer(
         'manipulator_equation', position=Q, velocity=V, include_christoffel=True)
     assert response.mass_matrix == pytest.approx(
@@ -50,7 +50,7 @@ def test_manipulator_equation_of_the_planar_arm(planar: Served) -> None:
     assert response.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
 
 
-def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
+def test_velocity_and_acceleration_left_out_are_zero(planar):
     still = planar.answer('inverse_dynamics', position=Q)
     assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
     assert list(still.terms.inertial) == [0.0, 0.0]
@@ -60,7 +60,7 @@ def test_velocity_and_acceleration_left_out_are_zero(planar: Served) -> None:
     assert M @ released.acceleration == pytest.approx([49.52282521, 11.37087883], abs=5e-9)
 
 
-def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
+def test_before_the_model_every_service_reports_it(client):
     with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
         for service, kind in SERVICES.items():
             response = client.call(kind, f'/empty/dynamics/{service}')
@@ -70,7 +70,7 @@ def test_before_the_model_every_service_reports_it(client: RosClient) -> None:
 
 # --- real robots ---------------------------------------------------------------------------------
 
-def test_numbers_are_those_of_the_library(robot: Served) -> None:
+def test_numbers_are_those_of_the_library(robot):
     arm, dynamics = robot.arm, robot.dynamics
     q, v, a = some_state(arm, 1)
     fields = {'position': floats_to_ros(q), 'velocity': floats_to_ros(v)}
@@ -97,7 +97,7 @@ def test_numbers_are_those_of_the_library(robot: Served) -> None:
     assert list(equation.christoffel) == []  # without `include_christoffel`
 
 
-def test_the_order_of_a_request_is_that_of_its_answer(robot: Served) -> None:
+def test_the_order_of_a_request_is_that_of_its_answer(robot):
     arm = robot.arm
     q, v, a = some_state(arm, 2)
     order = np.random.default_rng(5).permutation(arm.joint_count)
@@ -121,7 +121,7 @@ def test_the_order_of_a_request_is_that_of_its_answer(robot: Served) -> None:
     assert c @ v[order] == pytest.approx(np.reshape(equation.coriolis_matrix, (n, n)))
 
 
-def test_wrenches_on_a_link_count(robot: Served) -> None:
+def test_wrenches_on_a_link_count(robot):
     arm, link = robot.arm, robot.arm.link_names[-1]
     q, v, a = some_state(arm, 3)
     force, torque = (1.0, -2.0, 3.0), (0.3, 0.2, -0.1)
@@ -135,7 +135,7 @@ def test_wrenches_on_a_link_count(robot: Served) -> None:
     assert back.acceleration == pytest.approx(a, rel=1e-6, abs=1e-6)
 
 
-def test_a_thousand_samples_at_once(robot: Served) -> None:
+def test_a_thousand_samples_at_once(robot):
     arm, random = robot.arm, np.random.default_rng(7)
     n = arm.joint_count
     rows = random.uniform(-1.0, 1.0, (3, 1000, n))
@@ -150,7 +150,7 @@ def test_a_thousand_samples_at_once(robot: Served) -> None:
 
 # --- warnings ------------------------------------------------------------------------------------
 
-def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) -> None:
+def test_a_state_outside_the_limits_is_answered_with_a_warning(robot):
     arm = robot.arm
     q, v, a = some_state(arm, 6)
     limited = int(np.argmax(np.isfinite(arm.limits.upper)))
@@ -169,7 +169,7 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot: Served) ->
             assert any(line.startswith(words) for line in answer.warnings), answer.warnings
 
 
-def test_within_the_limits_there_is_no_warning(planar: Served) -> None:
+def test_within_the_limits_there_is_no_warning(planar):
     for service, fields in (
             ('inverse_dynamics', {}), ('manipulator_equation', {}),
             ('inverse_dynamics_batch', {}), ('forward_dynamics', {'effort': [0.0, 0.0]})):
@@ -177,7 +177,7 @@ def test_within_the_limits_there_is_no_warning(planar: Served) -> None:
         assert (answer.message, list(answer.warnings)) == ('', [])
 
 
-def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
+def test_an_effort_beyond_its_limit_is_a_warning(planar):
     response = planar.answer('inverse_dynamics', position=Q, acceleration=[100.0, 0.0])
     assert [line.split(' is ')[0] for line in response.warnings] == [
         "effort of 'joint1'", "effort of 'joint2'"]
@@ -186,7 +186,7 @@ def test_an_effort_beyond_its_limit_is_a_warning(planar: Served) -> None:
     assert back.warnings == response.warnings
 
 
-def test_a_batch_warns_of_the_worst_sample_of_each_joint(planar: Served) -> None:
+def test_a_batch_warns_of_the_worst_sample_of_each_joint(planar):
     velocity = [*V, 12.0, 0.0, -20.0, 30.0, 11.0, 0.0]  # the limit is 10 rad/s
     response = planar.answer('inverse_dynamics_batch', position=Q * 4, velocity=velocity)
     speeds = [line for line in response.warnings if line.startswith('velocity')]
@@ -200,7 +200,7 @@ def test_a_batch_warns_of_the_worst_sample_of_each_joint(planar: Served) -> None
             line.split(' is ')[0] for line in response.warnings}
 
 
-def test_every_service_has_warnings() -> None:
+def test_every_service_has_warnings():
     for name, service in SERVICES.items():
         assert service.Response.get_fields_and_field_types().get('warnings') == (
             'sequence<string>'), name
@@ -208,7 +208,7 @@ def test_every_service_has_warnings() -> None:
 
 # --- trajectories --------------------------------------------------------------------------------
 
-def test_a_trajectory_gets_its_efforts(planar: Served) -> None:
+def test_a_trajectory_gets_its_efforts(planar):
     path = quintic_via_points(
         planar.arm.joint_names, (0.0, 1.0, 2.5), [[0.0, 0.0], [1.5, -0.4], [0.2, 1.0]])
     message = trajectory_to_ros(path)
@@ -228,7 +228,7 @@ def test_a_trajectory_gets_its_efforts(planar: Served) -> None:
     assert response.worst_time == expected.worst_time
 
 
-def test_a_trajectory_that_is_too_quick_is_not_feasible(planar: Served) -> None:
+def test_a_trajectory_that_is_too_quick_is_not_feasible(planar):
     path = quintic_via_points(
         planar.arm.joint_names, (0.0, 0.15, 0.3), [[0.0, 0.0], [1.5, 0.5], [0.0, 0.0]])
     response = planar.answer('inverse_dynamics_trajectory', trajectory=trajectory_to_ros(path))
@@ -240,9 +240,7 @@ def test_a_trajectory_that_is_too_quick_is_not_feasible(planar: Served) -> None:
 
 
 @pytest.mark.parametrize('names', [['joint2', 'joint1'], []])
-def test_a_trajectory_is_in_its_own_order_or_in_the_nodes(
-    planar: Served, names: list[str],
-) -> None:
+def test_a_trajectory_is_in_its_own_order_or_in_the_nodes(planar, names):
     back = -1 if names else 1
     response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
         joint_names=names, points=[JointTrajectoryPoint(positions=Q[::back])]))

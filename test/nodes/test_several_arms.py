@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import LONG, RosClient
+from ros_harness import LONG
 from sensor_msgs.msg import JointState
 
 SIDES = ('left_', 'right_')
@@ -36,7 +36,7 @@ def two_arms() -> str:
     return ET.tostring(robot, encoding='unicode')
 
 
-def test_one_node_serves_the_two_arms_of_a_description(client: RosClient) -> None:
+def test_one_node_serves_the_two_arms_of_a_description(client):
     """Each arm is held at first; then one moves to its goal and the other stays."""
     urdf = two_arms()
     names = [side + name for side in SIDES for name in NAMES]
@@ -59,7 +59,7 @@ def test_one_node_serves_the_two_arms_of_a_description(client: RosClient) -> Non
     assert np.abs(np.subtract(right, start[2:])).max() < 1e-4
 
 
-def test_two_namespaces_are_two_arms(client: RosClient) -> None:
+def test_two_namespaces_are_two_arms(client):
     """A goal for one arm moves it alone."""
     goal = [START[0] - 0.3, START[1] + 0.3]
     with ExitStack() as stack:

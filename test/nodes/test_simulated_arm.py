@@ -42,7 +42,7 @@ def set_payload(one: LockStepped, **fields: Any) -> Any:
         SetPayload, f'{one.namespace}/simulated_arm/set_payload', SetPayload.Request(**fields))
 
 
-def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped) -> None:
+def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped):
     assert stamp_from_ros(stepped.state.header.stamp) == PERIOD_NS
     assert list(stepped.state.name) == NAMES
     assert list(stepped.state.position) == START
@@ -51,7 +51,7 @@ def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped: LockStepped)
     assert {stamp_from_ros(m.header.stamp) for m in again} == {PERIOD_NS}
 
 
-def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
+def test_each_effort_makes_the_next_state(stepped):
     twin = released(ARM, START)
     stepped.step(ArmDynamics(ARM).rigid_body.gravity(np.array(START)).tolist())
     # the state after other tests does not matter: continue from the published state
@@ -67,7 +67,7 @@ def test_each_effort_makes_the_next_state(stepped: LockStepped) -> None:
         assert list(state.effort) == effort
 
 
-def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
+def test_lock_step_is_no_faster_than_requested(client):
     with lock_stepped(client, '/paced', rate=100.0, real_time_factor=0.5) as paced:
         began = time.monotonic()
         for _ in range(11):  # the arm publishes the first state after `began`, and ten more follow
@@ -76,7 +76,7 @@ def test_lock_step_is_no_faster_than_requested(client: RosClient) -> None:
 
 
 @pytest.mark.parametrize('mode', ['lock_step', 'publish_clock'])
-def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) -> None:
+def test_a_pause_keeps_time_and_arm_until_it_ends(client, mode):
     parameters = {'lock_step': False, mode: True, 'paused': True, 'rate': RATE, 'brakes': False,
                   'command_timeout': 0.0}
     with lock_stepped(client, '/paused', **parameters) as paused:
@@ -92,24 +92,24 @@ def test_a_pause_keeps_time_and_arm_until_it_ends(client: RosClient, mode: str) 
         client.set_parameters('/paused/simulated_arm', {'paused': True})
 
 
-def test_without_a_pause_no_time_is_added_to_a_period() -> None:
+def test_without_a_pause_no_time_is_added_to_a_period():
     """The smallest duration that each cycle adds delays the states more and more."""
     loop = WallTimeLoop(None, None, None, threading.Lock(), 1.0 / RATE)  # type: ignore[arg-type]
     assert loop._pause(PERIOD_NS, None) == 0.0  # type: ignore[arg-type]
 
 
-def test_the_time_of_the_computer_cannot_be_paused(client: RosClient) -> None:
+def test_the_time_of_the_computer_cannot_be_paused(client):
     with NodeProcess(SIMULATED_ARM, {'rate': 100.0}, namespace='/unpaused'):
         reason = client.rejection('/unpaused/simulated_arm', 'paused', True)
         assert 'expected false, or lock_step or publish_clock as well' in reason
 
 
-def test_efforts_are_matched_by_name(stepped: LockStepped) -> None:
+def test_efforts_are_matched_by_name(stepped):
     state = stepped.step([9.0, 2.0, 1.0], ['lid', 'joint2', 'joint1'])
     assert list(state.effort) == [1.0, 2.0]
 
 
-def test_the_clock_is_that_of_the_states(stepped: LockStepped) -> None:
+def test_the_clock_is_that_of_the_states(stepped):
     state = stepped.step([0.0, 0.0])
     stepped.clock.wait_for(lambda message: message.clock == state.header.stamp)
 
@@ -117,9 +117,7 @@ def test_the_clock_is_that_of_the_states(stepped: LockStepped) -> None:
 @pytest.mark.parametrize('bad', [
     {'effort': [float('nan'), 0.0]}, {'effort': [1.0]}, {'effort': []},
     {'effort': [1.0, 2.0], 'name': ['joint1', 'elbow']}])
-def test_a_bad_effort_or_an_old_one_moves_nothing(
-    stepped: LockStepped, bad: dict[str, Any],
-) -> None:
+def test_a_bad_effort_or_an_old_one_moves_nothing(stepped, bad):
     before = stepped.state.header.stamp
     message = JointState(**{'name': NAMES, **bad})
     message.header.stamp = before
@@ -132,7 +130,7 @@ def test_a_bad_effort_or_an_old_one_moves_nothing(
     assert stamp_from_ros(state.header.stamp) == stamp_from_ros(before) + PERIOD_NS
 
 
-def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped: LockStepped) -> None:
+def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped):
     """The arm moves, and gets no effort for longer than `command_timeout`."""
     before = stepped.step([20.0, -5.0])
     assert any(before.velocity)
@@ -147,7 +145,7 @@ def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped: LockSteppe
     assert 'No valid effort' not in stepped.node.log
 
 
-def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
+def test_reset_goes_back_to_the_initial_pose(stepped):
     for _ in range(5):
         stepped.step([20.0, -5.0])
     assert list(stepped.state.position) != START
@@ -158,7 +156,7 @@ def test_reset_goes_back_to_the_initial_pose(stepped: LockStepped) -> None:
     assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()
 
 
-def test_a_payload_weighs(stepped: LockStepped) -> None:
+def test_a_payload_weighs(stepped):
     payload = make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
     response = set_payload(stepped, payload=payload_to_ros(payload))
     assert response.success
@@ -181,7 +179,7 @@ def test_a_payload_weighs(stepped: LockStepped) -> None:
     assert set_payload(stepped).message == 'no payload'
 
 
-def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped: LockStepped) -> None:
+def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped):
     heavy = payload_to_ros(make_payload('tool0', 500.0))
     assert 'payload.inertia.m is 500 kg' in set_payload(stepped, payload=heavy).message
     node, name = '/stepped/simulated_arm', 'allow_implausible_payload'
@@ -195,7 +193,7 @@ def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped: LockStep
     assert (response.message, list(response.warnings)) == ('no payload', [])
 
 
-def test_noise_is_on_what_is_measured_alone() -> None:
+def test_noise_is_on_what_is_measured_alone():
     """The noise of each kind is independent of the other kinds."""
     for kind in range(3):
         plant = SimulatedRobot(
@@ -211,7 +209,7 @@ def test_noise_is_on_what_is_measured_alone() -> None:
         assert plant.simulation.q.tolist() == START
 
 
-def test_wall_time_advances_without_efforts(client: RosClient) -> None:
+def test_wall_time_advances_without_efforts(client):
     parameters = {'rate': 200.0, 'initial_position': START}
     with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall'), \
             client.collect(JointState, '/wall/joint_states') as states:
@@ -227,7 +225,7 @@ def test_wall_time_advances_without_efforts(client: RosClient) -> None:
         assert client.node.count_publishers('/wall/clock') == 0
 
 
-def test_without_brakes_it_falls_freely(client: RosClient) -> None:
+def test_without_brakes_it_falls_freely(client):
     parameters = {'rate': 200.0, 'initial_position': START, 'brakes': False,
                   'publish_clock': True}
     with client.collect(JointState, '/falling/joint_states') as states, \

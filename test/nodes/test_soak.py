@@ -27,7 +27,7 @@ from joint_state_driver import DriverProcess
 import numpy as np
 import numpy.typing as npt
 import pytest
-from ros_harness import RosClient, TIMEOUT
+from ros_harness import TIMEOUT
 from soak_load import ServiceLoad
 
 SUPPORT = Path(__file__).parents[1] / 'support'
@@ -103,9 +103,7 @@ def overdue(efforts: npt.NDArray[Any], late: npt.NDArray[Any]) -> npt.NDArray[An
 @pytest.mark.parametrize(('duration', 'apart', 'has_deadline'), [
     pytest.param(24.0, 4.0, False, id='short'),
     pytest.param(600.0, 10.0, True, id='ten minutes')])
-def test_soak(
-    client: RosClient, tmp_path: Path, duration: float, apart: float, has_deadline: bool,
-) -> None:
+def test_soak(client, tmp_path, duration, apart, has_deadline):
     parameters = {'state_timeout': STATE_TIMEOUT, 'hold_time': 0.2, 'ramp_time': 0.1}
     recorded, woken = tmp_path / 'efforts.npz', tmp_path / 'late.npz'
     with fault_bench(

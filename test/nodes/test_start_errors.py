@@ -3,7 +3,7 @@
 
 """Nodes that cannot start: status 1 and a one-line error; and nodes with a xacro file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import importlib
 from importlib.util import find_spec
 import json
@@ -18,7 +18,6 @@ import children
 from fault_table import fault
 import pytest
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
-from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import (
     DYNAMICS,
@@ -159,9 +158,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, list[
 
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=mark) for name, mark in FAULTS.items()])
-def test_a_node_that_cannot_start_logs_one_line(
-    ends: dict[str, tuple[int, list[str]]], name: str,
-) -> None:
+def test_a_node_that_cannot_start_logs_one_line(ends, name):
     status, output = ends[name]
     lines = [line for line in output if '[rcl]' not in line]  # rcl logs before the node starts
     assert status == 1, output
@@ -180,7 +177,7 @@ def test_a_node_that_cannot_start_logs_one_line(
          "Couldn't parse parameter override rule: '-p effort_limit_fraction'"),
         (['-r', '__node:=a name'], "Couldn't parse remap rule: '-r __node:=a name'"),
         (['--scale', '1'], r"unknown ROS arguments \['--scale'"))])
-def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> None:
+def test_arguments_that_ros_cannot_read(arguments, words):
     log = log_of_failed_start(DYNAMICS, arguments=['--ros-args', *arguments])
     line, = (line for line in log.splitlines() if '[rcl]' not in line)
     assert re.search(f'^robot_dynamics: .*{words}', line), line
@@ -191,7 +188,7 @@ def test_arguments_that_ros_cannot_read(arguments: list[str], words: str) -> Non
         'Parameters at the start', f'arguments outside `--ros-args`: `{" ".join(arguments)}`',
         'one line that names the arguments and the syntax of parameters, status 2'))
     for arguments in (['--scale', '1'], ['command:=none'])])
-def test_arguments_that_no_node_has(arguments: list[str]) -> None:
+def test_arguments_that_no_node_has(arguments):
     for module, program in ((DYNAMICS, 'dynamics_node'), (SIMULATED_ARM, 'simulated_arm')):
         node = NodeProcess(module, {'joints': ['joint1']}, arguments=arguments).launch()
         assert node.wait() == 2
@@ -208,7 +205,7 @@ def test_arguments_that_no_node_has(arguments: list[str]) -> None:
         '~/joint_trajectory', '/diagnostics', '~/stop']),
     ('simulated_arm', SIMULATED_ARM_SPECS, [
         'rate', 'lock_step', 'joint_states', 'effort_command', '~/reset'])])
-def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: list[str]) -> None:
+def test_help(flag, function, specs, names):
     """The installed executables run these functions."""
     done = children.run(
         [sys.executable, '-c', 'import sys; from robot_dynamics.ros import entry_points; '
@@ -233,7 +230,7 @@ def test_help(flag: str, function: str, specs: Sequence[ParameterSpec], names: l
 
 @fault('Robot descriptions at the start', 'joints that move no mass, `ignore_checks: [mass]`',
        'accepted; the error is a warning')
-def test_an_ignored_error_is_a_warning() -> None:
+def test_an_ignored_error_is_a_warning():
     parameters = {'robot_description': MASSLESS, 'ignore_checks': ['mass']}
     with NodeProcess(DYNAMICS, parameters) as node:
         assert '[WARN]' in node.wait_for_log(r"Model check: mass: joint 'joint2' moves 0 kg")
@@ -255,7 +252,7 @@ XACRO = """<robot name="from_xacro" xmlns:xacro="http://www.ros.org/wiki/xacro">
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
+def test_a_xacro_file_is_expanded(tmp_path):
     file = tmp_path / 'arm.urdf.xacro'
     file.write_text(XACRO, encoding='utf-8')
     with NodeProcess(DYNAMICS, {'robot_description_file': str(file)}) as node:
@@ -263,7 +260,7 @@ def test_a_xacro_file_is_expanded(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_a_bad_xacro_file_is_reported(tmp_path: Path) -> None:
+def test_a_bad_xacro_file_is_reported(tmp_path):
     file = tmp_path / 'arm.urdf.xacro'
     file.write_text(XACRO.replace('${mass}', '${no_such_property}'), encoding='utf-8')
     log = log_of_failed_start(DYNAMICS, {'robot_description_file': str(file)})
@@ -272,7 +269,7 @@ def test_a_bad_xacro_file_is_reported(tmp_path: Path) -> None:
         log, re.MULTILINE), log
 
 
-def test_an_interrupt_at_any_moment_leaves_in_order() -> None:
+def test_an_interrupt_at_any_moment_leaves_in_order():
     """An operator who started the wrong node presses Ctrl-C at once, and gets no traceback."""
     node = NodeProcess(DYNAMICS, ready=re.compile('Model ')).start()
     node.interrupt()  # once the model is logged, before the node spins

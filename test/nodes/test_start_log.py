@@ -10,7 +10,7 @@ from fault_stimuli import altered, follow, shifted
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM
 
 MOST_LINES = 6
 NS = '/start_log'
@@ -37,7 +37,7 @@ def started(parameters: dict[str, object]) -> tuple[NodeProcess, NodeProcess]:
             NodeProcess(SIMULATED_ARM, {**parameters, 'rate': 100.0}, namespace=NS))
 
 
-def test_the_log_of_the_default_arm(client: RosClient) -> None:
+def test_the_log_of_the_default_arm(client):
     dynamics, arm = started({})
     with running(dynamics, arm):
         dynamics.wait_for_log('Effort check', LONG)
@@ -54,7 +54,7 @@ def test_the_log_of_the_default_arm(client: RosClient) -> None:
         client.forget(NS)
 
 
-def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
+def test_the_log_of_an_arm_that_is_only_watched(client):
     dynamics, arm = started({
         'robot_description_file': str(robot_path('ur10')), 'command': 'none',
         'actuator.reflected_inertia': [0.1]})
@@ -72,7 +72,7 @@ def test_the_log_of_an_arm_that_is_only_watched(client: RosClient) -> None:
 
 @pytest.mark.parametrize(('seconds', 'words'), [
     (-60.0, r'60\.\d+ s old'), (60.0, 'in the future')])
-def test_a_dropped_state_names_the_remedy(client: RosClient, seconds: float, words: str) -> None:
+def test_a_dropped_state_names_the_remedy(client, seconds, words):
     words += '.*; synchronise the clocks of driver and computer, or set `state_max_age`'
     with fault_bench(client, NS) as bench:
         bench.driver.change = shifted(seconds)
@@ -83,7 +83,7 @@ def test_a_dropped_state_names_the_remedy(client: RosClient, seconds: float, wor
         client.forget(NS)
 
 
-def test_an_incomplete_state_names_the_remedy(client: RosClient) -> None:
+def test_an_incomplete_state_names_the_remedy(client):
     with fault_bench(client, NS) as bench:
         bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[])
         line = bench.node.wait_for_log('No joint state is complete')
@@ -93,9 +93,7 @@ def test_an_incomplete_state_names_the_remedy(client: RosClient) -> None:
         client.forget(NS)
 
 
-def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(
-    client: RosClient,
-) -> None:
+def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(client):
     with client.describing(NS) as publish, \
             fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
         follow(bench, Q)

@@ -59,7 +59,7 @@ def assert_equal(response: Any, states: TaskSpaceState, columns: list[int]) -> N
 
 
 @pytest.mark.parametrize('reference', ['', 'base_aligned', 'local'])
-def test_the_response_is_that_of_the_library(panda: Served, reference: str) -> None:
+def test_the_response_is_that_of_the_library(panda, reference):
     q, v = states_of(panda, 4)
     x, y, z = POINT
     response = panda.answer(
@@ -71,7 +71,7 @@ def test_the_response_is_that_of_the_library(panda: Served, reference: str) -> N
     assert any('position' in warning for warning in response.warnings)
 
 
-def test_the_order_is_that_of_the_request(panda: Served) -> None:
+def test_the_order_is_that_of_the_request(panda):
     q, v = states_of(panda, 3)
     names = panda.arm.joint_names[::-1]
     response = panda.answer(
@@ -81,7 +81,7 @@ def test_the_order_is_that_of_the_request(panda: Served) -> None:
     assert_equal(response, TaskSpace(panda.arm, LINK).batch(q, v), list(range(8))[::-1])
 
 
-def test_a_payload_is_in_the_inertia(planar: Served) -> None:
+def test_a_payload_is_in_the_inertia(planar):
     load = make_payload('tool0', 2.0)
     planar.answer('set_payload', payload=payload_to_ros(load))
     response = planar.answer('task_space', frame='tool0', position=Q)
@@ -93,7 +93,7 @@ def test_a_payload_is_in_the_inertia(planar: Served) -> None:
     np.testing.assert_allclose(lost @ expected.jacobian, 0.0, atol=1e-12)
 
 
-def test_ten_thousand_states_while_joint_states_are_answered(panda: Served) -> None:
+def test_ten_thousand_states_while_joint_states_are_answered(panda):
     q = np.random.default_rng(12).normal(size=(10_000, 8))
     response = panda.answer_while_streaming(
         [0.01] * 8, 'task_space', frame=LINK, position=q.ravel().tolist())
@@ -101,7 +101,7 @@ def test_ten_thousand_states_while_joint_states_are_answered(panda: Served) -> N
     assert np.isfinite(response.inertia).all()
 
 
-def test_derivatives_on_request(panda: Served) -> None:
+def test_derivatives_on_request(panda):
     rng, n = np.random.default_rng(13), 8
     q, v, a = rng.normal(size=(3, n))
     names = panda.arm.joint_names[::-1]

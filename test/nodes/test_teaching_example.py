@@ -12,14 +12,14 @@ from closed_loop import START
 from disturbances import push, ZERO
 import numpy as np
 from robot_dynamics.recordings import Recording
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'play_back.py'
 RECORD = [sys.executable, '-m', 'robot_dynamics.tools.ros2_dynamics', 'record', 'joint_states']
 
 
-def test_a_taught_motion_is_played_back(client: RosClient, tmp_path: Path) -> None:
+def test_a_taught_motion_is_played_back(client, tmp_path):
     nodes = running(
         NodeProcess(DYNAMICS, {
             'command': 'hand_guiding', 'condition_references': True, 'scale_gains': True}),

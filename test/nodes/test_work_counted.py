@@ -83,9 +83,7 @@ def node() -> Iterator[SteppedNode]:
 
 @pytest.mark.parametrize(('command', 'algorithm', 'most'), [
     ('gravity_compensation', 'computeGeneralizedGravity', 95), ('computed_torque', 'rnea', 120)])
-def test_the_calls_of_a_message(
-    node: SteppedNode, pinocchio_calls: Counter[str], command: str, algorithm: str, most: int,
-) -> None:
+def test_the_calls_of_a_message(node, pinocchio_calls, command, algorithm, most):
     node.node.set_parameters([Parameter('command', value=command)])
     if command == 'computed_torque':
         node.follow()
@@ -100,7 +98,7 @@ def test_the_calls_of_a_message(
     assert calls.total() <= most, calls.most_common()
 
 
-def test_messages_leave_nothing_behind(node: SteppedNode) -> None:
+def test_messages_leave_nothing_behind(node):
     node.follow()
     node.take_states(MOST_ARRIVALS + 100)  # no report of the diagnostics takes the arrivals
     loop, growth = node.node._path.loop, []
@@ -121,7 +119,7 @@ def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('n', [2, 7, 60])
-def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n: int) -> None:
+def test_one_call_of_pinocchio_for_one_question(pinocchio_calls, n):
     """For any number of joints, and with few additional calls."""
     body = UncheckedRigidBody(load_arm(chain(n)))
     q, v, a = state(n)
@@ -137,7 +135,7 @@ def test_one_call_of_pinocchio_for_one_question(pinocchio_calls: Counter[str], n
         assert pinocchio_calls == {name: 1}
 
 
-def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls: Counter[str]) -> None:
+def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls):
     dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
     q, v, a = state(JOINTS)
     assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
@@ -145,7 +143,7 @@ def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls: Counter[s
     assert pinocchio_calls == {'rnea': 1, 'aba': 1}
 
 
-def test_estimators_and_simulation_check_no_state() -> None:
+def test_estimators_and_simulation_check_no_state():
     arm = load_arm(chain(JOINTS))
     q, v, tau = state(JOINTS)
     dynamics, simulation = ArmDynamics(arm), ArmSimulation(arm)
@@ -165,7 +163,7 @@ def test_estimators_and_simulation_check_no_state() -> None:
 
 
 @pytest.mark.skipif(not HAS_PARALLEL_RNEA, reason='this Pinocchio was built without OpenMP')
-def test_a_batch_costs_no_calls_for_a_sample() -> None:
+def test_a_batch_costs_no_calls_for_a_sample():
     dynamics = ArmDynamics(load_arm(chain(JOINTS)))
     rows = np.zeros((3, 5000, JOINTS))
     few = calls_of(lambda: dynamics.inverse_dynamics_batch(*rows[:, :500])).total()
@@ -175,7 +173,7 @@ def test_a_batch_costs_no_calls_for_a_sample() -> None:
 
 @pytest.mark.parametrize('fields', [1, 2, 3])
 @pytest.mark.parametrize('points', [1000, 10_000])
-def test_a_point_of_a_plan_costs_few_calls(points: int, fields: int) -> None:
+def test_a_point_of_a_plan_costs_few_calls(points, fields):
     """The calls grow linearly with the points; segments are sampled together."""
     arm = load_arm(chain(JOINTS))
     dynamics, message = ArmDynamics(arm), JointTrajectory(joint_names=NAMES)

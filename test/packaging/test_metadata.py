@@ -39,7 +39,7 @@ def version_attribute(directory: Path) -> str:
 
 
 @pytest.mark.parametrize('path', PATHS, ids=lambda path: path.name)
-def test_the_manifest_is_valid_and_complete(path: Path) -> None:
+def test_the_manifest_is_valid_and_complete(path):
     warnings: list[str] = []
     package = parse_package(str(path), warnings=warnings)
     package.validate(warnings=warnings)
@@ -49,7 +49,7 @@ def test_the_manifest_is_valid_and_complete(path: Path) -> None:
     assert (path / package.licenses[0].file).read_text() == (ROOT / 'LICENSE').read_text()
 
 
-def test_placeholders_say_so_and_are_in_the_checklist() -> None:
+def test_placeholders_say_so_and_are_in_the_checklist():
     """An address that does not exist contains the request to replace it."""
     texts = [(path / 'package.xml').read_text(encoding='utf-8') for path in PATHS]
     found = {name for text in texts for name in re.findall(r'[\w.:/@-]+\.invalid[\w/-]*', text)}
@@ -59,7 +59,7 @@ def test_placeholders_say_so_and_are_in_the_checklist() -> None:
         assert name in RELEASING
 
 
-def test_setup_py_has_what_the_manifest_has() -> None:
+def test_setup_py_has_what_the_manifest_has():
     package = parse_package(str(ROOT))
     assert setup_py(
         ROOT, '--version', '--author', '--maintainer', '--maintainer-email', '--url',
@@ -70,14 +70,14 @@ def test_setup_py_has_what_the_manifest_has() -> None:
 
 
 @pytest.mark.parametrize('path', PATHS, ids=lambda path: path.name)
-def test_the_changelog_has_a_section_for_this_version(path: Path) -> None:
+def test_the_changelog_has_a_section_for_this_version(path):
     changelog = get_changelog_from_path(str(path))
     version = parse_package(str(path)).version
     assert version in [version for version, _, _ in changelog.foreach_version()]
     assert changelog.get_content_of_version(version)
 
 
-def test_the_tools_of_a_release_change_the_version_everywhere(tmp_path: Path) -> None:
+def test_the_tools_of_a_release_change_the_version_everywhere(tmp_path):
     """What `catkin_prepare_release` does, without git."""
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'CHANGELOG.rst', 'LICENSE'):
         shutil.copy(ROOT / name, tmp_path)

@@ -76,7 +76,7 @@ def link_interfaces(workspace: Workspace) -> None:
 
 
 @pytest.mark.parametrize('linked', [False, True])
-def test_rosdep_install_finds_every_dependency(workspace: Workspace, linked: bool) -> None:
+def test_rosdep_install_finds_every_dependency(workspace, linked):
     command = documented('rosdep install')
     if linked:
         link_interfaces(workspace)
@@ -88,7 +88,7 @@ def test_rosdep_install_finds_every_dependency(workspace: Workspace, linked: boo
     assert sorted(names) == sorted([*KEYS, *expected])
 
 
-def test_rosdep_names_the_interfaces_where_only_one_path_is_given(workspace: Workspace) -> None:
+def test_rosdep_names_the_interfaces_where_only_one_path_is_given(workspace):
     """If this fails, rosdep looks inside packages, and no command needs the second path."""
     installed = workspace.run('rosdep install --from-paths src -y --ignore-src', *SIMULATED)
     assert installed.returncode != 0
@@ -109,7 +109,7 @@ print(*names, version)
 """
 
 
-def test_bloom_finds_one_package_per_path(workspace: Workspace) -> None:
+def test_bloom_finds_one_package_per_path(workspace):
     """A release needs a source tree for each package: bloom does not look inside packages."""
     git(workspace.directory, 'init', '-q', '-b', 'master')
     git(workspace.directory, 'commit', '-q', '--allow-empty', '-m', 'release repository')
@@ -118,7 +118,7 @@ def test_bloom_finds_one_package_per_path(workspace: Workspace) -> None:
         assert re.fullmatch(rf'{name} \d+\.\d+\.\d+\n', found.stdout), found.stdout
 
 
-def test_catkin_pkg_finds_both_with_a_link(workspace: Workspace) -> None:
+def test_catkin_pkg_finds_both_with_a_link(workspace):
     source = str(workspace.directory / 'src')
     assert [package.name for package in find_packages(source).values()] == ['robot_dynamics']
     link_interfaces(workspace)

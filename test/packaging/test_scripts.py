@@ -13,7 +13,7 @@ SCRIPTS = Path(__file__).parents[2] / 'scripts'
 
 @pytest.mark.parametrize(('script', 'argument'), [
     ('mutate', '--help'), ('mutate', '--simple'), ('mutate', 'supervisors'), ('setup', 'tests')])
-def test_an_unknown_argument_ends_a_script(script: str, argument: str) -> None:
+def test_an_unknown_argument_ends_a_script(script, argument):
     ended = children.run([str(SCRIPTS / script), argument], capture_output=True, text=True)
     assert ended.returncode == 1
     assert argument in ended.stderr

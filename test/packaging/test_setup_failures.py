@@ -42,7 +42,7 @@ def started(tmp_path: Path, index: str) -> Iterator['subprocess.Popen[str]']:
         yield process
 
 
-def test_an_interrupt_during_a_download(tmp_path: Path) -> None:
+def test_an_interrupt_during_a_download(tmp_path):
     """The index of packages is a server that accepts the connection and does not answer."""
     with socket.create_server(('127.0.0.1', 0)) as server:
         server.settimeout(children.TIMEOUT)
@@ -60,7 +60,7 @@ def test_an_interrupt_during_a_download(tmp_path: Path) -> None:
     assert 'Installing ros libraries' in steps[0]
 
 
-def test_a_certificate_that_is_not_accepted_is_named(tmp_path: Path) -> None:
+def test_a_certificate_that_is_not_accepted_is_named(tmp_path):
     """As behind a proxy that replaces certificates by its own."""
     key, certificate = tmp_path / 'key.pem', tmp_path / 'certificate.pem'
     children.run(

@@ -3,7 +3,6 @@
 
 """The commands of ROS tools that docs/installation.md documents, in a new workspace."""
 
-from pathlib import Path
 import re
 import shlex
 import subprocess
@@ -54,13 +53,13 @@ def run_tests(workspace: Workspace, selection: str) -> 'subprocess.CompletedProc
 
 
 @pytest.mark.soak
-def test_the_build_has_both_packages(workspace: Workspace) -> None:
+def test_the_build_has_both_packages(workspace):
     for name in PACKAGES:
         assert (workspace.directory / 'install' / name / 'share' / name / 'package.xml').exists()
 
 
 @pytest.mark.soak
-def test_the_installed_package_has_the_version_of_the_manifest(workspace: Workspace) -> None:
+def test_the_installed_package_has_the_version_of_the_manifest(workspace):
     program = 'import robot_dynamics as r; print(r.__file__, r.__version__)'
     installed, = (workspace.directory / 'install' / 'robot_dynamics').glob('lib/*/site-packages')
     shown = workspace.run('python -c', program, PYTHONPATH=str(installed)).stdout.split()
@@ -70,7 +69,7 @@ def test_the_installed_package_has_the_version_of_the_manifest(workspace: Worksp
 
 
 @pytest.mark.soak
-def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> None:
+def test_colcon_test_runs_the_tests_that_pytest_runs(workspace):
     tested = run_tests(workspace, SELECTION)
     assert tested.returncode == 0, tested.stdout
     result = workspace.run(documented('colcon test-result'))
@@ -84,7 +83,7 @@ def test_colcon_test_runs_the_tests_that_pytest_runs(workspace: Workspace) -> No
 
 
 @pytest.mark.soak
-def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
+def test_a_failing_test_fails_colcon_test(workspace):
     (workspace.source / 'test' / 'test_that_fails.py').write_text(FAILING, encoding='utf-8')
     tested = run_tests(workspace, 'test/test_that_fails.py')
     assert tested.returncode != 0, tested.stdout
@@ -95,8 +94,7 @@ def test_a_failing_test_fails_colcon_test(workspace: Workspace) -> None:
 
 @pytest.mark.parametrize('option', [
     (), pytest.param(('--symlink-install',), marks=pytest.mark.soak)])
-def test_a_build_without_the_interfaces_stops_with_the_command(
-        tmp_path: Path, option: tuple[str, ...]) -> None:
+def test_a_build_without_the_interfaces_stops_with_the_command(tmp_path, option):
     plain = Workspace(tmp_path)
     built = plain.run('colcon build', *option)
     assert built.returncode != 0, built.stdout
@@ -109,7 +107,7 @@ def test_a_build_without_the_interfaces_stops_with_the_command(
         (tmp_path / path).resolve() for path in paths.split()]
 
 
-def test_with_a_link_to_the_interfaces_a_workspace_needs_no_paths(tmp_path: Path) -> None:
+def test_with_a_link_to_the_interfaces_a_workspace_needs_no_paths(tmp_path):
     linked = Workspace(tmp_path)
     subprocess.run(shlex.split(documented('ln -s')), cwd=tmp_path, check=True)
     assert linked.run('colcon list --names-only').stdout.split()[-2:] == list(PACKAGES)

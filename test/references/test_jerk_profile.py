@@ -91,18 +91,14 @@ def check_motion(problem: Problem, phases: Phases, tolerance: float = 1e-9) -> N
 
 @counts
 @kinds
-def test_the_motion_arrives_within_hull_and_bounds(
-    count: int, largest: float, symmetric: bool,
-) -> None:
+def test_the_motion_arrives_within_hull_and_bounds(count, largest, symmetric):
     for problem in problems(count, largest, symmetric, near_stop=0.3):
         check_motion(problem, to_rest(*problem))
 
 
 @counts
 @kinds
-def test_a_later_arrival_is_exact_within_hull_and_bounds(
-    count: int, largest: float, symmetric: bool,
-) -> None:
+def test_a_later_arrival_is_exact_within_hull_and_bounds(count, largest, symmetric):
     r = random.Random(1)
     for problem in problems(count, largest, symmetric, near_stop=0.3):
         earliest = r.choice(LATER) * duration(to_rest(*problem))
@@ -113,7 +109,7 @@ def test_a_later_arrival_is_exact_within_hull_and_bounds(
 
 
 @counts
-def test_a_velocity_change_ends_at_its_velocity(count: int) -> None:
+def test_a_velocity_change_ends_at_its_velocity(count):
     for problem in problems(count, 3.0, symmetric=False):
         v_end, v, a, bounds = problem
         phases = velocity_change(v, a, v_end, bounds)
@@ -127,7 +123,7 @@ def test_a_velocity_change_ends_at_its_velocity(count: int) -> None:
 
 
 @counts
-def test_any_finite_problem_has_a_finite_motion(count: int) -> None:
+def test_any_finite_problem_has_a_finite_motion(count):
     r = random.Random(2)
     for _ in range(count):
         bounds = Bounds(*(sign * 10.0 ** r.uniform(-3.0, 4.0) for sign in (-1, 1, -1, 1, 1)))
@@ -142,7 +138,7 @@ def test_any_finite_problem_has_a_finite_motion(count: int) -> None:
 
 
 @counts
-def test_extremes_and_samples_agree(count: int) -> None:
+def test_extremes_and_samples_agree(count):
     for problem in problems(count // 10, 1.5, symmetric=False):
         phases = to_rest(*problem)
         times = [0.0]
@@ -157,7 +153,7 @@ def test_extremes_and_samples_agree(count: int) -> None:
 
 
 @counts
-def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count: int) -> None:
+def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count):
     """In the frame of a target with constant acceleration, the bounds are relative to it."""
     r, (v_b, a_b, jerk) = random.Random(3), (2.0, 10.0, 200.0)
     for _ in range(count):
@@ -177,7 +173,7 @@ def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count: int) -> No
 
 
 @counts
-def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count: int) -> None:
+def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count):
     r, found = random.Random(4), 0
     for problem in problems(count, 1.5, symmetric=False):
         T = r.uniform(0.5, 3.0) * duration(to_rest(*problem))
@@ -198,7 +194,7 @@ def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count: int) -> No
 
 
 @counts
-def test_jerks_of_smooth_motions_are_linear_in_the_start(count: int) -> None:
+def test_jerks_of_smooth_motions_are_linear_in_the_start(count):
     r, wide = random.Random(5), Bounds(-1e9, 1e9, -1e9, 1e9, 1e9)
     for _ in range(count // 10):
         T = r.uniform(0.1, 10.0)
@@ -212,7 +208,7 @@ def test_jerks_of_smooth_motions_are_linear_in_the_start(count: int) -> None:
 
 
 @counts
-def test_the_first_part_of_a_motion_is_that_motion(count: int) -> None:
+def test_the_first_part_of_a_motion_is_that_motion(count):
     r = random.Random(6)
     for problem in problems(count // 10):
         phases, start = to_rest(*problem), (0.0, *problem[1:3])
@@ -228,21 +224,21 @@ REST = (0.0, 0.0)
 WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
 
 
-def test_a_smooth_motion_from_rest_can_be_the_shortest_one() -> None:
+def test_a_smooth_motion_from_rest_can_be_the_shortest_one():
     shortest = to_rest(1.0, *REST, WIDE)
     slower = smooth_to_rest(1.0, *REST, WIDE, 1.001 * duration(shortest))
     assert max(abs(j) for _, j in slower) == pytest.approx(4.0, rel=1e-2)
     assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 
 
-def test_short_and_long_motions_from_rest_have_the_known_durations() -> None:
+def test_short_and_long_motions_from_rest_have_the_known_durations():
     assert duration(to_rest(1.0, *REST, WIDE)) == pytest.approx((32.0 * 1.0 / 4.0)**(1.0 / 3.0))
     phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
     assert len(phases) == 7
     assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
 
 
-def test_twice_the_duration_is_the_same_path_with_an_eighth_of_the_jerk() -> None:
+def test_twice_the_duration_is_the_same_path_with_an_eighth_of_the_jerk():
     fast = to_rest(1.0, *REST, WIDE)
     slow = to_rest(1.0, *REST, WIDE, 2.0 * duration(fast))
     for i in range(21):
@@ -251,7 +247,7 @@ def test_twice_the_duration_is_the_same_path_with_an_eighth_of_the_jerk() -> Non
     assert max(abs(j) for _, j in slow) == pytest.approx(4.0 / 8.0)
 
 
-def test_the_goal_at_the_stop_position_is_the_stop() -> None:
+def test_the_goal_at_the_stop_position_is_the_stop():
     v, a = 1.0, -0.5
     stopping = stop(v, a, WIDE)
     goal = end(stopping, 0.0, v, a)[0]
@@ -261,7 +257,7 @@ def test_the_goal_at_the_stop_position_is_the_stop() -> None:
     assert later[-1] == pytest.approx((9.0 - duration(stopping), 0.0))
 
 
-def test_the_goal_at_the_start_needs_no_motion() -> None:
+def test_the_goal_at_the_start_needs_no_motion():
     assert to_rest(0.0, *REST, WIDE) == []
     assert to_rest(0.0, *REST, WIDE, 2.0) == [(2.0, 0.0)]
     assert duration([]) == 0.0
@@ -269,9 +265,7 @@ def test_the_goal_at_the_start_needs_no_motion() -> None:
 
 
 @pytest.mark.parametrize('factor', [1.01, 1.1, 1.3, 2.0])
-def test_a_later_arrival_of_a_moving_joint_neither_reverses_nor_waits_at_the_goal(
-    factor: float,
-) -> None:
+def test_a_later_arrival_of_a_moving_joint_neither_reverses_nor_waits_at_the_goal(factor):
     """A peak velocity, a cruise and a stop have no solution for the first two durations."""
     v, a, goal = 1.0, 0.0, 1.05
     bounds = Bounds(-2.0, 2.0, -100.0, 100.0, 1.0)
@@ -314,9 +308,7 @@ def oracle() -> Oracle:
 
 @counts
 @pytest.mark.parametrize('symmetric', [True, False])
-def test_no_motion_takes_longer_than_that_of_the_oracle(
-    oracle: Oracle, count: int, symmetric: bool,
-) -> None:
+def test_no_motion_takes_longer_than_that_of_the_oracle(oracle, count, symmetric):
     """
     The durations are equal, unless the velocity must exceed its bound.
 
@@ -336,7 +328,7 @@ def test_no_motion_takes_longer_than_that_of_the_oracle(
 
 
 @counts
-def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(oracle: Oracle, count: int) -> None:
+def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(oracle, count):
     for problem in problems(count, symmetric=False):
         v_end, v, a, bounds = problem
         T = oracle.plan('Velocity', v_end, problem).duration

@@ -21,7 +21,7 @@ def random_planner(r: random.Random) -> JointPlanner:
     return JointPlanner(state, JointLimits(-3.0, 3.0, full, full, lowered, s))
 
 
-def test_a_motion_that_may_end_later_ends_at_this_time_at_the_goal() -> None:
+def test_a_motion_that_may_end_later_ends_at_this_time_at_the_goal():
     r = random.Random(1)
     for _ in range(CASES):
         one, goal = random_planner(r), r.uniform(-2.0, 2.0)
@@ -31,7 +31,7 @@ def test_a_motion_that_may_end_later_ends_at_this_time_at_the_goal() -> None:
         assert end(phases, one.q, one.v, one.a)[:3] == pytest.approx((goal, 0.0, 0.0), abs=1e-6)
 
 
-def test_a_stop_is_the_earliest_motion_to_rest() -> None:
+def test_a_stop_is_the_earliest_motion_to_rest():
     r = random.Random(2)
     for _ in range(CASES):
         one = random_planner(r)

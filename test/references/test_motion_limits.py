@@ -58,7 +58,7 @@ def can_hold(effort: FloatArray, gravity: FloatArray) -> BoolArray:
 
 
 @pytest.mark.parametrize('name', ARMS)
-def test_limits_are_within_the_effort_at_every_sampled_pose(name: str) -> None:
+def test_limits_are_within_the_effort_at_every_sampled_pose(name):
     effort, at = arm_of(name).limits.effort, workspace(name)
     limits = at.motion_limits(effort, rate(name))
     assert (at.mass @ limits.acceleration <= (1.0 + 1e-9) * available(effort, at.gravity)).all()
@@ -68,9 +68,7 @@ def test_limits_are_within_the_effort_at_every_sampled_pose(name: str) -> None:
 @pytest.mark.parametrize('name', ARMS)
 @settings(laws, max_examples=30)
 @given(seed=st.integers(1, 2**31))
-def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(
-    name: str, seed: int,
-) -> None:
+def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(name, seed):
     body, effort = ArmDynamics(arm_of(name)).rigid_body, arm_of(name).limits.effort
     limits = workspace(name).motion_limits(effort, rate(name))
     signs = np.random.default_rng(seed).uniform(-1.0, 1.0, (5, arm_of(name).joint_count))
@@ -87,8 +85,8 @@ def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(
        scale=st.sampled_from([1.0, 0.1, 1e-6, 0.0]))
 @laws
 def test_with_low_effort_limits_or_without_all_values_are_finite_and_positive(
-    name: str, limited: list[bool], scale: float,
-) -> None:
+    name, limited, scale,
+):
     n, arm = arm_of(name).joint_count, arm_of(name)
     effort = np.where(limited[:n], scale * arm.limits.effort, np.inf)
     rates = np.where(limited[8:8 + n], rate(name), np.inf)
@@ -98,7 +96,7 @@ def test_with_low_effort_limits_or_without_all_values_are_finite_and_positive(
         assert (values > 0.0).all()
 
 
-def test_without_limits_the_times_of_acceleration_and_jerk_apply() -> None:
+def test_without_limits_the_times_of_acceleration_and_jerk_apply():
     none = np.full(2, np.inf)
     limits = workspace('default').motion_limits(none, none)
     assert limits.velocity == pytest.approx(
@@ -111,9 +109,7 @@ def test_without_limits_the_times_of_acceleration_and_jerk_apply() -> None:
 @settings(laws, max_examples=25)
 @given(light=st.floats(0.1, 2.0), factor=st.floats(1.0, 3.0),
        place=st.tuples(*[st.floats(-0.2, 0.2)] * 3))
-def test_a_heavier_payload_does_not_make_the_arm_faster(
-    name: str, light: float, factor: float, place: tuple[float, float, float],
-) -> None:
+def test_a_heavier_payload_does_not_make_the_arm_faster(name, light, factor, place):
     arm = arm_of(name)
     found = []
     for mass in (light, light * factor):
@@ -128,7 +124,7 @@ def test_a_heavier_payload_does_not_make_the_arm_faster(
         assert (heavier / lighter).max() <= GAIN
 
 
-def test_a_load_that_changes_is_within_the_limits_with_both_loads() -> None:
+def test_a_load_that_changes_is_within_the_limits_with_both_loads():
     arm = arm_of('default')
     load = make_payload('tool0', 5.0, (0.05, 0.0, 0.1), 0.01 * np.eye(3))
     loaded = WorkspaceInertia(ArmDynamics(arm.with_payloads([load])))
@@ -145,7 +141,7 @@ def test_a_load_that_changes_is_within_the_limits_with_both_loads() -> None:
 # ---------------------------------------------------------------------- braking
 
 @pytest.mark.parametrize('name', ['xarm7', 'panda', 'ur10', 'z1', 'default'])
-def test_a_stop_brakes_with_the_limits_of_its_poses(name: str) -> None:
+def test_a_stop_brakes_with_the_limits_of_its_poses(name):
     """At its start the effort suffices; joints that stop in 0.2 s anyway keep their limits."""
     arm = load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name),
                    JOINTS.get(name, ()))

@@ -96,7 +96,7 @@ def paths(draw: Any) -> JointTrajectory:
 
 @laws
 @given(paths())
-def test_a_path_of_positions_is_followed_within_the_limits(sent: JointTrajectory) -> None:
+def test_a_path_of_positions_is_followed_within_the_limits(sent):
     """It passes its points, in the proportions of their times, without overshoot."""
     found, slowness = conditioned(sent)
     assert slowness >= 1.0
@@ -114,7 +114,7 @@ def test_a_path_of_positions_is_followed_within_the_limits(sent: JointTrajectory
         assert (q <= np.maximum(q[0], q[-1]) + 1e-9).all()
 
 
-def test_a_slow_path_of_positions_is_not_slowed_down() -> None:
+def test_a_slow_path_of_positions_is_not_slowed_down():
     found, slowness = conditioned(path([1.0, 5.0, 9.0], [[0.0, 0.0], [0.2, 0.1], [0.3, 0.3]]))
     assert slowness == 1.0
     assert [p.time_from_start for p in found.points] == [1.0, 5.0, 9.0]
@@ -144,9 +144,7 @@ def sampled(name: str, count: int) -> JointTrajectory:
     ('line', 25, 1.2), ('line', 1000, 1.2), ('rest to rest', 20, 1.1),
     ('rest to rest', 1000, 1.01), ('sine', 60, 1.3), ('sine', 1000, 1.3), ('noisy', 1000, 1.1),
     ('rounded', 1000, 1.1), ('corner', 100, 1.3), ('zigzag', 40, 10.0)])
-def test_many_points_are_followed_closely_at_about_their_times(
-    name: str, count: int, most: float,
-) -> None:
+def test_many_points_are_followed_closely_at_about_their_times(name, count, most):
     sent = sampled(name, count)
     found, slowness = conditioned(sent)
     assert 1.0 <= slowness < most
@@ -164,9 +162,7 @@ def test_many_points_are_followed_closely_at_about_their_times(
 @laws
 @given(st.integers(MANY_POINTS, 60), st.integers(0, 2**32 - 1), st.floats(1e-5, 1.0),
        st.floats(1e-3, 2.0))
-def test_random_paths_of_many_points_are_within_the_limits(
-    count: int, seed: int, step: float, interval: float,
-) -> None:
+def test_random_paths_of_many_points_are_within_the_limits(count, seed, step, interval):
     rng = np.random.default_rng(seed)
     t = np.cumsum(rng.uniform(0.1, 1.0, count)) * interval
     sent = path(t.tolist(), np.cumsum(rng.normal(0.0, step, (count, 2)), axis=0))
@@ -176,7 +172,7 @@ def test_random_paths_of_many_points_are_within_the_limits(
     assert_starts_and_ends_at_rest(found, sent)
 
 
-def test_few_points_are_passed_exactly() -> None:
+def test_few_points_are_passed_exactly():
     sent = sampled('line', MANY_POINTS - 1)
     found, _ = conditioned(sent)
     assert [p.position.tolist() for p in found.points] == [
@@ -187,9 +183,7 @@ def test_few_points_are_passed_exactly() -> None:
 
 @laws
 @given(angles, angles, st.floats(8.0, 20.0))
-def test_a_feasible_trajectory_is_the_same_object(
-    start: FloatArray, goal: FloatArray, duration: float,
-) -> None:
+def test_a_feasible_trajectory_is_the_same_object(start, goal, duration):
     sent = quintic_via_points(NAMES, [0.0, 0.5 * duration, duration],
                               [start, 0.5 * (start + goal), goal])
     assume(efforts_along(dynamics(), sent).feasible)
@@ -200,9 +194,7 @@ def test_a_feasible_trajectory_is_the_same_object(
 
 
 @pytest.mark.parametrize(('duration', 'quantity'), [(0.15, 'velocity'), (0.5, 'effort')])
-def test_an_infeasible_trajectory_is_rejected_with_joint_time_and_ratio(
-    duration: float, quantity: str,
-) -> None:
+def test_an_infeasible_trajectory_is_rejected_with_joint_time_and_ratio(duration, quantity):
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [1.5, 0.2], duration)
     with pytest.raises(TrajectoryError) as caught:
         conditioned(sent)
@@ -225,8 +217,8 @@ def test_an_infeasible_trajectory_is_rejected_with_joint_time_and_ratio(
 @laws
 @given(angles, angles, angles, st.floats(0.1, 1.0))
 def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
-    start: FloatArray, via: FloatArray, goal: FloatArray, duration: float,
-) -> None:
+    start, via, goal, duration,
+):
     # Near these poses gravity takes up to 100 N·m of the 150 N·m.
     sent = quintic_via_points(NAMES, [0.0, 0.6 * duration, duration], [start, via, goal])
     found, slowness = conditioned(sent, slows_down=True)
@@ -254,7 +246,7 @@ def test_an_infeasible_trajectory_that_is_slowed_down_has_the_same_path(
             conditioned(faster)
 
 
-def test_a_lower_effort_scale_leaves_less() -> None:
+def test_a_lower_effort_scale_leaves_less():
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
     ratio = efforts_along(dynamics(), sent).worst_ratio
     assert conditioned(sent, effort_limit_fraction=1.01 * ratio)[0] is sent
@@ -262,7 +254,7 @@ def test_a_lower_effort_scale_leaves_less() -> None:
         conditioned(sent, effort_limit_fraction=0.99 * ratio)
 
 
-def test_what_no_speed_makes_feasible_is_rejected() -> None:
+def test_what_no_speed_makes_feasible_is_rejected():
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
     with pytest.raises(TrajectoryError, match='not feasible at any speed'):
         conditioned(sent, effort_limit_fraction=0.01, slows_down=True)

@@ -31,7 +31,7 @@ def end_of(one: ReferenceGenerator) -> float:
 
 @laws
 @given(st.floats(0.05, 3.9))
-def test_a_stop_on_a_path_is_the_earliest_stop_of_each_joint(t: float) -> None:
+def test_a_stop_on_a_path_is_the_earliest_stop_of_each_joint(t):
     one = generator()
     one.start(CURVE, NOW, ZERO, ZERO)
     before = at(one, t)
@@ -55,7 +55,7 @@ def test_a_stop_on_a_path_is_the_earliest_stop_of_each_joint(t: float) -> None:
 
 @laws
 @given(st.floats(0.2, 3.5), st.floats(0.05, 0.95))
-def test_a_second_stop_during_a_stop_changes_nothing(t: float, fraction: float) -> None:
+def test_a_second_stop_during_a_stop_changes_nothing(t, fraction):
     one = generator()
     one.start(CURVE, NOW, ZERO, ZERO)
     one.stop(ns(t), ZERO, ZERO)
@@ -72,7 +72,7 @@ def test_a_second_stop_during_a_stop_changes_nothing(t: float, fraction: float) 
 
 @laws
 @given(st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
-def test_a_stop_from_a_measured_state_is_within_the_limits(state: list[float]) -> None:
+def test_a_stop_from_a_measured_state_is_within_the_limits(state):
     one, q, v = generator(), np.array(state[:2]), np.array(state[2:])
     one.stop(NOW, q, v)
     found = samples(one, 0.0, max(end_of(one), 1e-3))
@@ -84,13 +84,13 @@ def test_a_stop_from_a_measured_state_is_within_the_limits(state: list[float]) -
     assert not found.v[-1].any()
 
 
-def test_a_stop_at_rest_holds_the_position() -> None:
+def test_a_stop_at_rest_holds_the_position():
     one, q = generator(), np.array((0.3, -0.7))
     one.stop(NOW, q, ZERO)
     assert samples(one, 0.0, 0.1, 20).q == pytest.approx(np.tile(q, (20, 1)), abs=1e-12)
 
 
-def test_a_stop_without_limits_holds_the_position_at_once() -> None:
+def test_a_stop_without_limits_holds_the_position_at_once():
     one = ReferenceGenerator(NAMES, (), None)
     one.start(CURVE, NOW, ZERO, ZERO)
     before = at(one, 1.0)
@@ -108,8 +108,8 @@ def test_a_stop_without_limits_holds_the_position_at_once() -> None:
     (0.0, -0.5, 0.5, 0.5, 1.5, 0.0),
 ])
 def test_the_ur10_at_1_rad_per_s_stops_within_03_rad_and_54_percent_of_its_effort(
-    along_path: bool, pose: tuple[float, ...],
-) -> None:
+    along_path, pose,
+):
     arm = load_arm(robot_urdf('ur10'))
     dynamics, effort = ArmDynamics(arm), arm.limits.effort
     limits = WorkspaceInertia(dynamics).motion_limits(effort, effort / 0.1)

@@ -175,7 +175,7 @@ def target_case(
 # --- laws ----------------------------------------------------------------------------------------
 
 @counts
-def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(count: int) -> None:
+def test_any_plan_stays_in_its_hull_and_within_its_limits_and_ends_at_its_goal(count):
     for case in cases(count):
         check_end(case)
         for joint in case.joints():
@@ -214,7 +214,7 @@ def check_end(case: Case) -> None:
 
 
 @pytest.mark.parametrize('count', [300, pytest.param(10_000, marks=pytest.mark.soak)])
-def test_segments_follow_the_phases_without_steps(count: int) -> None:
+def test_segments_follow_the_phases_without_steps(count):
     since_ns = 1_790_000_000 * SECOND
     for case in cases(count):
         plan, now_ns, limits = case.plan, since_ns, case.limits.whole
@@ -259,9 +259,7 @@ def oracle_plan(ruckig: Any, case: Case, limits: MotionLimits, goal: FloatArray 
 
 
 @counts
-def test_no_joint_leaves_its_position_limits_if_the_oracle_can_stop_within_them(
-    ruckig: Any, count: int,
-) -> None:
+def test_no_joint_leaves_its_position_limits_if_the_oracle_can_stop_within_them(ruckig, count):
     """Targets and paths may be beyond the limits, but joints follow them up to the limits only."""
     for case in cases(count):
         if case.kind == 'path':
@@ -274,7 +272,7 @@ def test_no_joint_leaves_its_position_limits_if_the_oracle_can_stop_within_them(
 
 
 @counts
-def test_durations_are_close_to_those_of_the_oracle(ruckig: Any, count: int) -> None:
+def test_durations_are_close_to_those_of_the_oracle(ruckig, count):
     ratios = []
     for case in cases(count, scaled=False):
         if case.kind == 'goal' and can_brake(case):
@@ -291,7 +289,7 @@ def can_brake(case: Case) -> bool:
 
 
 @pytest.mark.parametrize('arrival', [5e-324, 1e-300, 1e-12, 1e-9])
-def test_an_arrival_at_once_is_the_earliest_one(arrival: float) -> None:
+def test_an_arrival_at_once_is_the_earliest_one(arrival):
     ones = np.ones(1)
     limits = MotionLimits(-10.0 * ones, 10.0 * ones, ones, 5.0 * ones, 90.0 * ones)
     start = Reference(0.0 * ones, 0.9 * ones, 0.0 * ones)

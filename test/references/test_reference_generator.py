@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.references.reference_generator import ON_PATH, ReferenceGenerator
 from robot_dynamics.trajectories.interpolation import Reference
@@ -51,9 +50,7 @@ def trajectories(draw: Any) -> JointTrajectory:
 
 @laws
 @given(st.lists(st.tuples(trajectories(), st.floats(0.0, 1.5)), min_size=2, max_size=5))
-def test_whenever_it_is_retargeted_position_velocity_and_acceleration_are_continuous(
-    sent: list[tuple[JointTrajectory, float]],
-) -> None:
+def test_whenever_it_is_retargeted_position_velocity_and_acceleration_are_continuous(sent):
     one, t = generator(), 0.0
     for trajectory, pause in sent:
         before = one.sample(ns(t)) or Reference(ZERO, ZERO, ZERO)
@@ -66,9 +63,7 @@ def test_whenever_it_is_retargeted_position_velocity_and_acceleration_are_contin
 @laws
 @given(st.lists(st.tuples(angles, st.floats(0.0, 1.0)), min_size=2, max_size=5),
        st.floats(0.0, 1.0))
-def test_goals_at_any_time_are_reached_within_the_limits(
-    sent: list[tuple[FloatArray, float]], wait: float,
-) -> None:
+def test_goals_at_any_time_are_reached_within_the_limits(sent, wait):
     one, t, limits = generator(), 0.0, limits_of()
     for goal, pause in sent:
         active = one.start(set_point(goal, wait=wait), ns(t), ZERO, ZERO)
@@ -81,13 +76,13 @@ def test_goals_at_any_time_are_reached_within_the_limits(
         t += pause
 
 
-def test_without_limits_trajectories_are_followed_as_they_are() -> None:
+def test_without_limits_trajectories_are_followed_as_they_are():
     one = ReferenceGenerator(NAMES, (), None)
     one.start(set_point((1.0, 2.0)), NOW, ZERO, ZERO)
     assert at(one, 0.0).position.tolist() == [1.0, 2.0]
 
 
-def test_what_is_cleared_starts_from_the_measured_state() -> None:
+def test_what_is_cleared_starts_from_the_measured_state():
     one = generator()
     one.start(set_point((1.0, 1.0)), NOW, ZERO, ZERO)
     one.clear()
@@ -96,7 +91,7 @@ def test_what_is_cleared_starts_from_the_measured_state() -> None:
     assert at(one, 0.0).position.tolist() == [0.4, 0.4]
 
 
-def test_after_a_stop_the_same_set_point_is_a_new_goal() -> None:
+def test_after_a_stop_the_same_set_point_is_a_new_goal():
     one, goal = generator(), np.array((1.0, 1.0))
     one.start(set_point(goal), NOW, ZERO, ZERO)
     one.stop(ns(0.3), ZERO, ZERO)
@@ -105,7 +100,7 @@ def test_after_a_stop_the_same_set_point_is_a_new_goal() -> None:
     assert at(one, 10.0).position == pytest.approx(goal)
 
 
-def test_the_same_goal_at_an_earlier_time_is_a_new_plan() -> None:
+def test_the_same_goal_at_an_earlier_time_is_a_new_plan():
     one, goal = generator(), np.array((1.0, -0.5))
     for t, wait, end in ((0.0, 1000.0, 1000.0), (0.5, 999.5, 1000.0), (1.0, 5.0, 6.0),
                          (1.5, 20.0, 6.0)):
@@ -115,7 +110,7 @@ def test_the_same_goal_at_an_earlier_time_is_a_new_plan() -> None:
     assert at(one, 5.0).position == pytest.approx(goal)
 
 
-def test_after_an_imperceptible_motion_all_joints_arrive_at_the_time_of_the_goal() -> None:
+def test_after_an_imperceptible_motion_all_joints_arrive_at_the_time_of_the_goal():
     """In the first seconds of a slow motion the joints move, but too little to matter."""
     one, goal = generator(), np.array((0.01, -0.02))
     for t, q, wait in ((0.0, goal, 1000.0), (0.5, ZERO, 0.0), (0.51, goal, 2.0**31)):
@@ -125,7 +120,7 @@ def test_after_an_imperceptible_motion_all_joints_arrive_at_the_time_of_the_goal
     assert at(one, 0.51 + 2.0**31).position == pytest.approx(goal)
 
 
-def test_a_goal_is_followed_again_after_one_without_limits() -> None:
+def test_a_goal_is_followed_again_after_one_without_limits():
     one, limits = generator(), limits_of()
     for t, goal, used in ((0.0, (0.5, 0.0), limits), (10.0, (0.2, 0.1), None),
                           (20.0, (0.5, 0.0), limits)):
@@ -138,9 +133,7 @@ def test_a_goal_is_followed_again_after_one_without_limits() -> None:
 
 @laws
 @given(angles, angles, st.floats(2.0, 10.0), st.floats(0.0, 2.0))
-def test_a_trajectory_from_the_present_state_passes_unchanged(
-    start: FloatArray, goal: FloatArray, duration: float, wait: float,
-) -> None:
+def test_a_trajectory_from_the_present_state_passes_unchanged(start, goal, duration, wait):
     sent, one = quintic_point_to_point(NAMES, start, goal, duration), generator()
     one.start(sent, NOW, start, ZERO, stamp_ns=ns(wait))
     exact = ActiveTrajectory(sent, ns(wait), NOW, Reference(start, ZERO, ZERO))
@@ -151,9 +144,7 @@ def test_a_trajectory_from_the_present_state_passes_unchanged(
 
 @laws
 @given(angles, angles, st.floats(0.0, 0.9), st.floats(-0.3, 0.3))
-def test_a_trajectory_that_is_entered_late_is_met_on_its_path(
-    start: FloatArray, goal: FloatArray, late: float, away: float,
-) -> None:
+def test_a_trajectory_that_is_entered_late_is_met_on_its_path(start, goal, late, away):
     sent, one = quintic_via_points(
         NAMES, [0.0, 4.0, 10.0], [start, 0.5 * (start + goal), goal]), generator()
     measured = start + away
@@ -181,7 +172,7 @@ def samples_of(exact: ActiveTrajectory) -> Reference:
     return Reference(*(np.abs(x).max(axis=0) for x in map(np.array, zip(*rows))))
 
 
-def test_a_path_far_beyond_what_can_be_met_in_time_ends_at_its_goal() -> None:
+def test_a_path_far_beyond_what_can_be_met_in_time_ends_at_its_goal():
     slow, goal = limits_of(v=0.02, a=0.1, j=2.0), np.array((3.0, 3.0))
     one = generator(slow)
     active = one.start(quintic_point_to_point(NAMES, goal, goal, 5.0), NOW, ZERO, ZERO)

@@ -32,7 +32,7 @@ CORRECTION = 0.05
 # --- streams with velocities ---------------------------------------------------------------------
 
 @pytest.mark.parametrize('rate', [50, 100, 500, 1000])
-def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate: int) -> None:
+def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate):
     h = 1.0 / rate
     found = stream(generator(), sine, h, 0.8, True).after(0.4)
     exact = [sine(t - h) for t in found.t.tolist()]
@@ -49,7 +49,7 @@ def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate: int
 
 
 @pytest.mark.parametrize('rate', [50, 100, 500, 1000])
-def test_a_stream_with_accelerations_is_followed_more_closely(rate: int) -> None:
+def test_a_stream_with_accelerations_is_followed_more_closely(rate):
     h, one = 1.0 / rate, generator()
     for i in range(round(0.6 / h)):
         q, v = sine(i * h)
@@ -63,7 +63,7 @@ def test_a_stream_with_accelerations_is_followed_more_closely(rate: int) -> None
 
 @pytest.mark.parametrize('rate', [50, 500])
 @pytest.mark.parametrize('end', [0.5, 0.9, 1.1])
-def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate: int, end: float) -> None:
+def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate, end):
     one, limits = generator(), limits_of()
     stream(one, sine, 1.0 / rate, end, True)
     active = one.active
@@ -105,9 +105,7 @@ def assert_within(found: Samples, limits: MotionLimits) -> None:
 
 @pytest.mark.parametrize('limits', [limits_of(), limits_of(a=100.0, j=10_000.0)])
 @pytest.mark.parametrize('rate', [10, 30, 50, 100, 500, 1000])
-def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(
-    rate: int, limits: MotionLimits,
-) -> None:
+def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limits):
     """It is that of the horizon where the limits do not matter."""
     h = 1.0 / rate
     everything = stream(generator(limits), ramp, h, 1.0, False)
@@ -120,7 +118,7 @@ def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(
 
 
 @pytest.mark.parametrize('rate', [10, 30, 100, 1000])
-def test_a_sine_of_positions_is_followed_smoothly(rate: int) -> None:
+def test_a_sine_of_positions_is_followed_smoothly(rate):
     h, limits = 1.0 / rate, limits_of()
     everything = stream(generator(), sine, h, 1.8, False)
     assert_within(everything, limits)
@@ -133,9 +131,7 @@ def test_a_sine_of_positions_is_followed_smoothly(rate: int) -> None:
 
 @pytest.mark.parametrize('rate', [2, 10, 50, 500])
 @pytest.mark.parametrize('distance', [0.02, 0.3, 2.0])
-def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(
-    rate: int, distance: float,
-) -> None:
+def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(rate, distance):
     goal, one = np.array((distance, -0.5 * distance)), generator()
     end = 1.5 + 2.0 * distance
     found = stream(one, lambda t: (goal, ZERO), 1.0 / rate, end, False)
@@ -148,9 +144,7 @@ def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(
 
 
 @pytest.mark.parametrize('rate', [10, 50, 500])
-def test_a_stream_that_stays_at_its_last_position_ends_there_with_little_overshoot(
-    rate: int,
-) -> None:
+def test_a_stream_that_stays_at_its_last_position_ends_there_with_little_overshoot(rate):
     one = generator()
     found = stream(one, lambda t: (ramp(min(t, 1.0))[0], ZERO), 1.0 / rate, 2.5, False)
     goal = ramp(1.0)[0]

@@ -118,7 +118,7 @@ def walk(
 
 
 @counts
-def test_a_stream_of_positions_never_leaves_the_hull_of_its_set_points(count: int) -> None:
+def test_a_stream_of_positions_never_leaves_the_hull_of_its_set_points(count):
     for seed in range(count):
         r = random.Random(seed)
         limits = random_limits(r)
@@ -129,9 +129,7 @@ def test_a_stream_of_positions_never_leaves_the_hull_of_its_set_points(count: in
 
 @counts
 @pytest.mark.parametrize('has_acceleration', [False, True])
-def test_a_moving_stream_stays_within_all_limits_also_after_its_end(
-    count: int, has_acceleration: bool,
-) -> None:
+def test_a_moving_stream_stays_within_all_limits_also_after_its_end(count, has_acceleration):
     for seed in range(count):
         r = random.Random(seed)
         limits = random_limits(r)

@@ -41,7 +41,7 @@ def exact_motion(
     pytest.param(  # with an initial velocity
         (np.pi - 0.5, 1.0), (6.0, -4.0), marks=pytest.mark.soak),
 ])
-def test_a_free_arm_keeps_its_energy(q0: tuple[float, float], v0: tuple[float, float]) -> None:
+def test_a_free_arm_keeps_its_energy(q0, v0):
     """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
     arm = two_link()
     simulation = released(arm, q0, v0)
@@ -60,9 +60,7 @@ def test_a_free_arm_keeps_its_energy(q0: tuple[float, float], v0: tuple[float, f
     ((np.pi - 0.5, 1.0), (3.0, -2.0), 1e-7),
     ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # full rotations: neighbouring motions diverge quickly
 ])
-def test_a_free_arm_moves_as_another_integrator_has_it(
-    q0: tuple[float, float], v0: tuple[float, float], tolerance: float,
-) -> None:
+def test_a_free_arm_moves_as_another_integrator_has_it(q0, v0, tolerance):
     arm = two_link()
     simulation = released(arm, q0, v0, max_step=1e-3)
     q, v = simulation.step(np.zeros(2), 5.0)
@@ -71,7 +69,7 @@ def test_a_free_arm_moves_as_another_integrator_has_it(
     assert v == pytest.approx(v_exact, abs=10.0 * tolerance)
 
 
-def test_the_integration_is_of_fifth_order() -> None:
+def test_the_integration_is_of_fifth_order():
     arm, q0, v0 = two_link(), np.array([1.0, 0.5]), np.array([0.5, -1.0])
     exact = np.concatenate(exact_motion(arm, q0, v0, 1.0))
     errors = []
@@ -83,7 +81,7 @@ def test_the_integration_is_of_fifth_order() -> None:
     assert (orders >= 4.5).all(), orders
 
 
-def test_how_a_motion_is_cut_into_calls_does_not_matter() -> None:
+def test_how_a_motion_is_cut_into_calls_does_not_matter():
     arm, tau = two_link(), np.array([3.0, -1.0])
     whole, parts = released(arm, (1.0, 0.5)), released(arm, (1.0, 0.5))
     whole.step(tau, 0.4)
@@ -94,7 +92,7 @@ def test_how_a_motion_is_cut_into_calls_does_not_matter() -> None:
 
 # --- brakes, reset, payload, wrench --------------------------------------------------------------
 
-def test_brakes_hold_until_they_are_released() -> None:
+def test_brakes_hold_until_they_are_released():
     simulation = ArmSimulation(two_link(), (1.0, 0.5))
     for engage in (simulation.reset, simulation.brake, lambda: simulation.wait(1.0)):
         engage()
@@ -106,7 +104,7 @@ def test_brakes_hold_until_they_are_released() -> None:
     assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
 
 
-def test_reset_goes_back_and_brakes_and_a_state_is_a_copy() -> None:
+def test_reset_goes_back_and_brakes_and_a_state_is_a_copy():
     simulation = released(two_link(), (1.0, 0.5), (0.1, 0.2))
     simulation.state.position[:] = 9.0
     assert simulation.q.tolist() == [1.0, 0.5]
@@ -118,7 +116,7 @@ def test_reset_goes_back_and_brakes_and_a_state_is_a_copy() -> None:
     assert simulation.v.tolist() == [0.1, 0.2]
 
 
-def test_the_home_pose_is_within_the_limits() -> None:
+def test_the_home_pose_is_within_the_limits():
     arm = load_arm(robot_urdf('panda'))
     q, v = ArmSimulation(arm).state
     assert not v.any()
@@ -129,7 +127,7 @@ def test_the_home_pose_is_within_the_limits() -> None:
     assert not q[~outside].any()
 
 
-def test_an_arm_holds_under_the_effort_for_its_load() -> None:
+def test_an_arm_holds_under_the_effort_for_its_load():
     arm, q0 = two_link(), np.array([1.0, 0.5])
     payload = make_payload('tool0', 2.0, (0.1, 0.0, 0.05))
     loaded = arm.with_payloads([payload])
@@ -143,7 +141,7 @@ def test_an_arm_holds_under_the_effort_for_its_load() -> None:
     assert np.abs(simulation.q - q0).max() > 0.05
 
 
-def test_a_load_comes_and_goes_linearly_within_its_transition_time() -> None:
+def test_a_load_comes_and_goes_linearly_within_its_transition_time():
     """The arm holds under the effort for the part of the load that acts; energy is balanced."""
     arm, q0 = two_link(), np.array([1.0, 0.5])
     payload = make_payload('tool0', 2.0, (0.1, 0.0, 0.05))
@@ -161,14 +159,14 @@ def test_a_load_comes_and_goes_linearly_within_its_transition_time() -> None:
         assert sum(simulation.energy) - simulation.work == pytest.approx(at_start, abs=1e-9)
 
 
-def test_an_arm_that_the_brakes_hold_takes_its_load_at_once() -> None:
+def test_an_arm_that_the_brakes_hold_takes_its_load_at_once():
     simulation = ArmSimulation(two_link())
     simulation.set_payloads([make_payload('tool0', 2.0)], 1.0)
     assert [load.mass for load in simulation.arm.payloads] == [2.0]
 
 
 @pytest.mark.parametrize('brakes', [False, True])
-def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
+def test_a_change_of_payload_is_booked_as_work(brakes):
     """A point mass at the tool adds ½ m |ẋ|² + m g z; its removal subtracts the same."""
     m, lengths = 2.0, np.array([0.7, 0.4])
     arm = load_arm(planar_arm_urdf([3.0, 2.0], lengths, [0.3, 0.2], [0.1, 0.05]))
@@ -195,7 +193,7 @@ def test_a_change_of_payload_is_booked_as_work(brakes: bool) -> None:
     assert np.abs(changes).max() > 5.0
 
 
-def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
+def test_a_payload_that_is_rejected_leaves_the_energy_balance():
     simulation = released(two_link(), (1.0, 0.5))
     with pytest.raises(InvalidInputError, match='no_link'):
         simulation.set_payloads([make_payload('no_link', 1.0)])
@@ -203,7 +201,7 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance() -> None:
     assert simulation.arm.payloads == ()
 
 
-def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
+def test_an_arm_holds_against_the_wrench_that_its_effort_bears():
     arm, q0 = two_link(), np.array([1.0, 0.5])
     wrench = ExternalWrench('tool0', np.array([5.0, 0.0, -8.0]), np.array([0.0, 3.0, 0.0]))
     tau = ArmDynamics(arm).inverse_dynamics(q0, np.zeros(2), np.zeros(2), [wrench])
@@ -220,13 +218,13 @@ def test_an_arm_holds_against_the_wrench_that_its_effort_bears() -> None:
     ({'velocity': (1.0, float('nan'))}, r'initial_velocity\[1\] \(joint2\) is nan'),
     ({'max_step': 0.0}, 'max_step is 0, expected a number > 0'),
 ])
-def test_bad_arguments_are_refused_by_name(arguments: dict[str, object], words: str) -> None:
+def test_bad_arguments_are_refused_by_name(arguments, words):
     with pytest.raises(InvalidInputError, match=words):
         ArmSimulation(two_link(), **arguments)  # type: ignore[arg-type]
 
 
 @pytest.mark.filterwarnings('error::RuntimeWarning')
-def test_a_diverged_arm_is_reported() -> None:
+def test_a_diverged_arm_is_reported():
     simulation = released(two_link(), (1.0, 0.5))
     with pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.array([1e200, -1e200]), 1.0)
@@ -245,9 +243,7 @@ TWO_FOR_ONE_MOTION = f"""
 
 @pytest.mark.parametrize('viscous', [0.0, 1.0])
 @pytest.mark.parametrize('coulomb', [0.0, 1.0])
-def test_a_motion_without_inertia_is_refused_with_any_friction(
-    viscous: float, coulomb: float,
-) -> None:
+def test_a_motion_without_inertia_is_refused_with_any_friction(viscous, coulomb):
     arm = load_arm(TWO_FOR_ONE_MOTION)
     simulation = released(
         arm.with_friction(make_friction(arm.joint_names, viscous=viscous, coulomb=coulomb)))
@@ -256,7 +252,7 @@ def test_a_motion_without_inertia_is_refused_with_any_friction(
     assert simulation.q.tolist() == [0.0, 0.0]
 
 
-def test_a_joint_that_moves_no_mass_is_named() -> None:
+def test_a_joint_that_moves_no_mass_is_named():
     # the bob is a point on its axis
     urdf = TWO_FOR_ONE_MOTION.replace('="1" ixy', '="0" ixy')
     ArmSimulation(load_arm(urdf)).check_inertia()  # the inertia about that axis remains
@@ -265,7 +261,7 @@ def test_a_joint_that_moves_no_mass_is_named() -> None:
 
 
 @pytest.mark.parametrize('viscous', [1.0, 5000.0])
-def test_a_wrench_does_work_that_is_no_heat(viscous: float) -> None:
+def test_a_wrench_does_work_that_is_no_heat(viscous):
     # a push at the tip that both the stiff and the non-stiff integration have to include
     arm = load_arm(
         planar_arm_urdf([MASS], [LENGTH], [COM], [INERTIA], [viscous], [0.0]),

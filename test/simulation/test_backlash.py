@@ -63,8 +63,7 @@ def closing(simulation: ArmSimulation) -> FloatArray:
     (2, 0.5), *(pytest.param(n, restitution, marks=pytest.mark.soak)
                 for n in (1, 2, 3) for restitution in (0.0, 0.5, 1.0)
                 if (n, restitution) != (2, 0.5))])
-def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
-        n: int, restitution: float) -> None:
+def test_motor_and_joint_are_never_further_apart_than_half_the_gap(n, restitution):
     gaps = np.array([0.02, 0.05, 0.01])[:n]
     arm = geared(
         rubbing(links(n), viscous=[0.3], coulomb=[0.4], static=[0.6], stribeck_velocity=[0.05]),
@@ -89,7 +88,7 @@ def test_motor_and_joint_are_never_further_apart_than_half_the_gap(
 
 @pytest.mark.parametrize('restitution', [
     0.0, *(pytest.param(e, marks=pytest.mark.soak) for e in (0.5, 1.0))])
-def test_the_gap_holds_in_long_steps(restitution: float) -> None:
+def test_the_gap_holds_in_long_steps(restitution):
     arm = geared(links(3), backlash=[0.005], restitution=[restitution])
     simulation = released(arm, np.full(3, 0.3), max_step=0.05)
     random = np.random.default_rng(0)
@@ -99,7 +98,7 @@ def test_the_gap_holds_in_long_steps(restitution: float) -> None:
 
 
 @pytest.mark.parametrize('n', [1, 2, 3])
-def test_a_released_arm_rests_on_its_gears(n: int) -> None:
+def test_a_released_arm_rests_on_its_gears(n):
     arm, at_rest = geared(links(n), backlash=[0.02]), np.array([0.4, -0.7, 0.5])[:n]
     simulation = released(arm, at_rest)
     weight = ArmDynamics(arm).rigid_body.gravity(at_rest)
@@ -121,7 +120,7 @@ def sway(arm: ArmModel) -> FloatArray:
     return np.array(way)
 
 
-def test_a_gap_that_closes_is_a_rigid_gear() -> None:
+def test_a_gap_that_closes_is_a_rigid_gear():
     arm = rubbing(links(2), viscous=[2.0, 0.8])
     rigid, gaps = sway(geared(arm, backlash=[0.0])), [1e-3, 1e-5, 1e-7, 1e-9]
     apart = [np.abs(sway(geared(arm, backlash=[gap])) - rigid).max() for gap in gaps]
@@ -133,7 +132,7 @@ def test_a_gap_that_closes_is_a_rigid_gear() -> None:
 # --- impacts -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('restitution', [0.0, 0.3, 0.8, 1.0])
-def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitution: float) -> None:
+def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitution):
     simulation = released(one_link(restitution=[restitution]))
     simulation.step(np.array([2.0]), 0.05)  # only the motor moves, inside the gap
     assert simulation.v.tolist() == [0.0]
@@ -161,7 +160,7 @@ def test_teeth_that_meet_keep_momentum_and_lose_what_restitution_says(restitutio
         assert simulation.heat == pytest.approx(0.0, abs=1e-15)
 
 
-def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
+def test_an_impact_keeps_the_momentum_of_all_joints():
     """M v + J ω (2,) over microseconds in which one of two joints hits its motor."""
     bare = links(2, gravity=0.0)
     simulation = released(
@@ -187,7 +186,7 @@ def test_an_impact_keeps_the_momentum_of_all_joints() -> None:
 # --- energy --------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('restitution', [0.0, 0.5])
-def test_no_energy_comes_or_goes(restitution: float) -> None:
+def test_no_energy_comes_or_goes(restitution):
     """Two links with every kind of friction, motors with inductance, and backlash."""
     arm = geared(
         rubbing(links(2), viscous=[1.0, 0.4], coulomb=[2.0, 0.8], static=[3.0, 1.2],
@@ -217,8 +216,7 @@ def test_no_energy_comes_or_goes(restitution: float) -> None:
     (0.0, 1e-10), (0.5, 1e-9), (0.8, 1e-8),
     (1.0, 1e-6),  # unbounded number of impacts, each of which magnifies differences
 ])
-def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(
-        restitution: float, accuracy: float) -> None:
+def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(restitution, accuracy):
     """A PD law on the joint, with its effort held for each millisecond, oscillates in the gap."""
     viscous, gap, h = 0.5, 0.02, 1e-3
     simulation = released(rubbing(
@@ -249,7 +247,7 @@ def orders(steps: list[float], wrong: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize('restitution', [0.0, 0.5])
-def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
+def test_events_do_not_cost_the_method_its_order(restitution):
     arm = geared(rubbing(links(2), viscous=[1.0, 0.4]), backlash=[0.02], restitution=[restitution])
 
     def run(step: float) -> FloatArray:
@@ -266,7 +264,7 @@ def test_events_do_not_cost_the_method_its_order(restitution: float) -> None:
 
 
 @pytest.mark.soak
-def test_motors_with_inductance_are_coupled_with_order_two() -> None:
+def test_motors_with_inductance_are_coupled_with_order_two():
     arm = geared(
         rubbing(links(2), viscous=[1.0, 0.4]), backlash=[0.02], resistance=[0.8],
         inductance=[4e-4], current_time_constant=[0.02])
@@ -295,6 +293,6 @@ def test_motors_with_inductance_are_coupled_with_order_two() -> None:
     ({'rotor_inertia': [0.0]},
      "actuator.rotor_inertia of 'joint1' is 0, expected a number > 0 where there is backlash"),
 ])
-def test_invalid_values_are_rejected_by_name(changes: dict[str, list[float]], words: str) -> None:
+def test_invalid_values_are_rejected_by_name(changes, words):
     with pytest.raises(InvalidInputError, match=words):
         one_link(**changes)

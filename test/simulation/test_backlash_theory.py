@@ -29,14 +29,14 @@ def way() -> Way:
     return swing(6.0)
 
 
-def test_the_load_follows_the_play_operator(way: Way) -> None:
+def test_the_load_follows_the_play_operator(way):
     settled = after(way, 2.0)
     theory = play_operator(settled.theta, settled.q[0])
     print('largest distance from the play operator:', np.abs(settled.q - theory).max())
     assert settled.q == pytest.approx(theory, abs=1e-9)
 
 
-def test_it_stands_still_while_the_motor_crosses_the_gap(way: Way) -> None:
+def test_it_stands_still_while_the_motor_crosses_the_gap(way):
     settled = after(way, 2.0)
     crossing = np.abs(settled.theta - settled.q) < HALF_GAP - 1e-9
     inside = crossing[1:] & crossing[:-1]
@@ -47,7 +47,7 @@ def test_it_stands_still_while_the_motor_crosses_the_gap(way: Way) -> None:
     assert inside.mean() == pytest.approx(fraction, rel=0.01)
 
 
-def test_the_loop_is_the_parallelogram_of_the_gap(way: Way) -> None:
+def test_the_loop_is_the_parallelogram_of_the_gap(way):
     """The height of the hysteresis is 2 (A − b), and its area 4 b (A − b)."""
     period = after(way, 4.0)
     assert 0.5 * np.ptp(period.theta) == pytest.approx(AMPLITUDE, rel=1e-3)
@@ -58,7 +58,7 @@ def test_the_loop_is_the_parallelogram_of_the_gap(way: Way) -> None:
     assert area == pytest.approx(4.0 * HALF_GAP * (AMPLITUDE - HALF_GAP), rel=1e-3)
 
 
-def test_amplitude_and_phase_are_those_of_the_describing_function(way: Way) -> None:
+def test_amplitude_and_phase_are_those_of_the_describing_function(way):
     motor, joint = fundamental(after(way, 2.0), FREQUENCY)
     measured, theory = joint / motor, describing_function(AMPLITUDE)
     print(f'measured {abs(measured):.6f} at {np.angle(measured, deg=True):.4f}°, '
@@ -70,7 +70,7 @@ def test_amplitude_and_phase_are_those_of_the_describing_function(way: Way) -> N
 # --- the limit cycle -----------------------------------------------------------------------------
 
 @pytest.mark.parametrize('start', [0.03, pytest.param(0.3, marks=pytest.mark.soak)])
-def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: float) -> None:
+def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start):
     predicted = predicted_cycle()
     # As the describing function assumes: friction acts on the load, and hardly on the motor.
     effort = MOTOR * predicted.amplitude * predicted.frequency**2
@@ -88,7 +88,7 @@ def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts(start: flo
 
 @pytest.mark.parametrize(('gap', 'joint_side'), [
     (0.0, True), pytest.param(2.0 * HALF_GAP, False, marks=pytest.mark.soak)])
-def test_without_the_gap_in_the_loop_there_is_no_cycle(gap: float, joint_side: bool) -> None:
+def test_without_the_gap_in_the_loop_there_is_no_cycle(gap, joint_side):
     last = after(feed_back(20.0, gap, joint_side), 15.0)
     assert np.ptp(last.theta) < 1e-9
     assert np.ptp(last.q) < 1e-9

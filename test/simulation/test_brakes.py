@@ -3,7 +3,6 @@
 
 """Brakes that engage on a moving arm: the arm stops, and its kinetic energy becomes heat."""
 
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -56,7 +55,7 @@ def moving(arm: ArmModel) -> ArmSimulation:
 
 
 @ARMS
-def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) -> None:
+def test_every_joint_and_motor_stops_in_place(make_arm):
     simulation = moving(make_arm())
     q, theta = simulation.state.position, simulation.motor_state.position
     simulation.brake()
@@ -70,7 +69,7 @@ def test_every_joint_and_motor_stops_in_place(make_arm: Callable[[], ArmModel]) 
 
 
 @ARMS
-def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmModel]) -> None:
+def test_the_motion_of_links_and_rotors_becomes_heat(make_arm):
     simulation = moving(make_arm())
     v, omega = simulation.v, simulation.motor_state.velocity
     rotors = REFLECTED_INERTIA if simulation.arm.actuators is not None else 0.0
@@ -84,14 +83,14 @@ def test_the_motion_of_links_and_rotors_becomes_heat(make_arm: Callable[[], ArmM
     assert simulation.work == work
 
 
-def test_a_motor_within_its_gap_has_a_motion_of_its_own() -> None:
+def test_a_motor_within_its_gap_has_a_motion_of_its_own():
     """The case above with motors that do not move with their joints."""
     simulation = moving(with_backlash())
     assert np.abs(simulation.motor_state.velocity - simulation.v).max() > 0.1
 
 
 @ARMS
-def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmModel]) -> None:
+def test_no_energy_is_lost_however_often_they_close(make_arm):
     simulation = ArmSimulation(make_arm(), START)
     at_start, turned_over = sum(simulation.energy), 0.0
     for k in range(12):
@@ -106,7 +105,7 @@ def test_no_energy_is_lost_however_often_they_close(make_arm: Callable[[], ArmMo
 
 
 @pytest.mark.parametrize('make_arm', [bare, rubbing, driven])
-def test_it_continues_like_an_arm_that_starts_there(make_arm: Callable[[], ArmModel]) -> None:
+def test_it_continues_like_an_arm_that_starts_there(make_arm):
     """At rest, with its motors without current and with initial friction states."""
     simulation = moving(make_arm())
     simulation.brake()
@@ -119,7 +118,7 @@ def test_it_continues_like_an_arm_that_starts_there(make_arm: Callable[[], ArmMo
     assert simulation.effort.tolist() == twin.effort.tolist()
 
 
-def test_brakes_that_are_closed_already_change_nothing() -> None:
+def test_brakes_that_are_closed_already_change_nothing():
     simulation = ArmSimulation(bare(), START, (0.3, -0.2))  # to be released in motion
     simulation.brake()
     assert simulation.heat == 0.0

@@ -38,7 +38,7 @@ def steps_until_over(commands: CommandTimeout, passed: float, period: float = PE
 
 # --- the counter ---------------------------------------------------------------------------------
 
-def test_it_is_over_after_the_timeout_and_only_once() -> None:
+def test_it_is_over_after_the_timeout_and_only_once():
     commands = received_once()
     assert steps_until_over(commands, PERIOD) == pytest.approx(ENOUGH, abs=1)
     assert commands.silence == pytest.approx(TIMEOUT, abs=PERIOD)
@@ -46,12 +46,12 @@ def test_it_is_over_after_the_timeout_and_only_once() -> None:
     assert steps_until_over(commands, PERIOD) == 0
 
 
-def test_nothing_is_missed_before_the_first_command_or_with_a_timeout_of_0() -> None:
+def test_nothing_is_missed_before_the_first_command_or_with_a_timeout_of_0():
     assert steps_until_over(CommandTimeout(TIMEOUT), PERIOD) == 0
     assert steps_until_over(received_once(0.0), PERIOD) == 0
 
 
-def test_each_command_restarts_the_timeout() -> None:
+def test_each_command_restarts_the_timeout():
     commands = received_once()
     for _ in range(50):
         for _ in range(ENOUGH - 2):
@@ -64,7 +64,7 @@ def test_each_command_restarts_the_timeout() -> None:
     assert steps_until_over(commands, PERIOD) > 0  # a second timeout after a command
 
 
-def test_a_reset_waits_for_a_first_command() -> None:
+def test_a_reset_waits_for_a_first_command():
     commands = received_once()
     commands.end_step(PERIOD, PERIOD)
     commands.reset()
@@ -76,7 +76,7 @@ def test_a_reset_waits_for_a_first_command() -> None:
 
 
 @pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
-def test_a_loop_that_was_held_up_could_not_receive(stall: float) -> None:
+def test_a_loop_that_was_held_up_could_not_receive(stall):
     """A stall longer than the timeout counts as one step."""
     commands = received_once()
     assert not commands.end_step(stall, PERIOD)
@@ -84,12 +84,12 @@ def test_a_loop_that_was_held_up_could_not_receive(stall: float) -> None:
     assert steps_until_over(commands, PERIOD) >= ENOUGH - 2
 
 
-def test_a_loop_that_catches_up_counts_the_time_that_passes() -> None:
+def test_a_loop_that_catches_up_counts_the_time_that_passes():
     assert steps_until_over(received_once(), 0.8 * PERIOD) == pytest.approx(ENOUGH / 0.8, abs=1)
 
 
 @pytest.mark.parametrize('period', [0.1, 1.0])
-def test_a_single_command_may_be_late_where_steps_are_long(period: float) -> None:
+def test_a_single_command_may_be_late_where_steps_are_long(period):
     assert steps_until_over(received_once(), period, period) == FEWEST_STEPS > 1
 
 
@@ -126,7 +126,7 @@ def command(plant: SimulatedRobot, steps: int) -> None:
         plant.step(PERIOD)
 
 
-def test_the_brakes_hold_an_arm_that_gets_no_effort_any_more() -> None:
+def test_the_brakes_hold_an_arm_that_gets_no_effort_any_more():
     plant = robot()
     command(plant, 10)
     assert times_out(plant)
@@ -141,7 +141,7 @@ def test_the_brakes_hold_an_arm_that_gets_no_effort_any_more() -> None:
         assert now.velocity.tolist() == now.effort.tolist() == [0.0, 0.0]
 
 
-def test_the_next_effort_moves_it_on_from_where_it_stands() -> None:
+def test_the_next_effort_moves_it_on_from_where_it_stands():
     plant = robot()
     command(plant, 10)
     assert times_out(plant)
@@ -153,7 +153,7 @@ def test_the_next_effort_moves_it_on_from_where_it_stands() -> None:
     assert plant.measure().velocity.tolist() == twin.v.tolist()
 
 
-def test_an_arm_without_brakes_falls() -> None:
+def test_an_arm_without_brakes_falls():
     plant = robot(brakes=False)
     command(plant, 10)
     assert times_out(plant)
@@ -164,7 +164,7 @@ def test_an_arm_without_brakes_falls() -> None:
     assert plant.simulation.q.tolist() == twin.q.tolist()
 
 
-def test_the_compensation_of_the_robot_continues() -> None:
+def test_the_compensation_of_the_robot_continues():
     plant = robot(brakes=False, robot_compensates=['gravity'])
     plant.take_effort(np.zeros(2))
     assert times_out(plant)
@@ -172,7 +172,7 @@ def test_the_compensation_of_the_robot_continues() -> None:
     assert plant.simulation.q == pytest.approx(START, abs=1e-9)
 
 
-def test_an_arm_that_was_reset_waits_for_its_first_effort() -> None:
+def test_an_arm_that_was_reset_waits_for_its_first_effort():
     plant = robot()
     command(plant, 10)
     assert times_out(plant)

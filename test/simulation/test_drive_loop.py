@@ -41,14 +41,14 @@ def settled(plant: SimulatedRobot, effort: np.ndarray) -> np.ndarray:
     return plant.simulation.q
 
 
-def test_the_arm_sags_by_gravity_over_the_stiffness_and_not_with_feed_forward() -> None:
+def test_the_arm_sags_by_gravity_over_the_stiffness_and_not_with_feed_forward():
     body = ArmDynamics(ARM).rigid_body
     q = settled(robot(), np.zeros(2))
     assert np.array([400.0, 200.0]) * (Q - q) == pytest.approx(body.gravity(q), rel=1e-5)
     assert settled(robot(), body.gravity(Q)) == pytest.approx(Q, abs=1e-9)
 
 
-def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command() -> None:
+def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command():
     plant = robot(**{'drive.effort_limit': 10.0})
     plant.step(0.1)
     assert plant.simulation.braked
@@ -62,13 +62,13 @@ def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command() 
     assert plant.simulation.braked  # the last command has timed out
 
 
-def test_without_brakes_the_arm_falls_until_the_first_command() -> None:
+def test_without_brakes_the_arm_falls_until_the_first_command():
     plant = robot(brakes=False)
     plant.step(0.1)
     assert np.abs(plant.simulation.v).max() > 0.1
 
 
-def test_without_gains_there_is_no_position_loop() -> None:
+def test_without_gains_there_is_no_position_loop():
     assert drive_loop_from(ARM, {**GIVEN, 'drive.stiffness': [], 'drive.damping': []}) is None
 
 
@@ -80,6 +80,6 @@ def test_without_gains_there_is_no_position_loop() -> None:
     ({'drive.stiffness_limit': 300.0}, "drive.stiffness of 'joint1' is 400, expected at most 300"),
     ({'drive.damping_limit': 5.0}, "drive.damping of 'joint1' is 60, expected at most 5"),
 ])
-def test_wrong_gains_are_named(values: dict[str, Any], words: str) -> None:
+def test_wrong_gains_are_named(values, words):
     with pytest.raises(InvalidInputError, match=words):
         drive_loop_from(ARM, {**GIVEN, **values})

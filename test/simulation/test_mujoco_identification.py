@@ -189,9 +189,7 @@ def outcome(
     return Outcome(estimates_of(name, report), before, after)
 
 
-def test_rotors_damping_and_friction_of_the_mjcf_are_in_their_intervals(
-    outcome: Outcome, seen: Any,
-) -> None:
+def test_rotors_damping_and_friction_of_the_mjcf_are_in_their_intervals(outcome, seen):
     """Of 35 intervals of 95 %, one or two do not contain the true value."""
     seen(' '.join(map(str, outcome.estimates)))
     distances = {
@@ -202,7 +200,7 @@ def test_rotors_damping_and_friction_of_the_mjcf_are_in_their_intervals(
     assert max(distances.values()) < FARTHEST, outside
 
 
-def test_the_identified_arm_follows_with_a_third_of_the_error(outcome: Outcome) -> None:
+def test_the_identified_arm_follows_with_a_third_of_the_error(outcome):
     before, after = (
         np.sqrt(np.mean(errors**2, axis=0)) for errors in (outcome.before, outcome.after))
     assert (after < before / 3.0).all()

@@ -70,9 +70,7 @@ def runge_kutta(
     ('default', [0.5, 0.2], (8e-3, 4e-3, 2e-3), 1e-9),
     ('ur10', [5.0, 5.0, 3.0, 0.5, 0.5, 0.5], (2e-3, 1e-3, 5e-4), 1e-9),
 ])
-def test_mujocos_motion_converges_to_ours_with_its_order(
-    name: str, viscous: list[float], steps: Sequence[float], bound: float,
-) -> None:
+def test_mujocos_motion_converges_to_ours_with_its_order(name, viscous, steps, bound):
     arm, mujoco = pair(robot_urdf(name), viscous=viscous)
     mujoco.model.dof_damping[mujoco.velocity] = viscous
     n = arm.joint_count
@@ -110,7 +108,7 @@ HARD = (1e-3, 0.9999)
 
 
 @on_dry_arms
-def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
+def test_while_joints_slide_accelerations_are_the_same(name):
     loss, _, _ = DRY[name]
     arm, mujoco = pair(robot_urdf(name), coulomb=loss)
     with_frictionloss(mujoco, loss, *HARD)
@@ -123,7 +121,7 @@ def test_while_joints_slide_accelerations_are_the_same(name: str) -> None:
 
 
 @on_dry_arms
-def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) -> None:
+def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name):
     """Both slide and stop in the first half; at the end MuJoCo's joints still creep."""
     loss, q, v = DRY[name]
     arm, _ = pair(robot_urdf(name), coulomb=loss)
@@ -149,7 +147,7 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name: str) ->
     assert drifts[0] > 30.0 * drifts[1] > 300.0 * drifts[2] > 0.0
 
 
-def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness() -> None:
+def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness():
     """In the steady state R f = −b v: v = (1 − d)/d τ / (M b), b = 2 / (d T_c) from `solref`."""
     M, torque, loss = 0.1 + 2.0 * 0.25, 1.0, [2.0]
     urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])

@@ -3,7 +3,6 @@
 
 """An arm in MuJoCo behind the interface of `ArmSimulation`: against it, and its own laws."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,7 @@ def pair() -> tuple[ArmSimulation, MujocoSimulation]:
 
 @pytest.mark.parametrize('wrenches', [
     [], [ExternalWrench('link2', np.array([30.0, 0.0, -20.0]), np.array([0.0, 5.0, 0.0]))]])
-def test_the_motion_is_that_of_our_simulation(wrenches: list[ExternalWrench]) -> None:
+def test_the_motion_is_that_of_our_simulation(wrenches):
     ours, mujoco = pair()
     assert mujoco.arm.joint_names == ours.arm.joint_names
     assert mujoco.arm.effort_limit == pytest.approx(ours.arm.limits.effort)
@@ -68,7 +67,7 @@ def test_the_motion_is_that_of_our_simulation(wrenches: list[ExternalWrench]) ->
     assert found.velocity == pytest.approx(expected.velocity, abs=0.05)
 
 
-def test_actuators_of_driven_joints_are_off_and_their_limits_known() -> None:
+def test_actuators_of_driven_joints_are_off_and_their_limits_known():
     plain, driven = lever(), lever(rest=f'<actuator>{SERVO}</actuator>')
     assert plain.arm.joint_names == ('hinge', 'jaw')  # no actuator: all joints
     assert driven.arm.joint_names == ('hinge',)
@@ -85,7 +84,7 @@ def test_actuators_of_driven_joints_are_off_and_their_limits_known() -> None:
     assert own.arm.effort_limit.tolist() == [7.0]
 
 
-def test_a_gripper_keeps_the_control_of_the_first_keyframe() -> None:
+def test_a_gripper_keeps_the_control_of_the_first_keyframe():
     for control in (0.0, 0.08):
         gripper = lever(rest=TENDON.format(SERVO, f'0 {control}'))
         assert gripper.arm.joint_names == ('hinge',)
@@ -98,7 +97,7 @@ BALL = ('<body name="ball" pos="0.5 0 0.2"><freejoint/>'
         '<geom type="sphere" size="0.05" mass="3"/></body>')
 
 
-def test_brakes_hold_exactly_and_carry_what_falls_on_the_arm() -> None:
+def test_brakes_hold_exactly_and_carry_what_falls_on_the_arm():
     arm = lever(objects=BALL, rest=f'<actuator>{SERVO}</actuator>')
     assert arm.arm.joint_names == ('hinge',)
     with pytest.raises(InvalidInputError, match=r'the brakes hold the simulated arm.*release'):
@@ -119,7 +118,7 @@ def test_brakes_hold_exactly_and_carry_what_falls_on_the_arm() -> None:
     assert arm.data.body('ball').xpos[2] == 0.2
 
 
-def test_gravity_changes_and_names_are_those_given() -> None:
+def test_gravity_changes_and_names_are_those_given():
     arm = lever(joints=['hinge'], names=['elbow'], position=[0.1])
     assert (arm.arm.name, arm.arm.joint_names) == ('lever', ('elbow',))
     arm.set_gravity(np.zeros(3))
@@ -129,7 +128,7 @@ def test_gravity_changes_and_names_are_those_given() -> None:
     assert arm.arm.gravity.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_a_diverging_motion_is_an_error_and_reset_recovers() -> None:
+def test_a_diverging_motion_is_an_error_and_reset_recovers():
     arm = lever(joints=['hinge'])
     arm.release()
     with pytest.raises(RobotDynamicsError, match='diverges in MuJoCo'):
@@ -139,7 +138,7 @@ def test_a_diverging_motion_is_an_error_and_reset_recovers() -> None:
     assert arm.state.position.tolist() == [0.0]
 
 
-def test_a_period_that_is_no_multiple_of_the_time_step_is_kept() -> None:
+def test_a_period_that_is_no_multiple_of_the_time_step_is_kept():
     arm = lever()
     for _ in range(30):
         arm.wait(1.0 / 300.0)
@@ -158,13 +157,13 @@ def test_a_period_that_is_no_multiple_of_the_time_step_is_kept() -> None:
     (lambda: lever().check_body('arm', 'frame'),
      "frame is 'arm', expected a body of the MJCF: ['world', 'lever', 'jaw']"),
 ])
-def test_invalid_input_is_named(make: Any, words: str) -> None:
+def test_invalid_input_is_named(make, words):
     with pytest.raises(RobotDynamicsError) as caught:
         make()
     assert words in str(caught.value)
 
 
-def test_a_broken_file_is_named(tmp_path: Path) -> None:
+def test_a_broken_file_is_named(tmp_path):
     file = tmp_path / 'arm.xml'
     file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
     with pytest.raises(RobotDynamicsError, match='mjcf: MuJoCo rejects .*arm.xml'):

@@ -40,9 +40,7 @@ ranges = {
 
 @settings(max_examples=40, deadline=None)
 @given(**ranges, part=st.floats(-0.02, 0.02), angle=st.floats(0.3, 300.0))
-def test_a_joint_that_sticks_is_a_damped_spring(
-    mass: float, coulomb: float, distance: float, part: float, angle: float,
-) -> None:
+def test_a_joint_that_sticks_is_a_damped_spring(mass, coulomb, distance, part, angle):
     """Under a step of effort: exact at steps of `angle`/ω, at rest at the effort × d / F_c."""
     rate = np.sqrt(coulomb / distance / mass)
     h, steps = angle / rate, int(np.ceil(120.0 / angle))
@@ -62,7 +60,7 @@ def test_a_joint_that_sticks_is_a_damped_spring(
 
 @pytest.mark.parametrize('static', [1.0, 1.5])
 @pytest.mark.parametrize('distance', [1e-5, 1e-3, 0.02])
-def test_it_breaks_away_at_its_static_friction(static: float, distance: float) -> None:
+def test_it_breaks_away_at_its_static_friction(static, distance):
     F_s = 4.0 * static
     simulation = released(block(
         0.05, coulomb=[4.0], static=[F_s], stribeck_velocity=[1e-3],
@@ -81,9 +79,7 @@ def test_it_breaks_away_at_its_static_friction(static: float, distance: float) -
 
 @settings(max_examples=25, deadline=None)
 @given(**ranges, speed=st.floats(0.05, 5.0), forward=st.booleans())
-def test_sliding_friction_is_coulomb_friction(
-    mass: float, coulomb: float, distance: float, speed: float, forward: bool,
-) -> None:
+def test_sliding_friction_is_coulomb_friction(mass, coulomb, distance, speed, forward):
     """The joint decelerates at F_c / m until it stops, after v² / (2 F_c / m)."""
     v = speed if forward else -speed
     simulation = released(
@@ -101,7 +97,7 @@ def test_sliding_friction_is_coulomb_friction(
 
 
 @pytest.mark.parametrize('distance', [1e-4, 1e-3, 0.01])
-def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance: float) -> None:
+def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance):
     """Pulled slowly to and fro by a spring: 4 F_c (X − d) per cycle, none below F_c."""
     F_c, mass, amplitude, period, h = 3.0, 0.1, 0.05, 2.0, 2e-3
     simulation = released(block(mass, coulomb=[F_c], presliding_distance=[distance]))
@@ -128,7 +124,7 @@ def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance: float) -> None:
     assert heat < 0.03 * F_c * distance
 
 
-def test_it_does_not_creep_under_a_vibrating_load() -> None:
+def test_it_does_not_creep_under_a_vibrating_load():
     simulation = released(block(0.1, coulomb=[2.0], presliding_distance=[1e-3]))
     positions = [simulation.step(
         np.array([1.2 + 0.6 * np.sin(0.1 * k)]), 2e-3).position[0] for k in range(6000)]
@@ -136,7 +132,7 @@ def test_it_does_not_creep_under_a_vibrating_load() -> None:
     assert max(positions[-2000:]) == pytest.approx(max(positions[1000:3000]), abs=1e-7)
 
 
-def test_the_offset_between_the_directions_remains() -> None:
+def test_the_offset_between_the_directions_remains():
     """F_c + F_o = 2.5 N forward, 1.5 N backward, also for the break-away."""
     arm = block(0.1, coulomb=[2.0], offset=[0.5], presliding_distance=[1e-3])
     for effort, z in ((2.49, 0.995), (2.51, 1.0), (-1.49, -0.995), (-1.51, -1.0), (0.0, -0.25)):
@@ -176,7 +172,7 @@ def small_steps(
 
 
 @pytest.mark.parametrize('distance', [[2e-3, 2e-3], [5e-4, 0.01]])
-def test_two_links_move_as_small_steps_of_the_law_say(distance: list[float]) -> None:
+def test_two_links_move_as_small_steps_of_the_law_say(distance):
     """With stick and slip of both joints, under efforts around gravity compensation."""
     arm = rubbing(ARM, viscous=[0.2, 0.1], coulomb=[4.0, 1.5], presliding_distance=distance)
     q = np.array([0.6, -0.8])
@@ -215,7 +211,7 @@ def random_friction(each: list[dict[str, float]]) -> dict[str, list[float]]:
 
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
-def test_energy_never_grows_without_input(data: st.DataObject) -> None:
+def test_energy_never_grows_without_input(data):
     """K + P with the energy of the bristles, minus the work, over random arms and states."""
     bare, q = data.draw(st.sampled_from([
         (ARM, np.array([0.4, -0.7])), (PANDA, POSE)]))
@@ -238,7 +234,7 @@ def test_energy_never_grows_without_input(data: st.DataObject) -> None:
 
 
 @pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
-def test_work_energy_and_heat_balance(backlash: float | None) -> None:
+def test_work_energy_and_heat_balance(backlash):
     """Heat is integrated, except in exponential steps; springs are slow enough here."""
     arm = rubbing(ARM, viscous=[0.5, 0.2], coulomb=[4.0, 1.5], offset=[0.3, -0.1],
                   presliding_distance=[0.01, 0.02])
@@ -270,9 +266,7 @@ def path(arm: ArmModel, q: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(('bare', 'q', 'coulomb'), [
     (ARM, np.array([0.4, -0.7]), [4.0, 1.5]), (PANDA, POSE, [2.0, 2.0, 1.5, 1.5, 0.6, 0.6, 0.3])],
     ids=['planar', 'panda'])
-def test_the_limit_of_short_distances_is_rigid_sticking(
-    bare: ArmModel, q: np.ndarray, coulomb: list[float], seen: Any,
-) -> None:
+def test_the_limit_of_short_distances_is_rigid_sticking(bare, q, coulomb, seen):
     rigid = path(rubbing(bare, coulomb=coulomb), q)
     assert np.array_equal(rigid, path(
         rubbing(bare, coulomb=coulomb, presliding_distance=[0.0]), q))
@@ -284,7 +278,7 @@ def test_the_limit_of_short_distances_is_rigid_sticking(
     assert errors[2] < 2e-3
 
 
-def test_a_rigid_joint_beside_one_that_yields_does_not_move() -> None:
+def test_a_rigid_joint_beside_one_that_yields_does_not_move():
     q = np.array([0.4, -0.7])
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[0.0, 1e-3])
     simulation = released(arm, q)
@@ -296,7 +290,7 @@ def test_a_rigid_joint_beside_one_that_yields_does_not_move() -> None:
     assert simulation.presliding_state[0] == 0.0
 
 
-def test_the_state_is_that_of_the_identification() -> None:
+def test_the_state_is_that_of_the_identification():
     """Along the simulated positions, `presliding_state` has the deflections of the simulation."""
     d, h = np.array([3e-3, 1e-2]), 1e-3
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=d.tolist())
@@ -319,7 +313,7 @@ def test_the_state_is_that_of_the_identification() -> None:
 
 # --- operation -----------------------------------------------------------------------------------
 
-def test_brakes_keep_the_deflection_and_a_reset_relaxes_it() -> None:
+def test_brakes_keep_the_deflection_and_a_reset_relaxes_it():
     q = np.array([0.4, -0.7])
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[5e-4, 1e-4])
     simulation = released(arm, q)
@@ -345,7 +339,7 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it() -> None:
     assert simulation.q == pytest.approx(q, abs=1e-12)
 
 
-def test_a_payload_and_a_push_deflect_the_joints() -> None:
+def test_a_payload_and_a_push_deflect_the_joints():
     """By their torque × d / F_c; afterwards the arm returns."""
     q, d = np.array([0.4, -0.7]), np.array([2e-3, 2e-3])
     arm = rubbing(ARM, viscous=[0.1], coulomb=[40.0, 20.0], presliding_distance=d.tolist())

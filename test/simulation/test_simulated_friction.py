@@ -22,7 +22,7 @@ from simulated_arms import COM, INERTIA, LENGTH, MASS, released
 @given(
     st.lists(st.floats(0.0, 5.0), min_size=4, max_size=4),
     st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4))
-def test_friction_never_adds_energy(friction: list[float], state: list[float]) -> None:
+def test_friction_never_adds_energy(friction, state):
     arm = load_arm(planar_arm_urdf(
         [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05],
         viscous_friction=friction[:2], coulomb_friction=friction[2:]))
@@ -36,7 +36,7 @@ def test_friction_never_adds_energy(friction: list[float], state: list[float]) -
         energy = after
 
 
-def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() -> None:
+def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing():
     """
     A small swing about the lowest point loses 2 F_c / (m g r) each half period, then sticks.
 
@@ -63,7 +63,7 @@ def test_a_pendulum_with_dry_friction_loses_the_same_angle_every_half_swing() ->
 
 # --- convergence and stiff friction --------------------------------------------------------------
 
-def test_dry_friction_does_not_cost_the_method_its_order() -> None:
+def test_dry_friction_does_not_cost_the_method_its_order():
     """The sliding direction changes several times; steps are split only at these changes."""
     arm = load_arm(planar_arm_urdf(
         [5.0, 3.0], [1.0, 0.8], [0.5, 0.4], [0.1, 0.05], coulomb_friction=[2.0, 1.0]))
@@ -98,7 +98,7 @@ def heavily_damped_arm() -> ArmModel:
         [5.0, 0.01], [1.0, 0.1], [0.5, 0.05], [0.1, 1e-5], viscous_friction=[1.0, 0.4]))
 
 
-def test_stiff_viscous_friction_is_followed_at_a_long_step() -> None:
+def test_stiff_viscous_friction_is_followed_at_a_long_step():
     arm = heavily_damped_arm()
     q0, v0, tau = np.array([1.0, 0.5]), np.array([0.0, 2.0]), np.array([-20.0, 0.3])
     exact = stiff_solution(arm, q0, v0, tau, 0.2)
@@ -112,7 +112,7 @@ def test_stiff_viscous_friction_is_followed_at_a_long_step() -> None:
 
 
 @pytest.mark.parametrize('static', [(), [0.0, 3.0, 3.0, 100.0, 100.0, 100.0]])
-def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) -> None:
+def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static):
     """Dry friction holds the wrists of the UR10; viscous friction would relax them fast."""
     urdf, viscous, steps = robot_urdf('ur10'), 0.3, (8e-3, 4e-3, 2e-3)
     coulomb = [0.0, 2.0, 2.0, 100.0, 100.0, 100.0] if static else [0.0] * 3 + [100.0] * 3
@@ -138,7 +138,7 @@ def test_stuck_joints_with_stiff_friction_act_as_fixed_joints(static: object) ->
         assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
 
 
-def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> None:
+def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away():
     """The first link falls; the second one, light and damped, sticks during the fall."""
     arm = heavily_damped_arm()
     arm = arm.with_friction(make_friction(arm.joint_names, [1.0, 0.4], [0.2, 0.012]))
@@ -160,9 +160,7 @@ def test_a_joint_with_stiff_friction_keeps_the_order_until_it_breaks_away() -> N
     (0.5, 0.0),  # decelerates to rest
     (1.0, 0.05),  # decelerates to a speed with higher friction
 ])
-def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
-    v0: float, tau: float,
-) -> None:
+def test_falling_friction_is_followed_where_viscous_friction_is_stiff(v0, tau):
     """J v̇ = τ − F_v v − [F_c + (F_s − F_c) exp(−(v/v_s)²)], with 23 time constants in 2 ms."""
     J, F_v, F_c, F_s, v_s, duration = 3.5e-5, 0.4, 0.02, 0.04, 0.05, 0.02
     arm = load_arm(
@@ -189,7 +187,7 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(
         assert simulation.work - simulation.heat == pytest.approx(gain, abs=1e-8)
 
 
-def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates() -> None:
+def test_a_real_arm_with_stiff_friction_stays_finite_and_dissipates():
     """The xArm 7 has friction with 14 time constants of its wrist per step."""
     arm = load_arm(robot_urdf('xarm7'))
     assert arm.friction.viscous.min() > 0.0

@@ -53,9 +53,7 @@ def acceleration_of_lift(v: float, effort: float, arm: ArmModel) -> float:
 
 
 @pytest.mark.parametrize(('effort', 'v0'), [(35.0, 0.0), (12.0, 0.3), (0.0, -0.02)])
-def test_one_joint_under_a_constant_load_moves_as_the_integral_says(
-    effort: float, v0: float,
-) -> None:
+def test_one_joint_under_a_constant_load_moves_as_the_integral_says(effort, v0):
     """Time to a velocity is ∫ dv / a(v), distance ∫ v dv / a(v): no integration over time."""
     arm = lift(3.0, 0.1, 0.15, 0.5, viscous=0.4)
     simulation = released(arm, [0.0], [v0])
@@ -74,7 +72,7 @@ def test_one_joint_under_a_constant_load_moves_as_the_integral_says(
 
 
 @pytest.mark.parametrize('width', [0.1, 0.001, 1e-5])
-def test_under_a_load_below_its_friction_a_joint_creeps(width: float) -> None:
+def test_under_a_load_below_its_friction_a_joint_creeps(width):
     """With up to 500 time constants per step: v_a artanh of the fraction of the load."""
     arm = lift(5.0, width, 0.1, 0.5)
     simulation = released(arm, [0.0])
@@ -87,7 +85,7 @@ def test_under_a_load_below_its_friction_a_joint_creeps(width: float) -> None:
 
 
 @pytest.mark.parametrize(('width', 'bound'), [(0.05, 1e-8), (0.002, 1e-6)])
-def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound: float) -> None:
+def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width, bound):
     arm = lift(5.0, width, 0.1)
     ends = []
     for max_step in (2e-3, 2e-5):
@@ -102,7 +100,7 @@ def test_a_coarse_step_agrees_with_a_fine_one_through_turns(width: float, bound:
 
 @pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
 @pytest.mark.parametrize('width', [[0.05, 0.1], [0.002, 0.001]])
-def test_the_energy_balance_closes(width: list[float], backlash: float | None) -> None:
+def test_the_energy_balance_closes(width, backlash):
     arm = geared(sigmoid_velocity=width, **({'load_coefficient': [0.0]} if backlash else {}))
     if backlash is not None:
         arm = arm.with_actuators(make_actuators(
@@ -121,7 +119,7 @@ def test_the_energy_balance_closes(width: list[float], backlash: float | None) -
 
 
 @pytest.mark.parametrize('v', [[0.3, -0.2], [0.0, 0.4], [-0.02, 0.0], [0.0, 0.0]])
-def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> None:
+def test_the_first_acceleration_is_that_of_forward_dynamics(v):
     arm, effort = geared(presliding_distance=[0.0]), np.array([90.0, 5.0])
     q, h = [0.4, -0.3], 1e-6
     simulation = released(arm, q, v, h)
@@ -131,7 +129,7 @@ def test_the_first_acceleration_is_that_of_forward_dynamics(v: list[float]) -> N
     assert np.abs(expected).max() > 1.0
 
 
-def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest() -> None:
+def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest():
     """Joint 2 sticks, joint 1 slides: the load of joint 2 is its effort less dry friction."""
     arm = geared(load_coefficient=[0.5, 0.5])
     q, v, a = np.array([0.4, -0.3]), np.array([0.2, 0.0]), np.array([3.0, 0.0])
@@ -140,7 +138,7 @@ def test_forward_dynamics_inverts_inverse_dynamics_with_a_joint_at_rest() -> Non
     assert dynamics.forward_dynamics(q, v, tau) == pytest.approx(a, abs=1e-9)
 
 
-def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> None:
+def test_a_robot_that_compensates_friction_compensates_that_of_its_gears():
     arm = geared()
     robot = InnerController(arm, EffortConvention(robot_compensates=('friction',)))
     q, v, effort = np.array([0.4, -0.3]), np.array([0.2, -0.1]), np.array([30.0, 4.0])
@@ -149,7 +147,7 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears() -> No
         ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
 
 
-def test_load_dependent_friction_acts_where_teeth_touch() -> None:
+def test_load_dependent_friction_acts_where_teeth_touch():
     motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[2e-3])
     arm = geared(load_coefficient=[0.1, 0.2]).with_actuators(motors)
 
@@ -169,7 +167,7 @@ def test_load_dependent_friction_acts_where_teeth_touch() -> None:
     assert errors[1] < 0.7 * errors[0]
 
 
-def test_teeth_that_do_not_touch_bear_no_load() -> None:
+def test_teeth_that_do_not_touch_bear_no_load():
     """While the motor is inside the gap, only gravity and unloaded friction act on the lift."""
     motors = make_actuators(['hinge'], [0.1], [100.0], rotor_inertia=[2e-5], backlash=[0.5])
     arm = lift(2.0, 0.01, 0.5).with_actuators(motors)

@@ -19,7 +19,7 @@ def moving(velocity: float = 0.0, slope: float = 0.0, **friction: float) -> ArmS
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_push_a_slide_and_a_stop(sign: float) -> None:
+def test_a_push_a_slide_and_a_stop(sign):
     """A push F gives (F − F_c)/m; then the block slides v²/(2 F_c/m) in v/(F_c/m) and sticks."""
     force, pushed = 15.0, 0.4
     simulation = moving(coulomb=DRY)
@@ -40,7 +40,7 @@ def test_a_push_a_slide_and_a_stop(sign: float) -> None:
     assert simulation.step(np.array([sign * 0.999 * DRY]), 60.0).position.tolist() == q.tolist()
 
 
-def test_the_time_of_the_stop_is_met_within_a_step() -> None:
+def test_the_time_of_the_stop_is_met_within_a_step():
     """A push back that is longer than the slide: the block stops, then moves back."""
     force, v0 = -9.0, 1.0
     simulation = moving(velocity=v0, coulomb=DRY)
@@ -53,7 +53,7 @@ def test_the_time_of_the_stop_is_met_within_a_step() -> None:
 
 
 @pytest.mark.parametrize('fraction', [0.99, 1.01])
-def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> None:
+def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction):
     """
     It sticks for m g sin(slope) ≤ F_s, and otherwise slides with g sin(slope) − F_c/m.
 
@@ -69,7 +69,7 @@ def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction: float) -> 
         assert v == pytest.approx([0.5 * (9.81 * np.sin(slope) - DRY / MASS)], rel=1e-4)
 
 
-def test_viscous_friction_adds_its_exponential() -> None:
+def test_viscous_friction_adds_its_exponential():
     """From m v̇ = −F_c − F_v v: the block stops after m/F_v ln(1 + F_v v_0/F_c)."""
     viscous, v0 = 2.0, 1.5
     until = MASS / viscous * np.log(1.0 + viscous * v0 / DRY)

@@ -36,12 +36,12 @@ def departures(series: JointSeries) -> np.ndarray:
     return np.flatnonzero(moves[1:] & ~moves[:-1]) + 2
 
 
-def test_the_recording_is_whole(series: JointSeries) -> None:
+def test_the_recording_is_whole(series):
     assert len(series.stamps_ns) == round(DURATION * RATE)
     assert set(np.diff(series.stamps_ns)) == {round(1e9 / RATE)}
 
 
-def test_each_break_away_is_at_the_static_friction(series: JointSeries) -> None:
+def test_each_break_away_is_at_the_static_friction(series):
     effort = series.effort[departures(series), 0]
     print(f'{len(effort)} break-aways, at {effort} N·m')
     assert np.abs(effort) == pytest.approx(np.full(len(effort), STATIC), rel=0.01)
@@ -50,13 +50,13 @@ def test_each_break_away_is_at_the_static_friction(series: JointSeries) -> None:
     assert (effort < 0.0).sum() >= 2  # in the negative direction
 
 
-def test_the_effort_is_that_of_the_spring(series: JointSeries) -> None:
+def test_the_effort_is_that_of_the_spring(series):
     end = np.array([pulled_to(stamp / 1e9) for stamp in series.stamps_ns[:-1]])
     torque = STIFFNESS * (end - series.position[:-1, 0])
     assert series.effort[1:, 0] == pytest.approx(torque, abs=1e-12)
 
 
-def test_the_recorded_motion_is_the_librarys(series: JointSeries) -> None:
+def test_the_recorded_motion_is_the_librarys(series):
     arm = load_arm(URDF, gravity=(0.0, 0.0, 0.0))
     simulation = released(arm.with_friction(make_friction(
         arm.joint_names, coulomb=[COULOMB], static=[STATIC],

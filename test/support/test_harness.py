@@ -59,7 +59,7 @@ def path_with_tests() -> dict[str, str]:
 
 
 @pytest.mark.skipif(not sys.platform.startswith('linux'), reason='PR_SET_PDEATHSIG is of Linux')
-def test_a_node_ends_with_a_test_run_that_is_killed() -> None:
+def test_a_node_ends_with_a_test_run_that_is_killed():
     with popen(
             [sys.executable, '-c', TEST_RUN], env=path_with_tests(), stdin=subprocess.PIPE,
             stdout=subprocess.PIPE, text=True) as test_run:
@@ -82,13 +82,13 @@ def pytest_here(directory: Path, text: str, *prefix: str) -> 'subprocess.Complet
          str(directory)], env=path_with_tests(), cwd=directory, capture_output=True, text=True)
 
 
-def test_children_can_be_interrupted_where_the_run_ignores_sigint(tmp_path: Path) -> None:
+def test_children_can_be_interrupted_where_the_run_ignores_sigint(tmp_path):
     """A shell script starts its background jobs with SIGINT ignored, and children inherit that."""
     done = pytest_here(tmp_path, INTERRUPTED, '-c', IGNORED)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_log_of_a_shared_fixture_is_reported_once(tmp_path: Path) -> None:
+def test_the_log_of_a_shared_fixture_is_reported_once(tmp_path):
     """Each test that needs the fixture is an error; the first one has the reason."""
     out = pytest_here(tmp_path, SHARED).stdout
     assert '3 errors' in out
@@ -97,7 +97,7 @@ def test_the_log_of_a_shared_fixture_is_reported_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not DIRECTORY.is_dir(), reason='there is no /dev/shm')
-def test_shared_memory_of_a_killed_node_is_removed() -> None:
+def test_shared_memory_of_a_killed_node_is_removed():
     """The memory of a running node stays, including its mappings of the killed one."""
     with NodeProcess(DYNAMICS, namespace='/running') as running:
         killed = NodeProcess(DYNAMICS, namespace='/killed').start()

@@ -23,7 +23,7 @@ def bounds(arm: ArmModel) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize('robot', ROBOTS)
-def test_pose_and_jacobian_are_those_of_task_space(robot: str) -> None:
+def test_pose_and_jacobian_are_those_of_task_space(robot):
     arm = smooth_arm(robot)
     link = last_link(arm)
     kinematics, task = FrameKinematics(arm, link), TaskSpace(arm, link)
@@ -39,7 +39,7 @@ def test_pose_and_jacobian_are_those_of_task_space(robot: str) -> None:
 @pytest.mark.parametrize('robot', ROBOTS)
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 100_000))
-def test_a_pose_nearby_is_reached_within_the_limits(robot: str, seed: int) -> None:
+def test_a_pose_nearby_is_reached_within_the_limits(robot, seed):
     arm, rng = smooth_arm(robot), np.random.default_rng(seed)
     kinematics, (lower, upper) = FrameKinematics(arm, last_link(arm)), bounds(arm)
     start = rng.uniform(lower, upper)
@@ -51,7 +51,7 @@ def test_a_pose_nearby_is_reached_within_the_limits(robot: str, seed: int) -> No
     assert arm.joint_count < 6 or np.linalg.norm(rotation_vector(turned @ R.T)) <= ANGLE
 
 
-def test_no_joint_makes_more_than_half_a_turn() -> None:
+def test_no_joint_makes_more_than_half_a_turn():
     arm = smooth_arm('ur5')  # its joints have two turns
     kinematics, rng = FrameKinematics(arm, last_link(arm)), np.random.default_rng(5)
     found = 0
@@ -65,7 +65,7 @@ def test_no_joint_makes_more_than_half_a_turn() -> None:
     assert found > 20
 
 
-def test_two_joints_reach_a_translation_with_any_rotation() -> None:
+def test_two_joints_reach_a_translation_with_any_rotation():
     arm = smooth_arm('default')
     kinematics, start = FrameKinematics(arm, 'tool0'), np.array([0.8, 0.5])
     p, R = kinematics.pose(start + 0.1)
@@ -74,7 +74,7 @@ def test_two_joints_reach_a_translation_with_any_rotation() -> None:
 
 
 @pytest.mark.parametrize('robot', ['ur5', 'panda', 'default'])
-def test_a_pose_out_of_reach_is_refused_with_its_distance(robot: str) -> None:
+def test_a_pose_out_of_reach_is_refused_with_its_distance(robot):
     arm = smooth_arm(robot)
     kinematics = FrameKinematics(arm, last_link(arm))
     with pytest.raises(InvalidInputError, match=r'is (\d|\.)+ m and .* rad from the nearest pose'):

@@ -39,7 +39,7 @@ def assert_exact(c: FloatArray) -> None:
 
 @laws
 @given(polynomials)
-def test_extrema_bound_the_polynomial_and_are_attained(c: FloatArray) -> None:
+def test_extrema_bound_the_polynomial_and_are_attained(c):
     assert_exact(c)
 
 
@@ -50,11 +50,11 @@ def test_extrema_bound_the_polynomial_and_are_attained(c: FloatArray) -> None:
     [1.0 / 16.0, -0.5, 1.5, -2.0, 1.0, 1e-16],  # (s − 1/2)⁴
     [0.0, 0.0, 0.0, 10.0, -15.0, 6.0], [1e9, 1e-6, -1e-6, 0.0, 0.0, 0.0],
 ])
-def test_degenerate_polynomials(c: list[float]) -> None:
+def test_degenerate_polynomials(c):
     assert_exact(np.array(c)[:, np.newaxis])
 
 
-def test_extrema_agree_with_the_roots_of_numpy() -> None:
+def test_extrema_agree_with_the_roots_of_numpy():
     c = np.random.default_rng(0).standard_normal((2000, 6, 1))
     found = extrema(c)
     for i, one in enumerate(c[..., 0]):
@@ -68,7 +68,7 @@ def test_extrema_agree_with_the_roots_of_numpy() -> None:
                 assert found.phases[row, i, 0] == pytest.approx(phases[k], abs=1e-6)
 
 
-def test_each_polynomial_of_an_array_is_independent() -> None:
+def test_each_polynomial_of_an_array_is_independent():
     c = np.random.default_rng(1).standard_normal((3, 4, 6, 5))
     found = extrema(c)
     assert found.phases.shape == found.values.shape == (2, 3, 4, 5)
@@ -80,7 +80,7 @@ def test_each_polynomial_of_an_array_is_independent() -> None:
 
 
 @pytest.mark.parametrize('size', [5e-324, 1e-200, 1e200, 1.7e308])
-def test_coefficients_of_any_size_give_numbers(size: float) -> None:
+def test_coefficients_of_any_size_give_numbers(size):
     signs = np.random.default_rng(2).choice([-1.0, 0.0, 1.0], (1000, 6, 1))
     with np.errstate(all='raise', under='ignore'):
         found = extrema(size * signs)
@@ -88,7 +88,7 @@ def test_coefficients_of_any_size_give_numbers(size: float) -> None:
     assert not np.isnan(found.values).any()
 
 
-def test_the_derivative_is_the_slope() -> None:
+def test_the_derivative_is_the_slope():
     c = np.random.default_rng(3).standard_normal((6, 4))
     step = 1e-6
     slope = (evaluated(c, DENSE + step) - evaluated(c, DENSE - step)) / (2.0 * step)

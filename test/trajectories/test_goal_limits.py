@@ -53,14 +53,14 @@ def trajectory(*positions: Any, velocities: Any = ()) -> JointTrajectory:
      'points[1].velocities (joint1) is -10.1, expected a value within its limits [-10, 10]'),
     (trajectory([0.0, 0.0], [2.0, 0.0], [3.0, 3.0]), '3 values are beyond a limit'),
 ])
-def test_a_point_beyond_a_limit_is_named(sent: JointTrajectory, words: str) -> None:
+def test_a_point_beyond_a_limit_is_named(sent, words):
     with pytest.raises(TrajectoryError) as raised:
         check_points(ARM, sent)
     assert words in str(raised.value)
     assert 'infeasible_trajectory' in str(raised.value)
 
 
-def test_the_start_of_a_trajectory_may_be_where_the_arm_stands() -> None:
+def test_the_start_of_a_trajectory_may_be_where_the_arm_stands():
     start = 1.5 + 0.9 * START_TOLERANCE
     check_points(ARM, trajectory([start, 0.0], [1.0, 0.0]))
     for sent in (trajectory([start, 0.0]), trajectory([1.0, 0.0], [start, 0.0]),
@@ -69,18 +69,18 @@ def test_the_start_of_a_trajectory_may_be_where_the_arm_stands() -> None:
             check_points(ARM, sent)
 
 
-def test_points_at_the_limits_pass_whatever_their_rounding() -> None:
+def test_points_at_the_limits_pass_whatever_their_rounding():
     check_points(ARM, trajectory([1.5 + 1e-9, -2.0], velocities=[[10.0, -10.0 - 1e-9]]))
 
 
-def test_joints_without_limits_go_anywhere() -> None:
+def test_joints_without_limits_go_anywhere():
     check_points(UNLIMITED, trajectory([50.0, -900.0]))
     assert motion_excesses(UNLIMITED, trajectory([0.0, 0.0], [5.0, -5.0])) == []
 
 
 @laws
 @given(values)
-def test_clipped_trajectories_pass_and_are_as_near_as_can_be(numbers: list[float]) -> None:
+def test_clipped_trajectories_pass_and_are_as_near_as_can_be(numbers):
     q = np.array(numbers).reshape(2, 2)
     sent = trajectory(*q, velocities=[[1.0, 2.0], [0.0, 0.0]])
     found = with_clipped_positions(ARM, sent)
@@ -95,7 +95,7 @@ def test_clipped_trajectories_pass_and_are_as_near_as_can_be(numbers: list[float
 
 @laws
 @given(values)
-def test_a_set_point_with_lowered_velocity_passes(numbers: list[float]) -> None:
+def test_a_set_point_with_lowered_velocity_passes(numbers):
     v = np.array(numbers[:2])
     found = with_clipped_velocity(ARM, trajectory([0.0, 0.0], velocities=[v]))
     check_points(ARM, found)
@@ -104,7 +104,7 @@ def test_a_set_point_with_lowered_velocity_passes(numbers: list[float]) -> None:
     assert with_clipped_velocity(ARM, sent) is sent
 
 
-def test_a_motion_is_judged_between_its_points() -> None:
+def test_a_motion_is_judged_between_its_points():
     # the cubic through both points: 0.75 rad beyond them half-way, at ±3 rad/s
     beyond = trajectory([1.2, 0.0], [1.2, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
     line, = motion_excesses(ARM, beyond)
@@ -116,7 +116,7 @@ def test_a_motion_is_judged_between_its_points() -> None:
     assert motion_excesses(ARM, trajectory([0.0, 0.0], [1.0, 1.0])) == []
 
 
-def test_the_extrema_of_a_motion_are_exact() -> None:
+def test_the_extrema_of_a_motion_are_exact():
     # From 0 at 3 rad/s to rest at 1.5 rad within 1 s: q = 3 s − 1.5 s² exactly at the limit
     at_limit = trajectory([0.0, 0.0], [1.5, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
     assert motion_excesses(ARM, at_limit) == []
@@ -127,7 +127,7 @@ def test_the_extrema_of_a_motion_are_exact() -> None:
         "velocity of 'joint1' is 12 at 0 s, outside its limits [-10, 10]"]
 
 
-def test_the_verdict_on_random_motions_is_that_of_dense_samples() -> None:
+def test_the_verdict_on_random_motions_is_that_of_dense_samples():
     rng = np.random.default_rng(0)
     powers, tolerance = np.vander(np.linspace(0.0, 1.0, 2000), 6, increasing=True), 1e-6
     verdicts = np.zeros((2, 2), dtype=int)
@@ -169,7 +169,7 @@ def reached(one: Controller) -> list[float]:
 
 
 @pytest.mark.parametrize('is_conditioned', [False, True])
-def test_a_rejected_set_point_leaves_the_reference(is_conditioned: bool) -> None:
+def test_a_rejected_set_point_leaves_the_reference(is_conditioned):
     one = controller(conditions_references=is_conditioned)
     one.follow(trajectory([0.5, 0.5]), 0)
     for sent in (trajectory([50.0, 0.0]), trajectory([0.0, 0.0], velocities=[[1e9, 0.0]]),
@@ -183,16 +183,14 @@ def test_a_rejected_set_point_leaves_the_reference(is_conditioned: bool) -> None
 @pytest.mark.parametrize(('sent', 'goal'), [
     (trajectory([50.0, 0.0]), [1.5, 0.0]),
     (trajectory([0.0, 0.0], [0.0, -50.0]), [0.0, -2.0])])
-def test_positions_are_clipped_if_so_chosen(
-    is_conditioned: bool, sent: JointTrajectory, goal: list[float],
-) -> None:
+def test_positions_are_clipped_if_so_chosen(is_conditioned, sent, goal):
     one = controller(
         conditions_references=is_conditioned, slows_down=True, clips_positions=True)
     one.follow(sent, 0)
     assert reached(one) == pytest.approx(goal)
 
 
-def test_slowing_down_lowers_velocities_and_leaves_positions() -> None:
+def test_slowing_down_lowers_velocities_and_leaves_positions():
     one = controller(conditions_references=True, slows_down=True)
     with pytest.raises(TrajectoryError, match='joint1'):
         one.follow(trajectory([50.0, 0.0]), 0)

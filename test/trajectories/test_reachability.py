@@ -33,7 +33,7 @@ def largest(normals: np.ndarray, bounds: np.ndarray, extra: np.ndarray, axis: in
 
 
 @given(st.integers(0, 2**32), st.integers(1, 9), st.integers(1, 5))
-def test_states_are_those_of_linear_programs(seed: int, m: int, k: int) -> None:
+def test_states_are_those_of_linear_programs(seed, m, k):
     rng = np.random.default_rng(seed)
     a, b = rng.normal(size=(2, m, k))
     c = rng.uniform(0.1, 2.0, (m, k))

@@ -3,7 +3,6 @@
 
 """Retiming: fastest timings and slow-downs within all limits, and requests that are rejected."""
 
-from collections.abc import Callable
 from dataclasses import replace
 import re
 from typing import Any
@@ -100,7 +99,7 @@ def check(dynamics: ArmDynamics, request: JointTrajectory, share: float = 1.0) -
 @pytest.mark.parametrize('name', ['panda', 'z1', 'kinova', 'tiago_no_hand'])
 @settings(max_examples=4, deadline=None)
 @given(st.integers(0, 2**32), st.sampled_from(['quintics', 'cubics', 'rests']))
-def test_limits_hold_on_robots(name: str, kind: str, seed: int, form: str) -> None:
+def test_limits_hold_on_robots(name, kind, seed, form):
     rng = np.random.default_rng(seed)
     arm = arm_without_gripper(name)
     q = poses(arm, rng.integers(2, 5), rng, 0.5)
@@ -117,7 +116,7 @@ def test_limits_hold_on_robots(name: str, kind: str, seed: int, form: str) -> No
 
 @laws
 @given(st.integers(0, 2**32), st.sampled_from(['quintics', 'cubics', 'rests']))
-def test_limits_hold_on_random_arms(seed: int, form: str) -> None:
+def test_limits_hold_on_random_arms(seed, form):
     rng = np.random.default_rng(seed)
     arm = load_arm(random_urdf(rng))
     n = arm.joint_count
@@ -133,7 +132,7 @@ def test_limits_hold_on_random_arms(seed: int, form: str) -> None:
         assert 'due to gravity' in str(error)  # noqa: PT017
 
 
-def test_a_payload_takes_time() -> None:
+def test_a_payload_takes_time():
     arm = frictionless(arm_without_gripper('panda'))
     path = quintic_via_points(arm.joint_names, [0, 1, 2], poses(arm, 3, np.random.default_rng(0)))
     loaded = arm.with_payloads([make_payload(arm.link_names[-1], 2.0, (0.0, 0.0, 0.1))])
@@ -141,14 +140,14 @@ def test_a_payload_takes_time() -> None:
     assert with_load.duration > 1.001 * without.duration
 
 
-def test_a_joint_that_rests_has_no_friction() -> None:
+def test_a_joint_that_rests_has_no_friction():
     arm = load_arm(default_arm_urdf())
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=5.0))
     q = [[0.1, 0.4], [0.9, 0.4], [0.3, 0.4]]
     check(ArmDynamics(arm), quintic_via_points(arm.joint_names, [0, 1, 2], q))
 
 
-def test_a_joint_that_turns_back_within_a_piece_rests_there() -> None:
+def test_a_joint_that_turns_back_within_a_piece_rests_there():
     path = make_trajectory(['hinge'], [0.0, 1.0], [[0.0], [0.5]], [[3.0], [0.0]])
     segments = TrajectorySegments(path)
     top = segments.sample(np.zeros(1001, dtype=int), np.linspace(0, 1, 1001)).position.max()
@@ -159,14 +158,14 @@ def test_a_joint_that_turns_back_within_a_piece_rests_there() -> None:
 
 # --- paths without velocities --------------------------------------------------------------------
 
-def test_corners_are_rejected() -> None:
+def test_corners_are_rejected():
     with pytest.raises(TrajectoryError, match=re.escape(
             "points[1].positions is a corner of the path: its direction changes by 1.89 rad, most "
             "at joint 'joint1', expected at most 0.35 rad")):
         retime(PLANAR, planar(range(3), CORNER))
 
 
-def test_corners_are_rounded_within_the_tolerance_and_larger_ones_are_quicker() -> None:
+def test_corners_are_rounded_within_the_tolerance_and_larger_ones_are_quicker():
     path, duration = planar(range(3), CORNER), OPEN
     for tolerance in (0.001, 0.02, 0.1):
         result = retime(PLANAR, path, corner_tolerance=tolerance)
@@ -179,7 +178,7 @@ def test_corners_are_rounded_within_the_tolerance_and_larger_ones_are_quicker() 
         duration = result.duration
 
 
-def test_a_dense_path_is_that_of_its_curve() -> None:
+def test_a_dense_path_is_that_of_its_curve():
     curve = quintic_via_points(PLANAR.arm.joint_names, [0, 1, 2], CORNER)
     dense = TrajectorySegments(curve).sample(
         np.repeat([0, 1], 400), np.tile(np.linspace(0.0, 1.0, 400), 2)).position
@@ -190,7 +189,7 @@ def test_a_dense_path_is_that_of_its_curve() -> None:
     assert distance_from(curve, result.trajectory) < 1e-4
 
 
-def test_a_dense_path_with_a_corner() -> None:
+def test_a_dense_path_with_a_corner():
     t = np.linspace(0.0, 2.0, 301)
     q = np.stack([np.interp(t, [0, 1, 2], column) for column in np.transpose(CORNER)], axis=1)
     path = planar(t, q)
@@ -202,13 +201,13 @@ def test_a_dense_path_with_a_corner() -> None:
         retime(PLANAR, sparse, corner_tolerance=0.02).duration, rel=1e-3)
 
 
-def test_repeated_points_and_pauses_do_not_matter() -> None:
+def test_repeated_points_and_pauses_do_not_matter():
     once = retime(PLANAR, planar())
     twice = retime(PLANAR, planar(range(4), np.repeat(TWO, 2, axis=0)))
     assert twice.duration == pytest.approx(once.duration, rel=1e-6)
 
 
-def test_noise_within_the_tolerance_does_not_matter() -> None:
+def test_noise_within_the_tolerance_does_not_matter():
     t = np.linspace(0.0, 2.0, 1000)
     curve = np.stack([np.sin(t), np.cos(t)], axis=1)
     noisy = curve + 1e-4 * np.random.default_rng(0).normal(size=curve.shape)
@@ -219,7 +218,7 @@ def test_noise_within_the_tolerance_does_not_matter() -> None:
     assert max(np.linalg.norm(q - one, axis=1).min() for one in noisy[::20]) <= 0.005
 
 
-def test_a_path_rests_where_it_turns_back() -> None:
+def test_a_path_rests_where_it_turns_back():
     path = make_trajectory(['hinge'], [0, 1, 2], [[0.0], [1.0], [0.5]])
     with pytest.raises(TrajectoryError, match=r'points\[1\].* is a corner .* by 3.14 rad'):
         retime(ArmDynamics(hinge()), path)
@@ -232,7 +231,7 @@ def test_a_path_rests_where_it_turns_back() -> None:
 # --- uniform slow-downs --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('duration', [0.2, 0.5])
-def test_the_slow_down_is_the_smallest(duration: float) -> None:
+def test_the_slow_down_is_the_smallest(duration):
     path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], duration)
     result = slowed_down(PLANAR, path)
     reaches = max(result.limit_ratio.max(),
@@ -242,7 +241,7 @@ def test_the_slow_down_is_the_smallest(duration: float) -> None:
     assert result.duration == pytest.approx(result.ratio * duration)
 
 
-def test_a_feasible_trajectory_is_not_changed() -> None:
+def test_a_feasible_trajectory_is_not_changed():
     path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], 5.0)
     result = slowed_down(PLANAR, path)
     assert result.ratio == 1.0
@@ -265,15 +264,13 @@ def test_a_feasible_trajectory_is_not_changed() -> None:
     (lambda: planar([0, 1], TWO[:1] * 2), {}, 'points are all at the same position [0.0, 0.0]'),
     (lambda: planar([0, 1], TWO, [[0.0, 0.0], []]), {}, 'points[1].velocities is empty, but'),
 ])
-def test_bad_requests_are_rejected_by_name(
-    request_: Callable[[], JointTrajectory], options: dict[str, Any], words: str,
-) -> None:
+def test_bad_requests_are_rejected_by_name(request_, options, words):
     with pytest.raises(InvalidInputError, match=re.escape(words)):
         retime(PLANAR, request_(), **options)
 
 
 @pytest.mark.parametrize('method', ['fastest', 'slow_down'])
-def test_gravity_beyond_a_limit_is_rejected(method: str) -> None:
+def test_gravity_beyond_a_limit_is_rejected(method):
     arm = PLANAR.arm.with_payloads([make_payload('tool0', 12.0)])
     path = planar([0, 1], [[0.0, 0.0], [1.5, 0.0]], [[0.0, 0.0]] * 2)
     ratio = abs(ArmDynamics(arm).gravity([1.5, 0.0])[0]) / 150.0
@@ -300,18 +297,18 @@ def limited(**limits: Any) -> ArmModel:
     (limited(velocity=np.array([1.0, 0.0])), TWO, "the velocity limit of 'joint2' is 0"),
     (limited(effort=np.array([1.0, 0.0])), TWO, "the effort limit of 'joint2' is 0"),
 ])
-def test_what_no_timing_satisfies_is_rejected(arm: ArmModel, path: Any, words: str) -> None:
+def test_what_no_timing_satisfies_is_rejected(arm, path, words):
     with pytest.raises(TrajectoryError, match=words):
         retime(ArmDynamics(arm), make_trajectory(arm.joint_names, [0.0, 1.0], path))
 
 
-def test_without_other_limits_those_of_the_acceleration_suffice() -> None:
+def test_without_other_limits_those_of_the_acceleration_suffice():
     path = quintic_point_to_point(['hinge'], [0.0], [1.5], 3.0)
     assert retime(ArmDynamics(hinge(OPEN)), path, acceleration_limits=4.0).duration == (
         pytest.approx(speed_up_and_down(4.0, 4.0), rel=3e-5))
 
 
-def test_positions_beyond_limits_are_warnings() -> None:
+def test_positions_beyond_limits_are_warnings():
     arm = hinge(velocity=1.0)
     path = make_trajectory(['hinge'], [0.0, 1.0], [[0.0], [6.0]])
     warning, = retime(ArmDynamics(arm), path).warnings

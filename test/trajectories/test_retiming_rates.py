@@ -46,7 +46,7 @@ def random_path(arm: ArmModel, seed: int, count: int = 4) -> JointTrajectory:
 
 @settings(max_examples=12)
 @given(name=st.sampled_from(ARMS), seed=st.integers(0, 10**6), share=st.sampled_from((0.5, 1.0)))
-def test_the_result_keeps_all_limits(name: str, seed: int, share: float) -> None:
+def test_the_result_keeps_all_limits(name, seed, share):
     arm = arm_of(name)
     dynamics, path, rates = ArmDynamics(arm), random_path(arm, seed), rates_of(arm)
     gravity = np.abs(dynamics.gravity_batch([point.position for point in path.points]))
@@ -67,7 +67,7 @@ def test_the_result_keeps_all_limits(name: str, seed: int, share: float) -> None
 
 
 @pytest.mark.parametrize('name', ARMS)
-def test_the_arm_stays_on_the_path_and_rests_at_its_ends(name: str) -> None:
+def test_the_arm_stays_on_the_path_and_rests_at_its_ends(name):
     arm = arm_of(name)
     path = random_path(arm, 5)
     result = retime(
@@ -84,7 +84,7 @@ def test_the_arm_stays_on_the_path_and_rests_at_its_ends(name: str) -> None:
         assert not point.acceleration.any()
 
 
-def test_rests_of_the_request_remain_rests() -> None:
+def test_rests_of_the_request_remain_rests():
     arm = arm_of('two_link')
     zero = [[0.0, 0.0]] * 3
     points = [[0.0, 0.0], [0.6, -0.4], [0.1, 0.8]]
@@ -95,7 +95,7 @@ def test_rests_of_the_request_remain_rests() -> None:
     assert nearest.velocity == pytest.approx(0.0, abs=1e-9)
 
 
-def test_lower_rates_and_loads_take_longer() -> None:
+def test_lower_rates_and_loads_take_longer():
     arm = arm_of('ur10')
     path, rates = random_path(arm, 3), rates_of(arm)
 
@@ -109,7 +109,7 @@ def test_lower_rates_and_loads_take_longer() -> None:
     assert duration(loaded, 1.0) > duration(arm, 1.0)
 
 
-def test_an_executable_motion_costs_a_bounded_time() -> None:
+def test_an_executable_motion_costs_a_bounded_time():
     """The window of the mean costs time at the start and the end, and at narrow bends."""
     for name in ARMS:
         arm = arm_of(name)
@@ -124,7 +124,7 @@ def test_an_executable_motion_costs_a_bounded_time() -> None:
     ([1.0], 'effort_rate_limits has 1 values, expected 2'),
     ([1.0, 0.0], "effort_rate_limits of 'joint2' is 0"),
     (float('nan'), 'effort_rate_limits')])
-def test_a_wrong_rate_is_refused_by_name(given: object, words: str) -> None:
+def test_a_wrong_rate_is_refused_by_name(given, words):
     arm = load_arm(default_arm_urdf())
     path = quintic_via_points(arm.joint_names, (0.0, 1.0), [[0.0, 0.0], [0.5, 0.5]])
     with pytest.raises(InvalidInputError, match='effort_rate_limits') as error:

@@ -3,14 +3,12 @@
 
 """Retiming against known solutions: formulas for one joint, and toppra for robots."""
 
-from typing import Any
 
 import numpy as np
 import pytest
 from retimed import frictionless, hinge, INERTIA, largest_ratio, OPEN, poses, speed_up_and_down
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories import efforts_along, make_trajectory, retime
 from robot_dynamics.trajectories.quintics import quintic_point_to_point
@@ -19,7 +17,7 @@ from robots import arm_without_gripper
 
 @pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
 @pytest.mark.parametrize('velocities', [(), [[0.0], [0.0]]])
-def test_constant_inertia_is_bang_bang(kind: str, velocities: Any) -> None:
+def test_constant_inertia_is_bang_bang(kind, velocities):
     path = make_trajectory(['hinge'], [0.0, 5.0], [[0.0], [1.5]], velocities)
     result = retime(ArmDynamics(hinge(kind=kind)), path)
     assert result.duration == pytest.approx(2.0 * np.sqrt(1.5 * INERTIA / 2.0), rel=3e-5)
@@ -29,7 +27,7 @@ def test_constant_inertia_is_bang_bang(kind: str, velocities: Any) -> None:
 
 
 @pytest.mark.parametrize(('way', 'tolerance'), [(1e-7, 0.1), (1e-5, 1e-4), (4.0, 1e-4)])
-def test_ways_of_any_length(way: float, tolerance: float) -> None:
+def test_ways_of_any_length(way, tolerance):
     path = make_trajectory(['hinge'], [0.0, 5.0], [[0.1], [0.1 + way]])
     result = retime(ArmDynamics(hinge()), path)
     assert result.duration == pytest.approx(2.0 * np.sqrt(way * INERTIA / 2.0), rel=tolerance)
@@ -48,16 +46,14 @@ MOTOR = make_actuators(['hinge'], 0.1, 10.0, rotor_inertia=2e-3, current_limit=2
     (hinge(effort=OPEN).with_actuators(MOTOR), (),
      speed_up_and_down(*2 * [2.0 / (INERTIA + 100.0 * 2e-3)]), {'current'}),
 ], ids=['trapezoid', 'friction', 'acceleration', 'effort', 'current of effort and rotor'])
-def test_the_duration_is_that_of_the_known_solution(
-    arm: ArmModel, acceleration: Any, expected: float, quantities: set[str],
-) -> None:
+def test_the_duration_is_that_of_the_known_solution(arm, acceleration, expected, quantities):
     path = quintic_point_to_point(['hinge'], [0.0], [1.5], 3.0)
     result = retime(ArmDynamics(arm), path, acceleration_limits=acceleration)
     assert result.duration == pytest.approx(expected, rel=5e-5)
     assert set(result.limited_quantity) == quantities
 
 
-def test_viscous_friction_is_that_of_the_speed() -> None:
+def test_viscous_friction_is_that_of_the_speed():
     d = 0.8
     arm = hinge().with_friction(make_friction(['hinge'], viscous=d))
     result = retime(ArmDynamics(arm), quintic_point_to_point(['hinge'], [0.0], [1.5], 3.0))
@@ -76,7 +72,7 @@ def test_viscous_friction_is_that_of_the_speed() -> None:
     assert result.duration == pytest.approx(expected, rel=2e-4)
 
 
-def test_the_voltage_of_a_motor_limits_its_speed() -> None:
+def test_the_voltage_of_a_motor_limits_its_speed():
     motor = make_actuators(['hinge'], 0.1, 10.0, resistance=0.01, voltage_limit=1.0)
     arm = hinge(effort=OPEN).with_actuators(motor)
     result = retime(ArmDynamics(arm), quintic_point_to_point(['hinge'], [0.0], [3.0], 3.0))
@@ -88,7 +84,7 @@ def test_the_voltage_of_a_motor_limits_its_speed() -> None:
 # --- toppra as oracle ----------------------------------------------------------------------------
 
 @pytest.mark.parametrize('name', ['panda', 'ur5', 'ur10', 'kinova', 'xarm7', 'z1'])
-def test_durations_are_those_of_toppra(name: str) -> None:
+def test_durations_are_those_of_toppra(name):
     toppra = pytest.importorskip('toppra', reason='the oracle has wheels for x86-64 only')
     toppra.setup_logging('ERROR')
     arm = frictionless(arm_without_gripper(name))

@@ -27,7 +27,7 @@ def trajectory(
     return make_trajectory(NAMES, times, q, v or (), a or (), NAMES)
 
 
-def test_efforts_are_those_of_the_points_own_motion() -> None:
+def test_efforts_are_those_of_the_points_own_motion():
     path = quintic_via_points(NAMES, (0.0, 0.7, 1.5), [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]])
     result = efforts_along(DYNAMICS, path)
     assert result.efforts.shape == (3, 2)
@@ -81,7 +81,7 @@ def random_path(random: np.random.Generator, points: int, fields: int) -> JointT
 @pytest.mark.parametrize('fields', [1, 2, 3, 4])
 @pytest.mark.parametrize('points', [2, 3, 8])
 @pytest.mark.parametrize('dry', [0.0, 5.0])
-def test_the_worst_place_is_that_of_the_whole_motion(fields: int, points: int, dry: float) -> None:
+def test_the_worst_place_is_that_of_the_whole_motion(fields, points, dry):
     random = np.random.default_rng(10 * points + fields)
     dynamics = ArmDynamics(DYNAMICS.arm.with_friction(
         make_friction(NAMES, [1.0, 0.5], [dry, 0.5 * dry])))
@@ -102,7 +102,7 @@ def test_the_worst_place_is_that_of_the_whole_motion(fields: int, points: int, d
             assert at == pytest.approx(worst, rel=1e-4)
 
 
-def test_many_turns_in_one_segment() -> None:
+def test_many_turns_in_one_segment():
     """The effort of gravity has 60 maxima during the motion, of which one is the largest."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [200.0, 37.0], 400.0)
     _, ratios = dense_ratios(DYNAMICS, path, 400_000)
@@ -110,7 +110,7 @@ def test_many_turns_in_one_segment() -> None:
         ratios['effort'].max(), rel=1e-5)
 
 
-def test_one_quick_segment_among_thousands() -> None:
+def test_one_quick_segment_among_thousands():
     """Between two of 6,000 points at rest the arm makes a small step, which is too fast."""
     times = 0.05 * np.arange(6000)
     q = np.column_stack([0.3 * np.sin(times), np.zeros_like(times)])
@@ -126,7 +126,7 @@ def test_one_quick_segment_among_thousands() -> None:
     assert times[2999] < result.worst_time < times[3000]
 
 
-def test_the_motion_before_the_first_point_is_no_part() -> None:
+def test_the_motion_before_the_first_point_is_no_part():
     """The effort depends on the later position of the arm, which the request does not contain."""
     at_once, later = (
         efforts_along(DYNAMICS, trajectory(
@@ -136,7 +136,7 @@ def test_the_motion_before_the_first_point_is_no_part() -> None:
     assert later.worst_time == pytest.approx(at_once.worst_time + 0.01)
 
 
-def test_the_rest_after_the_last_point_counts() -> None:
+def test_the_rest_after_the_last_point_counts():
     """The acceleration of the point is the one at which gravity needs no effort."""
     q = np.array([np.pi / 2, 0.0])
     falling = DYNAMICS.forward_dynamics(q, np.zeros(2), np.zeros(2))
@@ -155,15 +155,13 @@ def test_the_rest_after_the_last_point_counts() -> None:
     (trajectory([0.0, 0.5], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0]] * 2),
      [([0.0, 0.0], [0.0, 0.0], [24.0, -12.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
 ], ids=['held point', 'line', 'cubic'])
-def test_a_point_has_the_motion_of_its_interpolation(
-    path: JointTrajectory, motions: list[tuple[list[float], ...]],
-) -> None:
+def test_a_point_has_the_motion_of_its_interpolation(path, motions):
     """A cubic begins with 6 (q1 - q0) / T²; after the last point the reference is at rest."""
     expected = [DYNAMICS.inverse_dynamics(*motion) for motion in motions]
     assert efforts_along(DYNAMICS, path).efforts == pytest.approx(np.array(expected))
 
 
-def test_without_limits_everything_is_feasible() -> None:
+def test_without_limits_everything_is_feasible():
     urdf = planar_arm_urdf([5.0], [1.0], [0.5], [0.1]).replace('effort="1000.0"', 'effort="0"')
     dynamics = ArmDynamics(load_arm(urdf))
     assert np.isinf(dynamics.arm.limits.effort).all()
@@ -188,9 +186,7 @@ AMPLE = {
     ({'current_limit': [15.0, 100.0]}, 'current', True),
     ({'voltage_limit': [1000.0, 2.0]}, 'voltage', False),
 ])
-def test_what_motors_lack_counts_too(
-    changes: dict[str, list[float]], limit: str, feasible: bool,
-) -> None:
+def test_what_motors_lack_counts_too(changes, limit, feasible):
     actuators = make_actuators(NAMES, **{**AMPLE, **changes})
     dynamics = ArmDynamics(DYNAMICS.arm.with_actuators(actuators))
     result = efforts_along(dynamics, PATH)
