@@ -380,7 +380,7 @@ class MotionConsistency:
         if row < 2:
             return np.full(len(q), self._stamp_ns)
         before, last = self._times[row - 2:row].tolist()
-        with np.errstate(divide='ignore', invalid='ignore'):
+        with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
             t = before + (q - self._positions[row - 2]) / v
         t = np.where(np.isfinite(t), np.clip(t, before, last), last)
         return np.asarray(self._base_ns + np.rint(t / _NS), dtype=np.int64)
