@@ -109,7 +109,7 @@ def test_a_push_after_a_short_rest_is_no_contradiction(rate, rest, begin, speed,
     """
     The samples repeat exactly at rest, so that the last one that differed is older.
 
-    In the last tenth of a period of 8 ms or more a push can be doubted: the joint has hardly moved.
+    In the last tenth of a period of 8 ms or more a push can be doubted: it moved the joint little.
     """
     t = np.arange(0.0, 3.0, FINE)
     v = np.where(t < begin, -0.05, np.where(
