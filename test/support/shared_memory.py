@@ -5,8 +5,11 @@
 Removal of the Fast DDS shared memory that killed processes leave behind.
 
 Fast DDS 2.14 makes files in /dev/shm for each segment, `fastrtps_<id>`, and for each port,
-`fastrtps_port<number>`: the memory, its locks (`_el`, `_sl`), and a mutex of the port
-(`sem.…_mutex`). A process that is killed does not delete them.
+`fastrtps_port<number>`. A process that is killed does not delete them. The identifiers of segments
+are random, so that nobody else opens one later. The numbers of ports are shared by all processes
+of the machine: a node that starts uses the port of a killed one. If its files are deleted in that
+moment, nodes do not receive messages of each other. The ports therefore stay; their number does
+not grow.
 """
 
 from collections import defaultdict
@@ -16,15 +19,15 @@ from pathlib import Path
 import re
 
 DIRECTORY = Path('/dev/shm')
-_NAME = re.compile(r'(?:sem\.)?(fastrtps_(?:port\d+|[0-9a-z]{16}))(?:_el|_sl|_mutex)?')
+SEGMENT = re.compile(r'(fastrtps_[0-9a-z]{16})(?:_el|_sl)?')
 _MAPPED = re.compile(rf'{DIRECTORY}/(\S+)')
 
 
 def remove_orphans() -> list[str]:
-    """Delete the segments and ports of which no process uses any file; return their files."""
+    """Delete the segments of which no process uses any file; return the names of their files."""
     groups: defaultdict[str, list[Path]] = defaultdict(list)
-    for path in DIRECTORY.glob('*fastrtps_*'):
-        match = _NAME.fullmatch(path.name)
+    for path in DIRECTORY.glob('fastrtps_*'):
+        match = SEGMENT.fullmatch(path.name)
         if match:
             groups[match[1]].append(path)
     used = {name for process in Path('/proc').glob('[0-9]*') for name in files_in_use(process)}
@@ -37,11 +40,11 @@ def remove_orphans() -> list[str]:
 
 def files_in_use(process: Path) -> Iterator[str]:
     """Yield the names of the files in DIRECTORY that a process, /proc/<id>, has mapped or open."""
-    try:
-        yield from _MAPPED.findall((process / 'maps').read_text(encoding='utf-8'))
+    try:  # descriptors first: a file is closed after it has been mapped
         for descriptor in (process / 'fd').iterdir():
             target = os.readlink(descriptor)
             if target.startswith(f'{DIRECTORY}/'):
                 yield Path(target).name
+        yield from _MAPPED.findall((process / 'maps').read_text(encoding='utf-8'))
     except OSError:  # the process has ended, or belongs to another user
         return

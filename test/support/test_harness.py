@@ -12,7 +12,7 @@ import sys
 from children import is_gone, popen, run
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, wait_until
-from shared_memory import DIRECTORY, files_in_use, remove_orphans
+from shared_memory import DIRECTORY, files_in_use, remove_orphans, SEGMENT
 
 TEST_RUN = """
 import sys
@@ -102,10 +102,12 @@ def test_shared_memory_of_a_killed_node_is_removed():
     with NodeProcess(DYNAMICS, namespace='/running') as running:
         killed = NodeProcess(DYNAMICS, namespace='/killed').start()
         of_killed, of_running = (
-            {name for name in files_in_use(Path('/proc', str(node.pid))) if 'fastrtps' in name}
+            set(filter(SEGMENT.fullmatch, files_in_use(Path('/proc', str(node.pid)))))
             for node in (killed, running))
         killed.kill()
-        assert not of_running & set(remove_orphans())
+        removed = set(remove_orphans())
+        assert not of_running & removed
+        assert all(SEGMENT.fullmatch(name) for name in removed), 'a port belongs to all nodes'
         assert of_running <= set(os.listdir(DIRECTORY))
     assert of_killed - of_running
 
