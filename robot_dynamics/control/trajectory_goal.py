@@ -118,7 +118,7 @@ def with_given(
     return values
 
 
-class Progress(NamedTuple):
+class GoalFeedback(NamedTuple):
     """A state with its reference: the stamp [ns], and position and velocity (n,)."""
 
     stamp_ns: int
@@ -145,7 +145,7 @@ class TrajectoryGoal:
         """Whether the goal was cancelled, and the arm stops."""
         self.result: GoalResult | None = None
         """The result, None while the goal is active."""
-        self.progress: Progress | None = None
+        self.progress: GoalFeedback | None = None
         """The newest state, with its reference."""
 
     def end(self, code: ResultCode, message: str = '', is_canceled: bool = False) -> None:
@@ -177,7 +177,7 @@ class TrajectoryGoal:
         if active is None:
             return
         desired = active.sample(stamp_ns)
-        self.progress = Progress(stamp_ns, q, v, desired)
+        self.progress = GoalFeedback(stamp_ns, q, v, desired)
         recent = self._recent
         if recent and stamp_ns <= recent[-1][0]:
             recent.clear()

@@ -50,7 +50,7 @@ class EventTiming:
             self.late += interval > LATE * self._usual
         self._last = now
 
-    def look(self, now: float) -> Timing:
+    def last_window(self, now: float) -> Timing:
         """Return the last complete window, which may end now."""
         if now - self._began >= self._window:
             self._sum_up(now)

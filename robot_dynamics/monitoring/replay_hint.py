@@ -33,7 +33,7 @@ class ReplayHint:
         """Forget all states: a live one has arrived."""
         self.text, self._states = '', 0
 
-    def look(self, stamp: int, clock: int) -> bool:
+    def examine(self, stamp: int, clock: int) -> bool:
         """
         Examine an old state; `clock` is the time of this computer.
 

@@ -71,7 +71,7 @@ class Target(NamedTuple):
         return float(self.position[j]) + (v + 0.5 * a * s) * s, v + a * s, a
 
 
-class JointLimits(NamedTuple):
+class PlannerLimits(NamedTuple):
     """Limits of the position, bounds to brake, to brake at a limit, and to move, and the scale."""
 
     lower: float
@@ -85,7 +85,7 @@ class JointLimits(NamedTuple):
 class JointPlanner:
     """The state of one joint, its earliest stop, and its limits."""
 
-    def __init__(self, state: State, limits: JointLimits) -> None:
+    def __init__(self, state: State, limits: PlannerLimits) -> None:
         self.q, self.v, self.a = state
         self.limits = limits
         for phases in self._stops():

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.references.jerk_profile import Bounds, duration, end, Phases, State, to_rest
-from robot_dynamics.references.joint_planner import AT_REST, JointLimits, JointPlanner, Target
+from robot_dynamics.references.joint_planner import AT_REST, JointPlanner, PlannerLimits, Target
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.trajectories.interpolation import Reference, Segment
 
@@ -94,7 +94,7 @@ def _joints(start: Reference, limits: MotionLimits) -> list[JointPlanner]:
     full, whole, lowered = (_bounds(each) for each in (
         limits.braking, limits.braking.whole, limits.lowered))
     each = zip(limits.lower.tolist(), limits.upper.tolist(), full, whole, lowered)
-    return [JointPlanner(state, JointLimits(*values, limits.scale))
+    return [JointPlanner(state, PlannerLimits(*values, limits.scale))
             for state, values in zip(_states(start), each)]
 
 

@@ -26,7 +26,7 @@ from robot_dynamics.trajectories.path_grid import make_grid, PathGrid
 from robot_dynamics.trajectories.reachability import fastest_states, UNBOUNDED
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from robot_dynamics.trajectories.slow_down import largest_ratios, slower, within_limits
-from robot_dynamics.trajectories.smoothing import durations, Timing, within_rates
+from robot_dynamics.trajectories.smoothing import durations, PathTiming, within_rates
 from robot_dynamics.trajectories.timing_limits import (
     check_slow_motion,
     constraints,
@@ -183,7 +183,7 @@ def _slowed_down(limits: PathLimits, trajectory: JointTrajectory) -> JointTrajec
 def _fastest(
     limits: PathLimits, trajectory: JointTrajectory, grid: PathGrid,
     terms: tuple[PathTerms, PathTerms], x: FloatArray,
-) -> Timing:
+) -> PathTiming:
     """Return the fastest timing, whose values may exceed limits slightly between the nodes."""
     m, n = grid.sign.shape
     margins, of_velocity = np.zeros((m, n)), np.zeros(m)
@@ -218,7 +218,7 @@ def _fastest(
         if passed == 0 and not exact_at_once:
             x = np.minimum(x, free_speed)
     _, x, T = best
-    return Timing(grid, np.sqrt(x), T)
+    return PathTiming(grid, np.sqrt(x), T)
 
 
 def _checked_terms(
@@ -334,7 +334,7 @@ def _excesses(
     return _Excess(largest - 1.0, np.maximum(ratio, fastest.max(axis=1)) - 1.0)
 
 
-def _as_trajectory(names: tuple[str, ...], timing: Timing) -> JointTrajectory:
+def _as_trajectory(names: tuple[str, ...], timing: PathTiming) -> JointTrajectory:
     """Return the nodes as points."""
     grid, speed, T = timing
     t = np.concatenate(([0.0], np.cumsum(T)))

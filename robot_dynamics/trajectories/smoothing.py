@@ -33,7 +33,7 @@ _ROUNDS, _MOST_AT_ONCE, _ENOUGH, _PARTS = 40, 4.0, 0.02, 4
 _GAUSS, _WEIGHTS = np.array([0.112702, 0.5, 0.887298]), np.array([5.0, 8.0, 5.0]) / 18.0
 
 
-class Timing(NamedTuple):
+class PathTiming(NamedTuple):
     """When the arm passes the nodes of a grid: σ̇ (m + 1,), and the durations (m,) [s]."""
 
     grid: PathGrid
@@ -54,7 +54,7 @@ def durations(grid: PathGrid, x: FloatArray, rise: FloatArray) -> FloatArray:
 
 
 def within_rates(
-    limits: PathLimits, names: tuple[str, ...], timing: Timing,
+    limits: PathLimits, names: tuple[str, ...], timing: PathTiming,
     terms: tuple[PathTerms, PathTerms], rates: FloatArray,
 ) -> JointTrajectory:
     """
@@ -79,7 +79,7 @@ def within_rates(
             cap[part] = np.minimum(cap[part], x[part] / min(excess[k], _MOST_AT_ONCE))
         caps = np.minimum(caps, cap)
         x = fastest_states(rows, caps)
-        timing = Timing(grid, np.sqrt(x), durations(grid, x, np.zeros(m)))
+        timing = PathTiming(grid, np.sqrt(x), durations(grid, x, np.zeros(m)))
     result = within_limits(limits, result)
     return slower(result, max(1.0, float(_rates(limits, result, rates).max())))
 
@@ -129,7 +129,7 @@ class Smoothed(NamedTuple):
     last: IntArray
 
 
-def smoothed(names: tuple[str, ...], timing: Timing, window: float) -> Smoothed:
+def smoothed(names: tuple[str, ...], timing: PathTiming, window: float) -> Smoothed:
     """Return the motion with the mean σ̇ over a window [s], with accelerations at all points."""
     stops = np.flatnonzero(timing.grid.rests)
     points: list[TrajectoryPoint] = []
@@ -146,7 +146,7 @@ def smoothed(names: tuple[str, ...], timing: Timing, window: float) -> Smoothed:
 
 
 def _section(
-    timing: Timing, rows: slice, window: float,
+    timing: PathTiming, rows: slice, window: float,
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray], FloatArray]:
     """
     Return times (k,), and position, velocity and acceleration (k, n), from rest to rest.

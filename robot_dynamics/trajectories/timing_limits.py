@@ -26,9 +26,9 @@ from robot_dynamics.trajectories.reachability import Rows
 _STEP, _SLOWEST, _FLOOR, _LEAST_ROOM, _MOST_AT_REST = 1e-3, 1e-9, 1e-6, 0.02, 1.0 - 1e-6
 
 
-class Bounds(NamedTuple):
+class RigidBodyBounds(NamedTuple):
     """
-    Bounds (2, k, ..., n) of the effort of the rigid bodies, k in the directions +1 and -1 each.
+    Lower and upper effort (2, k, ..., n) of the rigid bodies, k in the directions +1 and -1 each.
 
     `rotor` (2, k, ..., n) times rotor inertia and acceleration adds to the bounded effort: it is
     power that does not pass the gearbox. `scale` (k, n) are the bounds without friction at rest.
@@ -90,7 +90,7 @@ class PathLimits(NamedTuple):
                            voltage=of_motor.voltage_ratio / self.share)
         return by_name
 
-    def bounds(self, v: FloatArray) -> Bounds:
+    def bounds(self, v: FloatArray) -> RigidBodyBounds:
         """Return the bounds at velocities (..., n)."""
         arm = self.dynamics.arm
         direction = np.array([1.0, -1.0]).reshape(2, *np.ones(v.ndim, dtype=np.intp))
@@ -100,11 +100,11 @@ class PathLimits(NamedTuple):
             found += self._of_motors(arm.actuators, direction, v)
         if not found:
             nothing = np.zeros((2, 0, *v.shape))
-            return Bounds(nothing, nothing, np.zeros((0, len(limit))))
+            return RigidBodyBounds(nothing, nothing, np.zeros((0, len(limit))))
         efforts, rotors, scales = zip(*found)
         effort = np.stack(efforts, axis=1)
         left = arm.friction.load_behind(v, np.where(np.isfinite(effort), effort, 0.0))
-        return Bounds(
+        return RigidBodyBounds(
             np.where(np.isfinite(effort), left, effort),
             np.stack([np.broadcast_to(one, efforts[0].shape) for one in rotors], axis=1),
             np.array(scales))

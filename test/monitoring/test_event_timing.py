@@ -32,7 +32,7 @@ def test_windows_do_not_mix(first, second):
         for end in ends:
             timing.happened(float(end))
         t = max(float(ends[-1]), begin + WINDOW) + 0.01
-        seen, between = timing.look(t), np.diff([*last, *ends])
+        seen, between = timing.last_window(t), np.diff([*last, *ends])
         if between.size == 0:
             assert seen == Timing()
         else:
@@ -49,7 +49,7 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, 
     assert timing.late == 0  # there is no reference interval yet
     end = START + sum(first)
     usual = np.diff(START + np.cumsum(first)).mean()
-    timing.look(START + max(WINDOW, sum(first)))
+    timing.last_window(START + max(WINDOW, sum(first)))
     for t in end + np.cumsum(second):
         timing.happened(float(t))
     between = np.diff(np.concatenate([[end], end + np.cumsum(second)]))
@@ -59,16 +59,16 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, 
 
 def test_a_window_is_summed_up_when_it_is_over_and_not_before():
     timing = timing_of(START + np.arange(1, 100) * 0.005)
-    assert timing.look(START + 0.999 * WINDOW) == Timing()
-    seen = timing.look(START + WINDOW)
+    assert timing.last_window(START + 0.999 * WINDOW) == Timing()
+    seen = timing.last_window(START + WINDOW)
     assert seen.rate == pytest.approx(98.0)
-    assert timing.look(START + 1.5 * WINDOW) == seen == timing.timing
-    assert timing.look(START + 2.0 * WINDOW) == Timing()  # no event since
+    assert timing.last_window(START + 1.5 * WINDOW) == seen == timing.timing
+    assert timing.last_window(START + 2.0 * WINDOW) == Timing()  # no event since
 
 
 def test_after_a_pause_no_event_is_late_until_an_interval_is_known():
     timing = timing_of(START + np.arange(1, 201) * 0.005)
-    timing.look(START + WINDOW)
-    timing.look(START + 2.0 * WINDOW)
+    timing.last_window(START + WINDOW)
+    timing.last_window(START + 2.0 * WINDOW)
     timing.happened(START + 3.0)
     assert timing.late == 0

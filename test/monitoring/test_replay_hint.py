@@ -24,7 +24,7 @@ def recognised(hint: ReplayHint, first: int, ages: list[float], pace: float = 1.
     """Return the indices at which the hint is new, for states one period apart by local time."""
     return [
         k for k, age in enumerate(ages)
-        if hint.look(first - ns(age) + round(pace * k * PERIOD), first + k * PERIOD)]
+        if hint.examine(first - ns(age) + round(pace * k * PERIOD), first + k * PERIOD)]
 
 
 @pytest.mark.parametrize('age', [5.0, 1800.0, 7200.0, 3e7])
@@ -56,15 +56,15 @@ def test_stamps_of_a_simulation_are_not_those_of_a_replay():
 
 def test_a_few_states_are_not_enough():
     hint = ReplayHint()
-    assert not hint.look(NOW - ns(100.0), NOW)
-    assert not hint.look(NOW - ns(98.0), NOW + ns(2.0))
+    assert not hint.examine(NOW - ns(100.0), NOW)
+    assert not hint.examine(NOW - ns(98.0), NOW + ns(2.0))
     assert not hint.text
 
 
 def test_another_age_ends_the_hint_and_a_second_replay_is_recognised():
     hint = ReplayHint()
     assert recognised(hint, NOW, [100.0] * STATES)
-    assert not hint.look(NOW + ns(3.0), NOW + ns(3.0))
+    assert not hint.examine(NOW + ns(3.0), NOW + ns(3.0))
     assert not hint.text
     assert recognised(hint, NOW + ns(4.0), [100.0] * STATES)
     hint.reset()

@@ -7,7 +7,7 @@ import random
 
 import pytest
 from robot_dynamics.references.jerk_profile import Bounds, duration, end
-from robot_dynamics.references.joint_planner import JointLimits, JointPlanner
+from robot_dynamics.references.joint_planner import JointPlanner, PlannerLimits
 
 CASES = 3000
 
@@ -18,7 +18,7 @@ def random_planner(r: random.Random) -> JointPlanner:
     full, s = Bounds(-v, v, -a, a, jerk), r.choice([1.0, 0.5, 0.3])
     lowered = Bounds(-0.95 * v * s, 0.95 * v * s, -a * s**2, a * s**2, jerk * s**3)
     state = (r.uniform(-1.0, 1.0), 0.9 * r.uniform(-v, v), 0.5 * r.uniform(-a, a))
-    return JointPlanner(state, JointLimits(-3.0, 3.0, full, full, lowered, s))
+    return JointPlanner(state, PlannerLimits(-3.0, 3.0, full, full, lowered, s))
 
 
 def test_a_motion_that_may_end_later_ends_at_this_time_at_the_goal():

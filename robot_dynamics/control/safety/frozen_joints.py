@@ -155,12 +155,12 @@ class FrozenJoints:
             return 1e-9 * (stamp_ns - self._since_ns) > STOP_TIME
         observer, arm = self._observer, self._controller.arm
         static, most = arm.friction.at_rest.static[self.marks], arm.limits.effort[self.marks]
-        is_rubbing = observer is not None and observer.is_held and self._controller.laws.follows
-        has_friction = static.any() or is_rubbing
+        is_stuck = observer is not None and observer.is_held and self._controller.laws.follows
+        has_friction = static.any() or is_stuck
         limit = (HELD_CALM if has_friction else CALM) * arm.limits.velocity
         if v is not None and bool((np.abs(v) > limit)[~self.marks].any()):
             return True
-        is_held = is_rubbing or (static >= LEAST_FRICTION * most).all() or (
+        is_held = is_stuck or (static >= LEAST_FRICTION * most).all() or (
             observer is not None and observer.is_used)
         return not is_held and 1e-9 * (stamp_ns - self._moved_until_ns) > hold_time
 

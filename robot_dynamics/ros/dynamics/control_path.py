@@ -249,7 +249,7 @@ class ControlPath:
 
     def _look_for_replay(self, stamp_ns: int) -> None:
         replay = self.counters.replay
-        if self._has_age() and replay.look(stamp_ns, time.time_ns()):
+        if self._has_age() and replay.examine(stamp_ns, time.time_ns()):
             self._log.warn('replay', replay.text)
 
     def _description_is_published(self) -> bool:
@@ -304,18 +304,18 @@ class ControlPath:
         output, verdict = answer.output, answer.verdict
         v = v if v is not None else output.velocity
         gravity = output.robot_gravity
-        self.estimates.look(served.reader, state, q, v, verdict, gravity)
+        self.estimates.update(served.reader, state, q, v, verdict, gravity)
         self.payload_samples.take(served.reader, state, q, v, verdict, gravity)
         if self.estimates.has_limits:
             joint = self.estimates.excess()
             if joint is not None:
                 self._fail_by_external_effort(served, joint)
         if self.markers.is_on:
-            self.markers.look(
+            self.markers.update(
                 state.stamp_ns, q, output, self.estimates.external_effort,
                 self.estimates.wrench.newest)
         if not served.check.done:
-            served.check.look(
+            served.check.add_state(
                 served.reader, state, q, v, gravity,
                 answer.effort if self.command.has_listeners() or self._drives.has_listeners()
                 else None)

@@ -53,7 +53,7 @@ class _Subscriber:
         with suppress(RclError):  # a ROS 2 security policy may not allow it
             self._client = node.create_client(GetParameters, self._service)
 
-    def look(self) -> str:
+    def continue_check(self) -> str:
         """Continue the request; return why the order cannot be checked, empty if it can."""
         if self._future is None and self._client is not None and self._client.service_is_ready():
             self._future = self._client.call_async(GetParameters.Request(names=['joints']))
@@ -108,13 +108,13 @@ class ControllerOrder:
         self._open_for: list[str] | None = None
         self._looked_at = -RECHECK_PERIOD
         self._reported: set[str] = set()
-        node.create_timer(LOOK_PERIOD, self.look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(LOOK_PERIOD, self.check, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def allows(self) -> bool:
         """Tell whether a command may be published; called by the control path."""
         return self._count() == 0 or self._open_for == self._joint_names()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Find the subscribers, continue their checks, and compare the orders."""
         now, names = time.monotonic(), list(self._joint_names())
         checked = [one for one in self._subscribers.values() if one.is_checked]
@@ -125,7 +125,7 @@ class ControllerOrder:
         self._find()
         for subscriber in self._subscribers.values():
             if not subscriber.is_checked:
-                self._report(subscriber.name, subscriber.look())
+                self._report(subscriber.name, subscriber.continue_check())
         checked = [one for one in self._subscribers.values() if one.is_checked]
         self._compare(checked, names)
         self._open_for = names if any(

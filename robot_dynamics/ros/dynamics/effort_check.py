@@ -40,7 +40,7 @@ class EffortCheck:
         elif convention.measured_effort == 'none':
             self._finish(f"{gravity_check.NO_EFFORT} (measured_effort is 'none')")
 
-    def look(
+    def add_state(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,
         v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
     ) -> None:

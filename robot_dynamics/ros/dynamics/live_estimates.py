@@ -193,7 +193,7 @@ class LiveEstimates:
         self.estimates = self.wrench.estimator = None
         self._rest()
 
-    def look(
+    def update(
         self, reader: JointStateReader, state: SensedState, q: FloatArray,
         v: FloatArray | None, judgement: StateVerdict, robot_gravity: FloatArray,
     ) -> None:
@@ -278,7 +278,7 @@ class LiveEstimates:
         if levels is not None:
             self.limit = levels if self.limit is None else np.minimum(self.limit, levels)
         if effort is not None and self.contacts.is_on:
-            self.contacts.look(stamp_ns, dt, v, effort)
+            self.contacts.update(stamp_ns, dt, v, effort)
 
     def _publish_deviations(
         self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,

@@ -94,7 +94,7 @@ class LiveMarkers:
         """Draw nothing."""
         self._controller = self._seen = self._marks = None
 
-    def look(
+    def update(
         self, stamp_ns: int, q: FloatArray, output: ControlOutput, external: FloatArray | None,
         wrench: FloatArray | None,
     ) -> None:

@@ -164,7 +164,7 @@ class StateReport:
         arrivals, events = self._counters.arrivals, self._counters.timing
         for _ in range(len(arrivals)):
             events.happened(arrivals.popleft())
-        timing = events.look(now)
+        timing = events.last_window(now)
         return [self._arrival(now, timing.rate), self._timing(state_timeout)]
 
     def _arrival(self, now: float, rate: float) -> Status:

@@ -35,12 +35,12 @@ class GraphWatch:
 
     def status(self) -> Status:
         """Return the findings for the diagnostics; query the graph at most once per second."""
-        self.look()
+        self.query()
         level, words = (WARN, '; '.join(self._findings)) if self._findings else (
             OK, 'no other publisher or node of this name')
         return Status(NAME, level, words, self._figures)
 
-    def look(self) -> None:
+    def query(self) -> None:
         """Query the graph, at most once per second, and log changes."""
         now = time.monotonic()
         if now - self._looked_at < LOOK_PERIOD:

@@ -320,7 +320,7 @@ class LockStepLoop(_Loop):
         self._unanswered.begin(stamp_ns, stamp_ns - self._period_ns)
         while self._running():
             self._topics.publish(stamp_ns, measured)
-            self._unanswered.look()
+            self._unanswered.log_reason()
             deadline = time.monotonic() + RESEND_PERIOD
             while (remaining := deadline - time.monotonic()) > 0.0 and self._running():
                 if not self._wait_for_effort(remaining):

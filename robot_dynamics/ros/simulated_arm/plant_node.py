@@ -105,7 +105,7 @@ class PlantNode(GuardedCallbacks):
         self.create_timer(
             LOOK_PERIOD, GraphWatch(
                 self, {'joint_states': topics.topic}, 'Stop any publisher of joints of this arm.'
-            ).look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+            ).query, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, '~/reset', self._reset)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         self.get_logger().info(

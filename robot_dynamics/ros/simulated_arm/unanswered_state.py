@@ -37,7 +37,7 @@ class UnansweredState:
         if stamp_ns != self._previous_ns:
             self._others, self._other_ns = self._others + 1, stamp_ns
 
-    def look(self) -> None:
+    def log_reason(self) -> None:
         """Log the reason if the state has been unanswered for too long: at once if it is new."""
         now = time.monotonic()
         waited = now - self._since

@@ -135,7 +135,7 @@ def _check_libraries(arguments: argparse.Namespace) -> None:
 def _closed_loop(
     arguments: argparse.Namespace, given: str | None, directory: Path, origin: 'Origin',
 ) -> int:
-    from robot_dynamics.tools.demo.loop import Page, run_closed_loop
+    from robot_dynamics.tools.demo.loop import run_closed_loop, ViewerPage
     from robot_dynamics.tools.demo.report import (
         loop_report,
         print_report,
@@ -148,7 +148,7 @@ def _closed_loop(
     run = run_closed_loop(
         arm, urdf, _motion(arm, arguments), arguments.rate or DEFAULT_RATE, directory,
         arguments.parameters,
-        None if arguments.viewer is None else Page(arguments.viewer, arguments.robot))
+        None if arguments.viewer is None else ViewerPage(arguments.viewer, arguments.robot))
     try:
         report = loop_report(directory / RECORDING, arm, run)
         print_report(report, run)

@@ -48,7 +48,7 @@ HOLD_TIME = 0.3
 """[s] of simulated time that is recorded after the motion."""
 
 
-class Page(NamedTuple):
+class ViewerPage(NamedTuple):
     """The viewer of the loop: its port, and the file of the URDF for its meshes."""
 
     port: int
@@ -77,7 +77,7 @@ class LoopRun:
 
 def run_closed_loop(
     arm: ArmModel, urdf: str, motion: ReferenceMotion, rate: float, directory: Path,
-    parameters: Path | None = None, page: Page | None = None,
+    parameters: Path | None = None, page: ViewerPage | None = None,
 ) -> LoopRun:
     """
     Let the arm follow a motion at `rate` [Hz], and record it in `directory`.
@@ -121,7 +121,7 @@ def run_closed_loop(
     return run
 
 
-def _open_page(session: Session, page: Page) -> None:
+def _open_page(session: Session, page: ViewerPage) -> None:
     """Start the viewer, print its address, and record until a browser opens the page."""
     viewer = session.processes.start('viewer', processes.VIEWER, {}, arguments=(
         '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))

@@ -154,12 +154,12 @@ class DynamicsClient:
         """Return what `take` makes of the first message that it takes; None after the timeout."""
         taken: list[Answer] = []
 
-        def look(message: Any) -> None:
+        def offer(message: Any) -> None:
             answer = take(message)
             if answer is not None:
                 taken.append(answer)
 
-        subscription = self.node.create_subscription(message_type, topic, look, qos)
+        subscription = self.node.create_subscription(message_type, topic, offer, qos)
         self.wait(lambda: bool(taken))
         self.node.destroy_subscription(subscription)
         return taken[0] if taken else None

@@ -74,7 +74,7 @@ class LiveContacts:
         detector = self._detector
         return detector.levels.at(v) if detector is not None and self.is_fault else None
 
-    def look(self, stamp_ns: int, dt: float, v: FloatArray, effort: FloatArray) -> None:
+    def update(self, stamp_ns: int, dt: float, v: FloatArray, effort: FloatArray) -> None:
         """Publish a contact that begins at a state dt [s] after the previous one."""
         detector = self._detector
         contact = None if detector is None else detector.update(dt, v, effort)

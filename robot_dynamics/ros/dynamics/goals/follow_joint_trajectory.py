@@ -24,7 +24,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.trajectory_goal import (
     ERASED,
-    Progress,
+    GoalFeedback,
     ResultCode,
     Tolerances,
     TrajectoryGoal,
@@ -229,7 +229,7 @@ class FollowJointTrajectoryServer:
             if goal.progress is not None:
                 handle.publish_feedback(self._as_feedback(goal.progress))
 
-    def _as_feedback(self, progress: Progress) -> Any:
+    def _as_feedback(self, progress: GoalFeedback) -> Any:
         message, loop = self._type.Feedback(), self._path.loop
         if loop is None:
             return message
