@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 
+import blocked_ends
 from children import is_gone, popen, run
 import pytest
 from ros_harness import DYNAMICS, NodeProcess, wait_until
@@ -118,3 +119,11 @@ def test_shared_memory_of_a_killed_node_is_removed():
         return of_killed & set(os.listdir(DIRECTORY)) - used
 
     wait_until(lambda: not left(), 'the removal of what the killed node left')
+
+
+def test_one_end_that_fast_dds_blocks_is_no_failure(monkeypatch):
+    monkeypatch.setattr(blocked_ends, '_seen', [])
+    log = f'Ending: no command was active.\n{blocked_ends.WATCHDOG}\n  {blocked_ends.PLACE}\n'
+    assert not blocked_ends.is_excused(log.replace(blocked_ends.PLACE, 'in _spin'))
+    assert blocked_ends.is_excused(log)
+    assert not blocked_ends.is_excused(log)
