@@ -11,6 +11,7 @@ from robot_dynamics.control.safety.supervisor import (
     BRAKING_TIME,
     CommandSupervisor,
     FAULT_ACTIONS,
+    LOCK_STEP_TIMEOUT,
     Mode,
     SafetyOptions,
 )
@@ -40,6 +41,13 @@ def states(one: CommandSupervisor, last: int, first: int = 1) -> list[Mode]:
         answer(one, START + k * PERIOD)
         modes.append(one.mode)
     return modes
+
+
+def test_a_state_may_take_long_while_the_arm_waits_for_each_command():
+    one = make(state_timeout=0.1)
+    for is_lock_step, timeout in ((True, LOCK_STEP_TIMEOUT), (False, 0.1)):
+        one.set_lock_step(is_lock_step)
+        assert one.state_timeout == timeout
 
 
 # --- the first effort ----------------------------------------------------------------------------

@@ -22,7 +22,6 @@ OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
 NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
 
 
-
 def transition(
     old: list[Payload], target: list[Payload], seconds: float = 2.0,
 ) -> PayloadTransition:
@@ -39,8 +38,9 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target():
     old, new = way.payloads(1 * SECOND)  # stamps that go backwards stay at the start
     assert (old.mass, new.mass) == (OLD.mass, 0.0)
     assert not way.done
-    assert way.payloads(7 * SECOND) == [NEW]
-    assert way.done
+    for end in (7, 9):
+        assert way.payloads(end * SECOND) == [NEW]
+        assert way.done
 
 
 @given(st.floats(0.0, 1.0))
