@@ -9,6 +9,7 @@ from lock_step_loop import FIRST_STAMP, LockStep, MS
 from loop_motions import arm_named, in_motion, Q, with_command
 import numpy as np
 from numpy.testing import assert_array_equal
+from page_law import page_law
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
@@ -77,9 +78,12 @@ def test_a_command_of_none_has_a_verdict_on_the_state():
     assert answer.verdict.stamp == FIRST_STAMP + (one.k - 2) * MS
 
 
-def test_a_following_error_is_the_fault_of_this_name():
-    one = LockStep(arm_named('default'), q=Q, following_error=np.array([0.05, 0.05]))
+@pytest.mark.parametrize('is_own', [False, True])
+def test_a_following_error_is_the_fault_of_this_name_with_each_law(is_own):
+    law = page_law()['Impedance'](200.0, 30.0) if is_own else None
+    one = LockStep(arm_named('default'), law, q=Q, following_error=np.array([0.05, 0.05]))
     one.run(0.1)
+    one.follow(one.q)
     one.q = one.q + np.array([0.06, 0.0])
     state(one)
     fault = one.loop.supervisor.fault
