@@ -8,8 +8,8 @@ Fast DDS 2.14 makes files in /dev/shm for each segment, `fastrtps_<id>`, and for
 `fastrtps_port<number>`. A process that is killed does not delete them. The identifiers of segments
 are random, so that no other process opens one later. The numbers of ports are shared by all
 processes of the machine: a node that starts uses the port of a killed one. If its files are
-deleted in that moment, nodes do not receive messages of each other. The ports therefore stay;
-their number does not grow.
+deleted in that moment, nodes do not receive messages of each other. The ports therefore stay,
+with 52 kB each.
 """
 
 from collections import defaultdict
