@@ -42,7 +42,7 @@ def nodes_on(file: Path, namespace: str, **parameters: str) -> list[NodeProcess]
     """Return both nodes with other names; the arm stays on its brakes, as no effort reaches it."""
     return [NodeProcess(
         module, parameters, namespace=namespace, node_name=name,
-        arguments=('--ros-args', '--params-file', str(file)), patient=False,
+        arguments=('--ros-args', '--params-file', str(file)),
         remaps={'effort_command': 'unused'} if module == SIMULATED_ARM else {})
         for module, name in NAMES.items()]
 

@@ -76,7 +76,7 @@ def test_the_readme_is_short():
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     pytest.importorskip('mujoco')
-    with NodeProcess(DYNAMICS, patient=False), NodeProcess(
+    with NodeProcess(DYNAMICS), NodeProcess(
             SIMULATED_ARM, {'publish_clock': True}), NodeProcess(
                 MUJOCO_ARM, {'publish_clock': True}):
         yield

@@ -156,7 +156,7 @@ def answer(client: RosClient, states: Any, message: JointState, answers: Collect
 def running(file: str) -> NodeProcess:
     """Return a node with this file and a robot that has its joints."""
     return NodeProcess(
-        DYNAMICS, {'robot_description': description(file)}, patient=False,
+        DYNAMICS, {'robot_description': description(file)},
         arguments=('--ros-args', '--params-file', str(FILES / file)),
         namespace='/cell', node_name='arm_model')
 

@@ -26,7 +26,7 @@ CALLS = 10
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[FaultBench]:
     """Return a commanding node with failing callbacks; tests restore its state."""
-    with NodeProcess('failing_node', STEADY, namespace='/failing', patient=False) as node:
+    with NodeProcess('failing_node', STEADY, namespace='/failing') as node:
         one = FaultBench(client, node, '/failing')
         one.driver.start()
         one.check_commanding()

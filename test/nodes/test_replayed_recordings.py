@@ -92,7 +92,7 @@ def test_with_its_clock_a_replay_of_ten_minutes_ago_is_answered(client, name, tm
     states = states_of(recording_path(name, tmp_path))[:300]
     shift = int(time.time()) - 600 - STAMP.unpack_from(states[0], 4)[0]
     with NodeProcess(
-            DYNAMICS, {'use_sim_time': True}, namespace='/clocked', patient=False,
+            DYNAMICS, {'use_sim_time': True}, namespace='/clocked',
             remaps={'/clock': '/clocked/clock'}) as node:
         replay, clock = Replay(client, '/clocked'), client.publisher(Clock, '/clocked/clock')
         for data in states:

@@ -42,7 +42,7 @@ def both(
     arm = {'robot_description': urdf, 'joints': joints}
     patience = {'state_timeout': 60.0, 'state_max_age': 0.0}
     with client.collect(JointState, f'{namespace}/joint_states') as states, closed_loop(
-            namespace, {**arm, **patience, **parameters}, patient=False, **arm, rate=rate,
+            namespace, {**arm, **patience, **parameters}, **arm, rate=rate,
             initial_position=start.tolist(), real_time_factor=real_time_factor):
         yield states
 

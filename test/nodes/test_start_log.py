@@ -33,7 +33,7 @@ def check_lines(node: NodeProcess, *patterns: str) -> None:
 
 
 def started(parameters: dict[str, object]) -> tuple[NodeProcess, NodeProcess]:
-    return (NodeProcess(DYNAMICS, {**STEADY, **parameters}, namespace=NS, patient=False),
+    return (NodeProcess(DYNAMICS, {**STEADY, **parameters}, namespace=NS),
             NodeProcess(SIMULATED_ARM, {**parameters, 'rate': 100.0}, namespace=NS))
 
 

@@ -236,7 +236,7 @@ def nodes_of(arms: Mapping[str, str]) -> Iterator[None]:
     """Run both nodes of each arm with its parameter file, without a launch file."""
     modules = (SIMULATED_ARM_MODULE, DYNAMICS_MODULE)
     with running(*(
-            NodeProcess(module, namespace=f'/{arm}', patient=False,
+            NodeProcess(module, namespace=f'/{arm}',
                         arguments=('--ros-args', '--params-file', params))
             for arm, params in arms.items() for module in modules)):
         yield

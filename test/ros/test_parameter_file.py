@@ -113,7 +113,7 @@ def test_sections_that_a_node_ignores(text, node, ignored, tmp_path):
     ('/dynamics: {ros__parameters: {command: none}}', True)])
 def test_a_node_warns_of_sections_that_it_ignores(text, warns, tmp_path):
     params = write(tmp_path / 'arm.yaml', text)
-    node = NodeProcess(DYNAMICS_MODULE, namespace='/left', patient=False, arguments=(
+    node = NodeProcess(DYNAMICS_MODULE, namespace='/left', arguments=(
         '--ros-args', '--params-file', params))
     with node:
         if warns:

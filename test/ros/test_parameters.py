@@ -43,7 +43,7 @@ SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
 @pytest.fixture(scope='module', autouse=True)
 def nodes(client: RosClient) -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters', patient=False),
+            NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/parameters'),
             NodeProcess(SIMULATED_ARM, namespace='/parameters',
                         remaps={'joint_states': 'arm_states', 'effort_command': 'arm_effort'})):
         yield
@@ -65,7 +65,7 @@ def test_parameters_by_their_former_names(client, tmp_path, capsys):
     arm = arm_from_parameters(default_arm_urdf(), expected)
     assert [uncertain_names(arm)[k] for k in arm.uncertainty.columns] == ['effort_bias(joint2)']
     node = '/former/dynamics'
-    with NodeProcess(DYNAMICS, FORMER, namespace='/former', patient=False) as process:
+    with NodeProcess(DYNAMICS, FORMER, namespace='/former') as process:
         for former, name in FORMER_NAMES.items():
             process.wait_for_log(f"parameter '{former}' is now '{name}'")
             value = client.get_parameter(node, name)

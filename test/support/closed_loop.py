@@ -18,7 +18,7 @@ START = [0.8, 0.5]
 
 @contextmanager
 def closed_loop(
-    namespace: str, dynamics: Mapping[str, Any] | None = None, patient: bool = True,
+    namespace: str, dynamics: Mapping[str, Any] | None = None,
     arguments: Sequence[str] = (), **arm: Any,
 ) -> Iterator[NodeProcess]:
     """
@@ -29,7 +29,7 @@ def closed_loop(
     By default the arm starts at `START` and runs in lock-step at 250 Hz.
     """
     node = NodeProcess(
-        DYNAMICS, dynamics, namespace=namespace, patient=patient, arguments=arguments)
+        DYNAMICS, dynamics, namespace=namespace, arguments=arguments)
     defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
     with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
         yield node

@@ -223,7 +223,7 @@ def disturbed_arm(client: RosClient, name: str, paced: bool = False) -> Iterator
     urdf, joints, namespace = robot_urdf(name), JOINTS.get(name, []), f'/{name}_{next(NUMBERS)}'
     with NodeProcess(
             DYNAMICS, {'robot_description': urdf, 'joints': joints, **PATIENCE},
-            namespace=namespace, patient=False) as node:
+            namespace=namespace) as node:
         bench = DisturbedArm(client, namespace, node, load_arm(urdf, joints), paced)
         try:
             yield bench

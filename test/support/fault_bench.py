@@ -386,8 +386,7 @@ def fault_bench(
 ) -> Iterator[FaultBench]:
     """Run a `dynamics` node with real safety options, and a driver that streams if `stream`."""
     with NodeProcess(
-            DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace,
-            patient=False) as node:
+            DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace) as node:
         bench = FaultBench(client, node, namespace, **driver)
         try:
             if not stream:

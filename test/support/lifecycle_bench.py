@@ -71,7 +71,7 @@ def lifecycle_bench(
     diagnostics = f'{namespace}/diagnostics'
     with NodeProcess(
             DYNAMICS, {**STEADY, **parameters}, namespace=namespace,
-            remaps={'/diagnostics': diagnostics}, patient=False, ready=None) as node:
+            remaps={'/diagnostics': diagnostics}, ready=None) as node:
         bench = LifecycleBench(client, node, namespace, diagnostics=diagnostics)
         bench.hold = hold or bench.hold
         try:

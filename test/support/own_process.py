@@ -17,7 +17,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
-from ros_harness import Collector, PATIENT, RosClient
+from ros_harness import Collector, RosClient
 from sensor_msgs.msg import JointState
 
 COUNTER = itertools.count()
@@ -32,7 +32,7 @@ class OwnProcess:
 
     def dynamics(self, **parameters: Any) -> DynamicsNode:
         """Return a node `dynamics`."""
-        return self.add(DynamicsNode(**self._arguments({**PATIENT, **parameters})))
+        return self.add(DynamicsNode(**self._arguments(parameters)))
 
     def simulated_arm(self, **parameters: Any) -> SimulatedArmNode:
         """Return a node `simulated_arm`."""

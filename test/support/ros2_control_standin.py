@@ -49,7 +49,7 @@ def commanding(namespace: str) -> NodeProcess:
     """Return a node `dynamics`, not yet started, that commands the effort controller."""
     return NodeProcess(
         DYNAMICS, {**STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES},
-        namespace=namespace, patient=False, environment=NO_SHARED_MEMORY,
+        namespace=namespace, environment=NO_SHARED_MEMORY,
         remaps={'~/commands': f'{namespace}/effort_controller/commands'})
 
 

@@ -40,18 +40,17 @@ RESEND_PERIOD = 0.5
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics.ros.simulated_arm.mujoco_arm'
+UNHURRIED = {'state_timeout': 60.0, 'state_max_age': 0.0}
+"""Timeouts for a test that publishes joint states itself, not in lock-step, on a busy machine."""
 EXACT = {
     'condition_references': False, 'scale_gains': False, 'following_error_limit': [0.0],
-    'overspeed_factor': 0.0}
+    'overspeed_factor': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9}
 """
 Parameters with which the command is the control law for the reference as sent, at any state rate.
 
-The tests of references, of limits and of interruptions use the defaults of these parameters.
+Only for tests that compare a command with the formula of the law, or send a reference that
+conditioning would change. All other tests run what users run.
 """
-PATIENT = {
-    'state_timeout': 60.0, 'state_max_age': 0.0, 'ramp_time': 0.05, 'effort_rate_limit': 1e9,
-    **EXACT}
-"""No faults on a busy machine."""
 NO_SHARED_MEMORY = {
     'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
 """
@@ -89,19 +88,13 @@ class NodeProcess:
         self, module: str, parameters: Mapping[str, Any] | None = None, *,
         remaps: Mapping[str, str] | None = None, namespace: str = '', node_name: str = '',
         arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None,
-        ready: re.Pattern[str] | None = READY, patient: bool = True, prefix: Sequence[str] = (),
+        ready: re.Pattern[str] | None = READY, prefix: Sequence[str] = (),
     ) -> None:
         """
         `ready` is a pattern of the log to wait for at the start; None does not wait.
 
         `prefix` is a command that replaces itself by another one, so that signals reach the node.
-
-        A `patient` dynamics node does not time out on a test that publishes states slowly, or on
-        a simulated arm that runs late on a loaded machine. It does not limit the rate of efforts,
-        and follows references with the configured gains (`EXACT`).
         """
-        if patient and module == DYNAMICS:
-            parameters = {**PATIENT, **(parameters or {})}
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
         command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
         if parameters:

@@ -155,7 +155,7 @@ def test_a_motion_that_another_one_replaces(ask):
 
 
 def test_a_motion_without_further_joint_states_ends():
-    with running(NodeProcess(DYNAMICS, namespace='/cut', patient=False)):
+    with running(NodeProcess(DYNAMICS, namespace='/cut')):
         with running(NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace='/cut')):
             process = start(
                 'move', '-0.5', '-0.5', '--duration', '600', node='/cut/dynamics')
@@ -209,7 +209,7 @@ def test_invalid_arguments_of_move(ask, words, said):
 def test_a_load_of_model_and_simulated_arm_leaves_no_error():
     node = '/loaded/dynamics'
     with running(
-            NodeProcess(DYNAMICS, namespace='/loaded', patient=False),
+            NodeProcess(DYNAMICS, namespace='/loaded'),
             NodeProcess(SIMULATED_ARM, {'lock_step': True, 'real_time_factor': 1.0},
                         namespace='/loaded')):
         for goal, loads in ((('1.0', '0.5'), False), (('0.5', '0.3'), True)):

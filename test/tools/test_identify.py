@@ -139,7 +139,7 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
     expected = ArmDynamics(arm)
     q, v, a = random_states(arm, 4, seed=3)
     arguments = ['--ros-args', '--params-file', str(output / 'identified.yaml'), '--']
-    with NodeProcess(DYNAMICS, patient=False, arguments=arguments), RosClient() as client:
+    with NodeProcess(DYNAMICS, arguments=arguments), RosClient() as client:
         for state in zip(q, v, a):
             response = client.call(
                 InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
