@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Print the result of mutmut per module, and write the surviving mutants as differences of lines.
+Print the result of mutmut and of `_constants.py` per module, and write the surviving mutants as differences of lines.
 
 Usage: _mutants.py DIRECTORY [--write] [--sample] [MODULE...]
 DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor, and one
@@ -57,15 +57,17 @@ def with_rows(text: str, rows: dict[str, str]) -> str:
     return f'{before}{BEGIN}{HEAD}{"".join({**there, **rows}.values())}{END}{after}'
 
 
-def _count(results: dict[str, int | None]) -> str:
+def _count(results: dict[str, int | None], constants: int) -> str:
     """Return how many mutants were run, and of how many if it was a sample."""
-    run, total = sum(result is not None for result in results.values()), len(results)
+    run = constants + sum(result is not None for result in results.values())
+    total = constants + len(results)
     return str(total) if run == total else f'{run} of {total}'
 
 
 def main(directory: Path, modules: list[str], is_written: bool) -> None:
     """Print one line per module."""
-    report = directory / 'survivors.txt'
+    report, file = directory / 'survivors.txt', directory / 'constants.json'
+    constants = json.loads(file.read_text(encoding='utf-8')) if file.exists() else {}
     texts, rows = [], {}
     print(HEAD, end='')
     for meta in sorted((directory / 'mutants').rglob('*.py.meta')):
@@ -77,11 +79,14 @@ def main(directory: Path, modules: list[str], is_written: bool) -> None:
         if not results or modules and source.stem not in modules:
             continue
         found = list(survivors(source.read_text(encoding='utf-8'), results))
-        killed = len(results) - len(found)
+        numbers = constants.get(source.stem, {})
+        found += [label for label, result in numbers.items() if result not in KILLED]
+        killed = len(results) + len(numbers) - len(found)
         seconds = sum(data['durations_by_key'].values())
         rows[source.stem] = (
-            f'| {source.stem} | {_count(data["exit_code_by_key"])} | {killed} | {len(found)} | '
-            f'{100.0 * killed / len(results):.1f} | {seconds:.0f} | {date.today()} |\n')
+            f'| {source.stem} | {_count(data["exit_code_by_key"], len(numbers))} | {killed} | '
+            f'{len(found)} | {100.0 * killed / (killed + len(found)):.1f} | {seconds:.0f} | '
+            f'{date.today()} |\n')
         print(rows[source.stem], end='')
         texts += [f'== {source.stem}', *found]
     report.write_text('\n\n'.join([*texts, '']), encoding='utf-8')

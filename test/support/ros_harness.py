@@ -37,6 +37,8 @@ import yaml
 
 RESEND_PERIOD = 0.5
 """Time after which a message to a best-effort subscription is published again [s]."""
+ASK_AGAIN = 20.0
+"""Time after which a request is sent again [s]."""
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics.ros.simulated_arm.mujoco_arm'
@@ -297,16 +299,29 @@ class RosClient:
     def call(
         self, service_type: Any, name: str, request: Any = None, timeout: float = TIMEOUT,
     ) -> Any:
-        """Return the response of a service; the default is an empty request."""
+        """
+        Return the response of a service; the default is an empty request.
+
+        It asks again every `ASK_AGAIN`: Fast DDS discards a response if the server has not yet
+        discovered the reader of the client (ros2/ros2 issue 1253).
+        """
         service = self._clients.get(name)
         if service is None:
             service = self._clients[name] = self.node.create_client(service_type, name)
         assert service.wait_for_service(timeout), f'no service {name} in {timeout:g} s'
-        done = threading.Event()
-        future = service.call_async(service_type.Request() if request is None else request)
-        future.add_done_callback(lambda _: done.set())
-        assert done.wait(timeout), f'no answer of {name} in {timeout:g} s'
-        return future.result()
+        responses: list[Any] = []
+        done, deadline = threading.Event(), time.monotonic() + timeout
+
+        def take(future: Any) -> None:
+            responses.append(future.result())
+            done.set()
+
+        while not done.is_set() and time.monotonic() < deadline:
+            service.call_async(
+                service_type.Request() if request is None else request).add_done_callback(take)
+            done.wait(min(ASK_AGAIN, timeout))
+        assert responses, f'no answer of {name} in {timeout:g} s'
+        return responses[0]
 
     def forget(self, prefix: str) -> None:
         """Destroy the clients of services with this prefix, after the end of their server."""
