@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Mutants of the constants of modules and classes, which mutmut does not make: each number is doubled and halved.
+Mutants of the constants of modules and classes, which mutmut does not make.
 
 Usage: _constants.py DIRECTORY
-DIRECTORY is that in which mutmut ran: its statistics tell which tests reach a module. Writes constants.json there: the exit code of
-pytest by mutant, by module.
+Each number is doubled and halved. DIRECTORY is that in which mutmut ran, whose statistics contain
+the tests that reach each module. Writes constants.json there: the exit code of pytest by mutant,
+by module.
 """
 
 import ast
@@ -37,7 +38,7 @@ def mutants(source: str) -> Iterator[tuple[str, str]]:
     tree = ast.parse(source)
     for scope in (tree, *(node for node in tree.body if isinstance(node, ast.ClassDef))):
         for node in scope.body:
-            names = node.targets if isinstance(node, ast.Assign) else [getattr(node, 'target', None)]
+            names = getattr(node, 'targets', [getattr(node, 'target', None)])
             value = number(getattr(node, 'value', None))
             if value is None or not all(
                     isinstance(name, ast.Name) and name.id.isupper() for name in names):

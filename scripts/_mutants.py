@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Print the result of mutmut and of `_constants.py` per module, and write the surviving mutants as differences of lines.
+Print the results of mutmut and `_constants.py` per module; write the survivors as changed lines.
 
 Usage: _mutants.py DIRECTORY [--write] [--sample] [MODULE...]
 DIRECTORY is that in which mutmut ran. A mutant that no test reaches counts as a survivor, and one
