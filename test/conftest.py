@@ -85,6 +85,15 @@ def pytest_pycollect_makemodule(
     return module
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With `-k NAME` import only the files that contain NAME: all of them take 20 s."""
+    words = re.findall(r'\w+', config.option.keyword)
+    if not words or {'not', 'and', 'or'} & set(words) or collection_path.suffix != '.py':
+        return None
+    text = f'{collection_path}\n{collection_path.read_text(encoding="utf-8")}'.lower()
+    return None if all(word.lower() in text for word in words) else True
+
+
 ROWS: pytest.StashKey[dict[str, Row]] = pytest.StashKey()
 BROKEN: pytest.StashKey[dict[int, tuple[BaseException, str]]] = pytest.StashKey()
 """Errors of fixtures by identity, each with the test that met it first."""
