@@ -12,7 +12,7 @@ from robot_dynamics.joints.stiction import choose_modes, constrained_motion
 from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
 from scipy.linalg import expm
 
-laws = settings(deadline=None, derandomize=True, max_examples=200)
+laws = settings(deadline=None, derandomize=True, max_examples=60)
 
 
 def random_case(seed: int, n: int) -> tuple[np.ndarray, ...]:
@@ -77,8 +77,8 @@ def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed, n)
     assert rate >= max(rates.real, default=0.0) - 1e-9
 
 
-@pytest.mark.parametrize('damping', [0.0, 1e-9, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize('stiffness', [0.0, 1.0, 1e5])
+@pytest.mark.parametrize(('damping', 'stiffness'), [
+    (0.0, 0.0), (1e-9, 1.0), (1.0, 1e5), (1e6, 0.0), (1e6, 1e5)])
 def test_an_exponential_step_of_a_linear_arm_is_exact(damping, stiffness):
     M, _, _, viscous = random_case(7, 4)
     v = np.array([0.5, 0.0, -1.2, 0.8])

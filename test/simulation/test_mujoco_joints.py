@@ -17,12 +17,9 @@ import numpy as np
 import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
 from simulated_arms import released
 
-TOLERANCE = 1e-9
 DOWN = (0.0, 0.0, -9.81)
 
 
@@ -37,14 +34,6 @@ def pair(urdf: str, gravity: Sequence[float] = DOWN, **friction: Sequence[float]
     mujoco = MujocoEngine(urdf, gravity)
     assert mujoco.joint_names == list(arm.joint_names)
     return Pair(arm.with_friction(make_friction(arm.joint_names, **friction)), mujoco)
-
-
-def states(n: int, count: int = 20) -> Array:
-    """Return positions, velocities and accelerations (count, 3, n), no velocity near zero."""
-    random = np.random.default_rng(n)
-    rows = random.uniform(-2.0, 2.0, (count, 3, n))
-    rows[:, 1] += 0.2 * np.sign(rows[:, 1])
-    return rows
 
 
 # --- rotors and viscous friction -----------------------------------------------------------------
@@ -68,7 +57,8 @@ def runge_kutta(
 
 @pytest.mark.parametrize(('name', 'viscous', 'steps', 'bound'), [
     ('default', [0.5, 0.2], (8e-3, 4e-3, 2e-3), 1e-9),
-    ('ur10', [5.0, 5.0, 3.0, 0.5, 0.5, 0.5], (2e-3, 1e-3, 5e-4), 1e-9),
+    pytest.param('ur10', [5.0, 5.0, 3.0, 0.5, 0.5, 0.5], (2e-3, 1e-3, 5e-4), 1e-9,
+                 marks=pytest.mark.soak),
 ])
 def test_mujocos_motion_converges_to_ours_with_its_order(name, viscous, steps, bound):
     arm, mujoco = pair(robot_urdf(name), viscous=viscous)
@@ -103,21 +93,9 @@ DRY = {
         [120.0, 120.0, 60.0, 4.0, 4.0, 4.0], [0.0, -1.5, 0.3, 0.2, 0.1, 0.1],
         [1.0, -1.0, 1.0, 1.0, -1.0, 1.0]),
 }
-on_dry_arms = pytest.mark.parametrize('name', DRY)
+on_dry_arms = pytest.mark.parametrize(
+    'name', ['default', pytest.param('ur10', marks=pytest.mark.soak)])
 HARD = (1e-3, 0.9999)
-
-
-@on_dry_arms
-def test_while_joints_slide_accelerations_are_the_same(name):
-    loss, _, _ = DRY[name]
-    arm, mujoco = pair(robot_urdf(name), coulomb=loss)
-    with_frictionloss(mujoco, loss, *HARD)
-    dynamics = ArmDynamics(arm)
-    for q, v, tau in states(arm.joint_count):
-        # so fast that even the soft constraint exceeds its bound
-        a = mujoco.forward_dynamics(q, 50.0 * v, tau)
-        difference = dynamics.forward_dynamics(q, 50.0 * v, tau) - a
-        assert np.abs(difference).max() <= TOLERANCE * np.abs(a).max()
 
 
 @on_dry_arms
@@ -141,21 +119,7 @@ def test_a_motion_that_friction_ends_is_reached_as_mujocos_hardens(name):
         errors.append(max(
             np.abs(row[0] - state.position).max() for row, state in zip(rows, ours)))
         drifts.append(np.abs(rows[-1][0] - rows[stop + 100][0]).max())
-    print(f'{name}: stop at {stop} ms, errors {errors}, creep after it {drifts} rad')
+
     assert errors[0] > 4.0 * errors[1] > 16.0 * errors[2]
     assert errors[2] < 1e-3
     assert drifts[0] > 30.0 * drifts[1] > 300.0 * drifts[2] > 0.0
-
-
-def test_a_sticking_joint_creeps_in_mujoco_at_the_rate_of_its_softness():
-    """In the steady state R f = −b v: v = (1 − d)/d τ / (M b), b = 2 / (d T_c) from `solref`."""
-    M, torque, loss = 0.1 + 2.0 * 0.25, 1.0, [2.0]
-    urdf = planar_arm_urdf([2.0], [1.0], [0.5], [0.1])
-    for time_constant, d in ((2e-2, 0.9), (4e-3, 0.99), HARD):
-        arm, mujoco = pair(urdf, gravity=(0.0, 0.0, 0.0), coulomb=loss)
-        with_frictionloss(mujoco, loss, time_constant, d)
-        rest, tau = np.array([0.3]), np.array([torque])
-        _, v = runge_kutta(mujoco, rest, np.zeros(1), tau, 1.0, 2e-4)[-1]
-        assert v == pytest.approx([(1.0 - d) / d * torque / M * d * time_constant / 2.0], rel=1e-4)
-        simulation = released(arm, rest)
-        assert simulation.step(tau, 1.0).position.tolist() == [0.3]
