@@ -76,8 +76,8 @@ def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path):
     assert densities(24.1, MESH) == []
 
 
-@pytest.mark.parametrize('robot', ['panda', 'talos_left_arm', *(
-    pytest.param(robot, marks=pytest.mark.soak) for robot in ('ur10', 'xarm7', 'kinova'))])
+@pytest.mark.parametrize('robot', [
+    'panda', *(pytest.param(robot, marks=pytest.mark.soak) for robot in ('ur10', 'kinova'))])
 def test_links_of_real_arms_have_plausible_densities_until_a_mass_is_wrong(robot):
     path = robot_path(robot)
     urdf, meshes = path.read_text(encoding='utf-8'), MeshReader(path.parent)
