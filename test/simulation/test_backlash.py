@@ -165,7 +165,7 @@ def test_an_impact_keeps_the_momentum_of_all_joints():
                           + J * simulation.motor_state.velocity)
 
     impacts, h = 0, 2e-6
-    while impacts < 3:
+    while impacts < 2:
         v, w, before = simulation.v.copy(), closing(simulation), momentum()
         distance = 0.025 - np.abs(motor_offset(simulation))
         near = (distance < 2.0 * np.abs(w) * 1e-4 + 1e-9).any()
@@ -220,7 +220,7 @@ def test_a_joint_under_a_servo_moves_as_solved_piece_by_piece(restitution, accur
         worst = max(worst, *np.abs([
             simulation.q[0] - exact.q, motor.position[0] - exact.theta]))
     print(f'{exact.impacts} meetings, {exact.separations} partings, {worst:.3g} rad apart')
-    assert exact.impacts >= 5
+    assert exact.impacts >= 4
     assert worst < accuracy
 
 

@@ -68,8 +68,8 @@ def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts():
     effort = MOTOR * predicted.amplitude * predicted.frequency**2
     assert 2.0 * LOAD / MOTOR * effort < CYCLE_DRAG
     assert effort > 100.0 * CYCLE_DRAG
-    way = feed_back(15.0, start=0.03)
-    cycle, later = measured_cycle(after(way, 7.5)), measured_cycle(after(way, 11.0))
+    way = feed_back(12.0, start=predicted.amplitude)
+    cycle, later = measured_cycle(after(way, 6.0)), measured_cycle(after(way, 9.0))
     amplitude = later.amplitude / predicted.amplitude - 1.0
     frequency = later.frequency / predicted.frequency - 1.0
     print(f'{predicted} predicted, {later} measured: {amplitude:+.2%}, {frequency:+.2%}')
@@ -79,6 +79,6 @@ def test_feedback_through_the_gap_cycles_as_harmonic_balance_predicts():
 
 
 def test_without_the_gap_there_is_no_cycle():
-    last = after(feed_back(15.0, 0.0), 13.0)
+    last = after(feed_back(10.0, 0.0), 9.0)
     assert np.ptp(last.theta) < 1e-9
     assert np.ptp(last.q) < 1e-9
