@@ -26,7 +26,7 @@ def some_body(seed):
     return body.toDynamicParameters()
 
 
-@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('seed', range(2))
 def test_a_mass_distribution_is_consistent_and_comes_back(seed):
     phi = some_body(seed)
     assert is_consistent(phi)
@@ -39,7 +39,7 @@ def test_impossible_bodies_are_reported():
         assert not is_consistent(phi + change)  # negative mass; a moment above the others' sum
 
 
-@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('seed', range(2))
 def test_coordinates_reach_consistent_bodies_alone(seed):
     L0 = np.linalg.cholesky(pseudo_inertia_matrix(some_body(seed)))
     rng = np.random.default_rng(seed)

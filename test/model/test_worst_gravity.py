@@ -49,7 +49,7 @@ def test_the_default_arm_against_brute_force_and_closed_form(search):
     # Both links horizontal: (m1 r1 + m2 (l1 + r2)) g, and m2 r2 g.
     np.testing.assert_allclose(
         worst, [9.81 * (5.0 * 0.5 + 3.0 * 1.4), 9.81 * 3.0 * 0.4], rtol=1e-6)
-    grid = brute_force(arm, grid_of(arm, 721))
+    grid = brute_force(arm, grid_of(arm, 361))
     assert np.all(worst >= (1.0 - 1e-6) * grid)
     np.testing.assert_allclose(worst, grid, rtol=1e-4)
 
@@ -57,17 +57,17 @@ def test_the_default_arm_against_brute_force_and_closed_form(search):
 def test_slides_and_mimic_joints_against_brute_force():
     arm = load_arm(MIXED)
     worst = worst_gravity(arm).effort
-    grid = brute_force(arm, grid_of(arm, 61))
+    grid = brute_force(arm, grid_of(arm, 41))
     assert np.all(worst >= 0.999 * grid)
     np.testing.assert_allclose(worst, grid, rtol=0.02)
 
 
-@pytest.mark.parametrize('robot', ['panda', 'ur10', 'xarm7', 'talos_left_arm'])
-def test_real_arms_against_a_hundred_thousand_random_positions(robot):
+@pytest.mark.parametrize('robot', ['ur10', pytest.param('xarm7', marks=pytest.mark.soak)])
+def test_real_arms_against_thirty_thousand_random_positions(robot):
     arm = load_arm(robot_urdf(robot))
     low, high = search_box(arm)
     rng = np.random.default_rng(7)
-    random = brute_force(arm, low + rng.random((100_000, arm.joint_count)) * (high - low))
+    random = brute_force(arm, low + rng.random((30_000, arm.joint_count)) * (high - low))
     for search, fraction in ((QUICK, 0.99), (THOROUGH, 0.999)):
         assert np.all(worst_gravity(arm, search).effort >= fraction * random - 1e-9)
 
@@ -77,14 +77,10 @@ def test_its_positions_are_within_the_limits_and_give_its_efforts():
     worst = worst_gravity(arm)
     low, high = search_box(arm)
     body = RigidBody(arm)
+    np.testing.assert_array_equal(worst_gravity(arm).position, worst.position)  # always the same
     for i, q in enumerate(worst.position):
         assert np.all((low <= q) & (q <= high))
         assert abs(body.gravity(q)[i]) == pytest.approx(worst.effort[i], abs=1e-9)
-
-
-def test_the_search_is_the_same_every_time():
-    arm = load_arm(MIXED)
-    np.testing.assert_array_equal(worst_gravity(arm).position, worst_gravity(arm).position)
 
 
 def test_samples_are_spread_over_the_limits():
