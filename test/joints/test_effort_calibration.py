@@ -51,17 +51,6 @@ def test_the_conversions_are_inverse_for_one_and_many_samples(scale, offset, tor
 # --- limits --------------------------------------------------------------------------------------
 
 @laws
-@given(scales, offsets, st.floats(0.0, 1.0), st.sampled_from([1.0, -1.0]))
-def test_the_largest_torque_needs_no_effort_beyond_the_limit(scale, offset, fraction, sign):
-    some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
-    most = some.torque_limit(fraction)
-    assert (most >= 0.0).all()
-    assert (most <= np.maximum(fraction * LIMIT[:2], 0.0).tolist() + [np.inf]).all()
-    allowed = np.maximum(fraction * LIMIT[:2], np.abs(some.offset[:2]))  # at zero torque
-    assert (np.abs(some.effort(sign * most))[:2] <= allowed + 1e-9).all()
-
-
-@laws
 @given(scales, offsets, st.sampled_from([1.0, -1.0]))
 def test_no_command_is_beyond_the_limit(scale, offset, sign):
     some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)

@@ -188,15 +188,6 @@ def test_gravity_twice_lifts_the_arm():
     assert np.abs(run(ARM, ('gravity',), G).q - Q).max() > 0.5
 
 
-def test_a_robot_that_compensates_friction_slides_on():
-    slow = np.array([0.05, 0.05])
-    free = run(ARM, ('gravity',), ZERO, slow).q
-    compensated = run(with_friction(), ALL, ZERO, slow).q
-    stuck = run(with_friction(), ('gravity',), ZERO, slow).q
-    assert np.linalg.norm(stuck - Q) < 0.1 * np.linalg.norm(free - Q)
-    assert np.linalg.norm(compensated - free) < 0.3 * np.linalg.norm(free - Q)
-
-
 def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against():
     """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""
     urdf = default_arm_urdf().replace('effort="150.0"', 'effort="30.0"')

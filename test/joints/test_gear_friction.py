@@ -40,14 +40,6 @@ def test_the_law_by_hand():
 
 
 @laws
-@given(values, values, values, values)
-def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
-    v = np.array([v1, v2])
-    friction = gears(effort_bias=[0.0])
-    assert (friction.effort(v, 10.0 * np.array([load1, load2])) * v >= 0.0).all()
-
-
-@laws
 @given(st.lists(values, min_size=6, max_size=6))
 def test_forward_dynamics_inverts_inverse_dynamics(numbers):
     q, v, a = np.array(numbers).reshape(3, 2)

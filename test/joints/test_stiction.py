@@ -57,14 +57,6 @@ def test_a_joint_starts_to_slide_against_friction(seed, n):
     assert bound.max() <= 1e-9
 
 
-@pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
-def test_one_joint_breaks_away_at_its_friction_and_not_before(effort, sticks):
-    modes = choose_modes(
-        np.eye(1), np.zeros(1), np.array([effort]), np.ones(1), np.ones(1))
-    assert bool(modes.stuck[0]) is sticks
-    assert modes.direction[0] == (0.0 if sticks else np.sign(effort))
-
-
 @laws
 @given(st.integers(0, 2**32 - 1), st.integers(1, 7))
 def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed, n):

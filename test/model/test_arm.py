@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import numpy.testing as npt
-import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import arm_from_urdf, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robots import by_kind, MIMIC, robot_urdf
 
 INERTIAL = (
     '<inertial><origin xyz="0.1 0 0.2"/><mass value="2"/>'
@@ -106,32 +104,7 @@ def test_gravity_is_that_of_the_earth_by_default():
     npt.assert_array_equal(moon.with_payloads([]).pinocchio_model.gravity.linear, [0.1, 0.2, -1.6])
 
 
-def test_every_link_has_a_frame():
-    arm = load_arm(arm_urdf())
-    for name in arm.link_names:
-        frame = arm.link_frame(name)
-        assert frame.name == name
-        assert frame.type == pin.FrameType.BODY
-    # A fixed link belongs to the joint that moves it.
-    assert arm.link_frame('l4').parentJoint == arm.link_frame('l3').parentJoint
-    assert arm.link_frame('l0').parentJoint == 0
-
-
 # --- whole robots --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize('robot', by_kind())
-def test_real_robots_have_the_joints_and_the_mass_that_pinocchio_reads(robot):
-    urdf = robot_urdf(robot)
-    arm = load_arm(urdf)
-    plain = pin.buildModelFromXML(urdf)
-    n = arm.joint_count
-    assert n + len(arm.mimic_joints) + len(arm.locked_joints) == plain.nv
-    assert bool(arm.mimic_joints) == (robot in MIMIC)
-    assert sum(inertia.mass for inertia in arm.pinocchio_model.inertias) == pytest.approx(
-        sum(inertia.mass for inertia in plain.inertias), rel=1e-12)
-    mimics = [mimic.name for mimic in arm.mimic_joints]
-    assert set(arm.joint_names) | set(mimics) == set(plain.names) - {'universe'}
 
 
 # --- rejections ----------------------------------------------------------------------------------

@@ -34,7 +34,6 @@ import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
-from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload, Payload
 from robots import MIMIC, robot_urdf, ROBOTS
 
@@ -132,16 +131,6 @@ def test_coriolis_matrix(case):
         assert_near(C, c @ v, 'C')
 
 
-@pytest.mark.parametrize('robot', ['panda'])
-def test_gravity_of_any_direction(engine, robot):
-    """An arm mounted on a wall or a ceiling."""
-    case = make_case(engine, description(robot), gravity=(3.1, -7.2, 4.4))
-    for q, v, a, _ in case.states(5):
-        assert_near(case.body.gravity(q), case.reference.gravity(q), 'g')
-        assert_near(
-            case.body.inverse_dynamics(q, v, a), case.reference.inverse_dynamics(q, v, a), 'tau')
-
-
 def random_payloads(arm: ArmModel, rng: np.random.Generator) -> list[Payload]:
     """Return payloads on three links, two of them on the last link."""
     first, second, third = rng.choice(arm.link_names, 3, replace=False)
@@ -168,32 +157,6 @@ def test_payloads(engine, robot):
         assert_near(ours.gravity(q), theirs.gravity(q), 'g')
         assert_same_motion(ours.forward_dynamics(q, v, tau), theirs, state)
     assert_same_potential(case, ours, states)
-
-
-def test_joints_in_any_order(case):
-    """A request in another joint order, with mimic joints, is answered by name."""
-    tree = case.reference.engine.joint_names
-    G, arm = case.reference.G, case.arm
-    for q, v, a, _ in case.states(5):
-        shuffled = [str(name) for name in case.rng.permutation(tree)]
-        order = JointOrder(arm, shuffled)
-        rows = [tree.index(name) for name in shuffled]
-        motion = (
-            order.position(case.reference.tree(q)[rows]), order.rate((G @ v)[rows], 'velocity'),
-            order.rate((G @ a)[rows], 'acceleration'))
-        answer = dict(zip(order.names, order.answer(case.body.inverse_dynamics(*motion))))
-        expected = dict(zip(arm.joint_names, case.reference.inverse_dynamics(q, v, a)))
-        assert answer.keys() == expected.keys()
-        assert list(order.names) == [name for name in shuffled if name in expected]
-        assert_near(
-            np.array([answer[name] for name in expected]), np.array([*expected.values()]), 'tau')
-        M = order.answer_form(case.body.mass_matrix(motion[0]))
-        back = [order.names.index(name) for name in arm.joint_names]
-        assert_near(M[np.ix_(back, back)], case.reference.mass_matrix(q), 'M')
-        # An effort at a mimic joint acts through its leader.
-        everywhere = case.rng.normal(size=len(tree)) * 10
-        given = order.effort(everywhere[rows])
-        assert_near(given, G.T @ everywhere, 'effort')
 
 
 def halves(names: Sequence[str]) -> list[list[str]]:

@@ -9,13 +9,12 @@ frames and the definitions, without Pinocchio.
 """
 
 from typing import Any
-from xml.etree import ElementTree
 
 from hypothesis import given
 import numpy as np
 import numpy.testing as npt
 import pytest
-from random_trees import Case, case_of, laws, random_case, random_cases
+from random_trees import Case, case_of, laws, random_cases
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
@@ -44,37 +43,6 @@ def slope(function: Any, x: np.ndarray, along: np.ndarray, h: float) -> Any:
 
 
 # --- coverage of the generator -------------------------------------------------------------------
-
-def test_random_trees_have_every_feature():
-    seen = set()
-    for seed in range(60):
-        case = random_case(seed)
-        root = ElementTree.fromstring(case.urdf)
-        seen |= {joint.get('type') for joint in root.findall('joint')}
-        relations = {
-            joint.get('name'): joint.find('mimic').get('joint') for joint in root.findall('joint')
-            if joint.find('mimic') is not None and joint.get('type') != 'fixed'}
-        parents = [joint.find('parent').get('link') for joint in root.findall('joint')]
-        for feature, there in (
-            ('mimic of a mimic', any(leader in relations for leader in relations.values())),
-            ('mimic of a locked joint',
-             any(leader in case.arm.locked_joints for leader in relations.values())),
-            ('mimic of an actuated joint', bool(case.arm.mimic_joints)),
-            ('locked away from 0', any(case.arm.locked_joints.values())),
-            ('branches', len(set(parents)) < len(parents)),
-            ('massless link', any(
-                link.find('inertial') is None for link in root.findall('link'))),
-            ('plain order', case.arm.coordinates.is_identity),
-            ('another order', case.arm.coordinates.is_permutation
-             and not case.arm.coordinates.is_identity),
-        ):
-            if there:
-                seen.add(feature)
-    assert seen == {
-        'revolute', 'continuous', 'prismatic', 'fixed', 'mimic of a mimic', 'branches',
-        'mimic of a locked joint', 'mimic of an actuated joint', 'locked away from 0',
-        'massless link', 'plain order', 'another order'}
-
 
 # --- properties, each stated once and tested on random trees and real robots ---------------------
 

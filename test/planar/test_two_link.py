@@ -159,16 +159,6 @@ def test_forward_dynamics_inverts_inverse_dynamics(arm, q, v, a):
     assert_close(found, a, atol=1e-13 * torque_scale * np.linalg.norm(np.linalg.inv(M)))
 
 
-@law
-@given(arm=arms(), q=pairs(7.0), v=pairs(5.0))
-def test_nonlinear_terms_are_coriolis_and_gravity(arm, q, v):
-    npt.assert_array_equal(
-        planar.nonlinear_terms(arm, q, v),
-        planar.coriolis_vector(arm, q, v) + planar.gravity_vector(arm, q))
-    npt.assert_array_equal(
-        planar.nonlinear_terms(arm, q, v), planar.inverse_dynamics(arm, q, v, (0.0, 0.0)))
-
-
 def test_forward_kinematics_puts_a_positive_angle_towards_positive_x():
     upright = planar.forward_kinematics(ARM, (0.0, 0.0))
     npt.assert_array_equal(upright.joints, [[0.0, 0.0], [0.0, 1.0]])

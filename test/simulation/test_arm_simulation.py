@@ -176,16 +176,6 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance():
     assert simulation.arm.payloads == ()
 
 
-def test_an_arm_holds_against_the_wrench_that_its_effort_bears():
-    arm, q0 = two_link(), np.array([1.0, 0.5])
-    wrench = ExternalWrench('tool0', np.array([5.0, 0.0, -8.0]), np.array([0.0, 3.0, 0.0]))
-    tau = ArmDynamics(arm).inverse_dynamics(q0, np.zeros(2), np.zeros(2), [wrench])
-    simulation = released(arm, q0)
-    assert simulation.step(tau, 0.2, [wrench]).position == pytest.approx(q0, abs=1e-9)
-    simulation.step(tau, 0.2)
-    assert np.abs(simulation.q - q0).max() > 0.01
-
-
 # --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('arguments', 'words'), [

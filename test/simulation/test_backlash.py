@@ -103,25 +103,6 @@ def test_a_released_arm_rests_on_its_gears():
         at_rest + np.sign(weight) * 0.01, abs=1e-12)
 
 
-def sway(arm: ArmModel) -> FloatArray:
-    """Return the motion (m, n) of two links under varying efforts."""
-    simulation, way = released(arm, (0.2, -0.3)), []
-    for k in range(300):
-        wave = np.array([20.0 * np.sin(0.05 * k), 8.0 * np.cos(0.08 * k)])
-        simulation.step(wave, 2e-3)
-        way.append(simulation.q.copy())
-    return np.array(way)
-
-
-def test_a_gap_that_closes_is_a_rigid_gear():
-    arm = rubbing(links(2), viscous=[2.0, 0.8])
-    rigid, gaps = sway(geared(arm, backlash=[0.0])), [1e-3, 1e-8]
-    apart = [np.abs(sway(geared(arm, backlash=[gap])) - rigid).max() for gap in gaps]
-    print('gap, largest distance from the rigid gear:', list(zip(gaps, apart)))
-    assert np.ptp(rigid) > 0.1
-    assert all(distance < 5.0 * gap for gap, distance in zip(gaps, apart)), apart
-
-
 # --- impacts -------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('restitution', [0.0, 0.8, 1.0])

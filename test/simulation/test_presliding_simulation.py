@@ -14,8 +14,6 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import arm_without_gripper
 from simulated_arms import block, released
@@ -74,33 +72,6 @@ def test_it_breaks_away_at_its_static_friction(F_s, distance):
     v = state.velocity[0]
     state = simulation.step(np.array([1.01 * F_s]), 2e-3)
     assert state.velocity[0] - v == pytest.approx((1.01 * F_s - 4.0) / 0.05 * 2e-3, rel=1e-9)
-
-
-def test_a_cycle_takes_the_area_of_its_hysteresis_loop():
-    """Pulled slowly to and fro by a spring: 4 F_c (X − d) per cycle, none below F_c."""
-    F_c, mass, amplitude, period, h, distance = 3.0, 0.1, 0.05, 2.0, 2e-3, 1e-3
-    simulation = released(block(mass, coulomb=[F_c], presliding_distance=[distance]))
-
-    def cycle(pull: float) -> tuple[float, float, float]:
-        positions, heat, area = [], simulation.heat, 0.0
-        for k in range(round(period / h)):
-            target = pull * np.sin(2.0 * np.pi * (k + 0.5) * h / period)
-            before = simulation.q[0]
-            effort = 200.0 * (target - before) - 2.0 * simulation.v[0]
-            position = simulation.step(np.array([effort]), h).position[0]
-            positions.append(position)
-            area += F_c * simulation.presliding_state[0] * (position - before)
-        return 0.5 * float(np.ptp(positions)), simulation.heat - heat, area
-
-    cycle(amplitude)
-    X, heat, area = cycle(amplitude)
-    assert distance < 0.5 * X
-    assert heat == pytest.approx(4.0 * F_c * (X - distance), rel=0.02)
-    assert area == pytest.approx(heat, rel=0.03)
-    cycle(0.2 * F_c / 200.0)
-    X, heat, _ = cycle(0.2 * F_c / 200.0)
-    assert 0.0 < X < distance
-    assert heat < 0.03 * F_c * distance
 
 
 def test_it_does_not_creep_under_a_vibrating_load():
@@ -316,22 +287,3 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it():
     for _ in range(500):
         simulation.step(hold, 2e-3)
     assert simulation.q == pytest.approx(q, abs=1e-12)
-
-
-def test_a_payload_and_a_push_deflect_the_joints():
-    """By their torque × d / F_c; afterwards the arm returns."""
-    q, d = np.array([0.4, -0.7]), np.array([2e-3, 2e-3])
-    arm = rubbing(ARM, viscous=[0.1], coulomb=[40.0, 20.0], presliding_distance=d.tolist())
-    simulation = released(arm, q)
-    body = ArmDynamics(ARM).rigid_body
-    hold, stiffness = body.gravity(q), arm.friction.coulomb / d
-    wrench = ExternalWrench('tool0', np.array([10.0, 0.0, 0.0]), np.zeros(3))
-    loaded = ARM.with_payloads([make_payload('tool0', 0.5)])
-    for wrenches, payloads, torque in (
-            ([wrench], [], -body.external(q, [wrench])), ([], [], 0.0 * q),
-            ([], loaded.payloads, hold - ArmDynamics(loaded).rigid_body.gravity(q)),
-            ([], [], 0.0 * q)):
-        simulation.set_payloads(payloads)
-        for _ in range(600):
-            simulation.step(hold, 2e-3, wrenches)
-        assert simulation.q - q == pytest.approx(torque / stiffness, rel=0.01, abs=1e-8)
