@@ -91,17 +91,12 @@ def test_samples_with_a_mimic_joint():
     npt.assert_array_equal(order.positions(rows), np.column_stack([[4, 5, 6], knee, [7, 8, 9]]))
 
 
-@pytest.mark.parametrize('nothing', [[], (), np.zeros(0)])
-def test_no_rates_mean_rest(nothing):
-    for names in ((), ('ankle', 'hip', 'knee'), (*JOINTS, 'double')):
+def test_no_rates_mean_rest():
+    for names in ((), (*JOINTS, 'double')):
         order = JointOrder(ARM, names)
-        npt.assert_array_equal(order.rate(nothing, 'velocity'), np.zeros(3))
-        npt.assert_array_equal(order.rates(nothing, 4, 'velocity'), np.zeros((4, 3)))
-
-
-def test_no_samples():
-    order = JointOrder(ARM, (*JOINTS, 'double'))
-    assert order.positions([]).shape == (0, 3)
+        npt.assert_array_equal(order.rate([], 'velocity'), np.zeros(3))
+        npt.assert_array_equal(order.rates([], 4, 'velocity'), np.zeros((4, 3)))
+        assert order.positions([]).shape == (0, 3)
     assert order.rates([], 0, 'velocity').shape == (0, 3)
 
 
@@ -122,13 +117,9 @@ def test_an_answer_is_in_the_order_of_its_names(names):
 def test_forms_have_every_axis_in_the_order_of_the_names(names):
     order = JointOrder(ARM, names)
     M, c = np.arange(9.0).reshape(3, 3), np.arange(27.0).reshape(3, 3, 3)
-    index = [JOINTS.index(name) for name in order.names]
-    ours_M, ours_c = order.answer_form(M), order.answer_form(c)
-    for i, arm_i in enumerate(index):
-        for j, arm_j in enumerate(index):
-            assert ours_M[i, j] == M[arm_i, arm_j]
-            for k, arm_k in enumerate(index):
-                assert ours_c[i, j, k] == c[arm_i, arm_j, arm_k]
+    i = [JOINTS.index(name) for name in order.names]
+    npt.assert_array_equal(order.answer_form(M), M[np.ix_(i, i)])
+    npt.assert_array_equal(order.answer_form(c), c[np.ix_(i, i, i)])
 
 
 # --- mimic joints --------------------------------------------------------------------------------

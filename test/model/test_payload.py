@@ -93,27 +93,18 @@ def test_the_replaced_payload_is_named():
 
 @laws
 @given(seed=seeds)
-def test_every_body_is_accepted_and_none_that_breaks_the_triangle(seed):
+def test_every_body_is_accepted(seed):
     rng = np.random.default_rng(seed)
     tensor = random_inertia(rng, 3.0)
     npt.assert_allclose(make_payload('hand', 3.0, inertia=tensor).inertia, tensor, atol=1e-15)
-    a, b = rng.uniform(0.1, 1.0, 2)
-    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    impossible = Q @ np.diag([a, b, 1.01 * (a + b)]) @ Q.T
-    with pytest.raises(InvalidInputError, match='triangle inequality'):
-        make_payload('hand', 3.0, inertia=impossible)
-
-
-def test_a_flat_plate_is_a_body_though_it_has_no_slack():
-    for largest in (0.3, 0.1 + 0.2 + 1e-8):
-        plate = np.diag([0.1, 0.2, largest])
-        npt.assert_array_equal(make_payload('hand', 1.0, inertia=plate).inertia, plate)
 
 
 @pytest.mark.parametrize('size', [1e-300, 1e9])
 def test_no_inertia_is_too_small_to_be_judged_nor_the_largest_too_large(size):
-    assert np.array_equal(make_payload('hand', 1.0, inertia=size * np.eye(3)).inertia,
-                          size * np.eye(3))
+    for tensor in (size * np.eye(3), size * np.diag([0.1, 0.2, 0.3 + 2.9e-7])):  # a flat plate
+        npt.assert_array_equal(make_payload('hand', 1.0, inertia=tensor).inertia, tensor)
+    with pytest.raises(InvalidInputError, match='triangle inequality'):
+        make_payload('hand', 1.0, inertia=size * np.diag([0.1, 0.2, 0.3 + 3.1e-7]))
     off_diagonal = size * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     with pytest.raises(InvalidInputError, match='expected none below 0'):
         make_payload('hand', 1.0, inertia=off_diagonal)

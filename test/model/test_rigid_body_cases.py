@@ -28,18 +28,11 @@ def test_results_are_new_and_inputs_are_left_alone():
     body, q, v, a, wrenches = case.body, case.q, case.v, case.a, case.wrenches()
     before = [array.copy() for array in (q, v, a)]
     functions = (
-        lambda q: body.inverse_dynamics(q, v, a),
-        lambda q: body.inverse_dynamics(q, v, a, wrenches),
-        body.gravity,
-        lambda q: body.nonlinear(q, v),
+        body.gravity, body.mass_matrix, body.christoffel_symbols,
+        lambda q: body.nonlinear(q, v), lambda q: body.coriolis_matrix(q, v),
         lambda q: body.external(q, wrenches),
-        lambda q: body.inverse_dynamics_batch(q[None], v[None], a[None]),
-        body.mass_matrix,
-        lambda q: body.coriolis_matrix(q, v),
-        body.christoffel_symbols,
-        lambda q: body.forward_dynamics(q, v, a),
-        lambda q: body.forward_dynamics(q, v, a, wrenches),
-    )
+        lambda q: body.inverse_dynamics(q, v, a, wrenches),
+        lambda q: body.forward_dynamics(q, v, a, wrenches))
     for function in functions:
         first = function(q)
         kept = first.copy()

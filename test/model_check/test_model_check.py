@@ -43,13 +43,11 @@ def test_fixed_links_are_not_checked():
 CASES = {
     'negative mass': (arm_of(inertial(-1.0)), ('mass', 'error', 'arm')),
     'no mass behind a joint': (arm_of(more=link_behind('')), ('mass', 'error', 'to_hand')),
-    'zero mass': (
-        arm_of(more=link_behind(inertial(0.0, (0, 0, 0)), 'fixed')), ('mass', 'warning', 'hand')),
+
 
     'negative moment': (
         arm_of(inertial(moments=(0.1, 0.1, -0.01))), ('inertia', 'error', 'arm')),
-    'negative moment by products': (
-        arm_of(inertial(products=(0.2, 0.0, 0.0))), ('inertia', 'error', 'arm')),
+
     'point mass on the axis': (
         arm_of(inertial(moments=(0, 0, 0))), ('inertia', 'error', 'hinge')),
     'point mass': (
@@ -61,8 +59,7 @@ CASES = {
     'no effort limit': (
         arm_of(limit='<limit lower="-2" upper="2" effort="0" velocity="2"/>'),
         ('limits', 'warning', 'hinge')),
-    'no velocity limit': (
-        arm_of(limit='<limit lower="-2" upper="2" effort="9"/>'), ('limits', 'warning', 'hinge')),
+
     'no limit at all': (arm_of(limit='', kind='continuous'), ('limits', 'warning', 'hinge')),
     'infinite travel': (
         arm_of(limit='<limit lower="-inf" upper="inf" effort="9" velocity="2"/>'),

