@@ -72,7 +72,8 @@ def check_inverse_dynamics(arm: ArmModel, exported: Exported) -> None:
 
 
 @pytest.mark.parametrize('name', ['default', 'panda', 'kinova', *(
-    pytest.param(name, marks=pytest.mark.soak) for name in ('ur10', 'talos_full_v2', 'pr2'))])
+    pytest.param(name, marks=pytest.mark.soak) for name in (
+        'ur10', 'xarm7', 'talos_full_v2', 'pr2'))])
 def test_mujoco_computes_the_same_efforts(name):
     """Rigid bodies with a payload, oblique gravity, rotors and viscous friction."""
     arm = arm_of(name)

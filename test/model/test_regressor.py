@@ -114,7 +114,7 @@ def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
     r2 = (X @ theta - y)**2
     edges = np.concatenate([[0], np.cumsum(information.rows).astype(int)])
     assert edges[-1] == len(y)
-    assert len(information.rows) == 11  # six blocks, and five gaps between them
+    assert len(information.rows) == 12  # six blocks, and a gap behind each
     for block in range(6):
         first, last = edges[2 * block], edges[2 * block + 1]
         assert squares(information.block(block), theta) == pytest.approx(

@@ -13,12 +13,10 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 
 ARM = load_arm(default_arm_urdf())
 MODEL = "<ArmModel 'planar_arm', 2 joints ('joint1', 'joint2')>"
 LOAD = make_payload('tool0', 2.5)
-POINTS = tuple(TrajectoryPoint(0.5 * i, np.full(2, 0.1)) for i in range(3))
 ONES = [1.0] * 60
 LONG = load_arm(planar_arm_urdf(ONES, ONES, [0.5] * 60, [0.1] * 60))
 
@@ -37,8 +35,6 @@ def test_a_controller():
     (ArmDynamics(ARM), f'<ArmDynamics of {MODEL}>'),
     (ArmSimulation(ARM, [1.0 / 3.0, -2]),
      f'<ArmSimulation of {MODEL}, brakes on, position [0.3333, -2.0]>'),
-    (JointTrajectory(ARM.joint_names, POINTS),
-     "<JointTrajectory of 2 joints ('joint1', 'joint2'), 3 points, 1 s>"),
 ])
 def test_what_others_are(one, words):
     assert repr(one) == words

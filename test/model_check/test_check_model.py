@@ -75,7 +75,7 @@ def test_a_good_model(run, tmp_path):
 
 def test_a_robot_is_given_by_name_or_package(run):
     robot_path('ur3')
-    named = run('ur3')
+    named = run('ur3', '--joints', 'wrist_3_joint')
     assert (named.returncode, named.stderr) == (0, '')
     assert named.stdout.splitlines()[-1] == 'ur3: no errors'
     unknown = run('package://unknown_package/arm.urdf')
@@ -130,13 +130,6 @@ def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(run, bad
     assert set(NEXT_STEPS) == set(CHECKS)
 
 
-def test_a_report_that_cannot_be_written(run, bad, tmp_path):
-    (tmp_path / 'file').write_text('')
-    done = run(bad, '--report', tmp_path / 'file' / 'check.html')
-    assert done.returncode == 1
-    assert done.stderr.startswith('check_model: cannot write')
-
-
 def test_json(run, bad):
     done = run(bad, '--json', '--ignore', 'limits')
     assert done.returncode == 1
@@ -174,12 +167,15 @@ def test_bad_usage(run, bad, tmp_path, arguments, words):
 
 
 @pytest.mark.skipif(find_spec('xacro') is None, reason='xacro is not installed')
-def test_xacro(run, tmp_path):
+def test_xacro(tmp_path):
     path = tmp_path / 'arm.urdf.xacro'
     path.write_text(
         POINT_MASS.replace('name="r"', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"')
         .replace('value="2"', 'value="${1 + 2}"'), encoding='utf-8')
-    assert "joint 'hinge' moves 3 kg" in run(path).stdout
+    done = children.run(  # xacro changes how minidom writes XML
+        [sys.executable, '-m', 'robot_dynamics.tools.check_model', str(path)],
+        capture_output=True, text=True)
+    assert "joint 'hinge' moves 3 kg" in done.stdout
 
 
 # --- the table of the documentation --------------------------------------------------------------
@@ -249,7 +245,7 @@ def test_a_reader_that_ends_early_is_no_error():
     """As in `check_model ur10 | head -1`: the output breaks off without a message."""
     with children.popen(
             [sys.executable, '-u', '-c', 'from robot_dynamics.tools.check_model import main; '
-             'import sys; sys.exit(main(["ur10"]))'],
+             'import sys; sys.exit(main(["ur10", "--joints", "wrist_3_joint"]))'],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert process.stderr.read() == ''

@@ -45,7 +45,7 @@ def test_the_message_has_both_figures_and_their_ratio():
         '(data sheet, or ros2 run robot_dynamics identify)')
 
 
-@settings(deadline=None, derandomize=True, max_examples=40)
+@settings(deadline=None, derandomize=True, max_examples=25)
 @given(st.floats(0.0, 0.1), st.floats(1.0, 500.0))
 def test_a_rotor_that_is_known_counts(rotor, effort):
     """The bound is on the effort limit divided by the inertia of link and rotor."""

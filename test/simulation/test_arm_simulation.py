@@ -48,14 +48,6 @@ def test_a_free_arm_keeps_its_energy(seconds):
     assert worst < 1e-6 * min(abs(at_start), at_start - lowest)
 
 
-def test_a_free_arm_moves_as_another_integrator_has_it():
-    arm, q0, v0 = two_link(), np.array([np.pi - 0.5, 1.0]), np.array([3.0, -2.0])
-    q, v = released(arm, q0, v0, max_step=1e-3).step(np.zeros(2), 2.0)
-    q_exact, v_exact = exact_motion(arm, q0, v0, 2.0)
-    assert q == pytest.approx(q_exact, abs=1e-7)
-    assert v == pytest.approx(v_exact, abs=1e-6)
-
-
 def test_the_integration_is_of_fifth_order():
     arm, q0, v0 = two_link(), np.array([1.0, 0.5]), np.array([0.5, -1.0])
     exact = np.concatenate(exact_motion(arm, q0, v0, 1.0))
