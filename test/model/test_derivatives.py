@@ -137,22 +137,6 @@ def test_discrete_model_against_differences_of_the_simulation(robot):
     assert_near(model.B, differences(lambda at: simulated(x, at), tau, 1e-2), 'B')
 
 
-def test_discrete_model_with_smooth_dry_friction():
-    """At low velocities, where the smooth sign is steep."""
-    rng, T = np.random.default_rng(10), 0.0005
-    arm = loaded_arm('ur5', rng)
-    derivatives = ArmDerivatives(arm)
-    x = np.concatenate([rng.normal(size=6), rng.normal(size=6) * SMOOTHING_VELOCITY])
-    tau = ArmDynamics(arm).gravity(x[:6])
-
-    def moved(x: Array, tau: Array) -> Array:
-        return derivatives.discrete(x[:6], x[6:], tau, T).state
-
-    model = derivatives.discrete(x[:6], x[6:], tau, T)
-    assert_near(model.A, differences(lambda at: moved(at, tau), x, 1e-5), 'A')
-    assert_near(model.B, differences(lambda at: moved(x, at), tau, 1e-3), 'B')
-
-
 def test_invalid_input_is_named():
     arm = load_arm(robot_urdf('default'))
     derivatives, rest = ArmDerivatives(arm), (0.0, 0.0)

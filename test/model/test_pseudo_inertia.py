@@ -30,13 +30,9 @@ def some_body(seed):
 def test_a_mass_distribution_is_consistent_and_comes_back(seed):
     phi = some_body(seed)
     assert is_consistent(phi)
-    assert parameters_of(pseudo_inertia_matrix(phi)) == pytest.approx(phi, rel=1e-12)
-
-
-def test_impossible_bodies_are_reported():
-    phi = some_body(0)
     for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
         assert not is_consistent(phi + change)  # negative mass; a moment above the others' sum
+    assert parameters_of(pseudo_inertia_matrix(phi)) == pytest.approx(phi, rel=1e-12)
 
 
 @pytest.mark.parametrize('seed', range(2))

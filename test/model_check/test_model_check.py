@@ -17,7 +17,6 @@ from robot_dynamics.model_check.finding import CHECKS, errors_of, refuse_errors
 from robot_dynamics.model_check.mesh_bounds import bounding_box, MeshReader
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf import mesh_files
-from robots import robot_urdf
 
 
 def found(urdf, **options):
@@ -165,12 +164,6 @@ def test_locked_joints_are_not_checked():
     urdf = arm_of(more=link_behind('', name='hand'))
     assert errors_of(check_model(urdf)) != []
     assert check_model(urdf, load_arm(urdf, ['hinge'])) == []
-
-
-def test_locked_joints_lose_no_mass():
-    urdf = robot_urdf('xarm7')
-    names = load_arm(urdf).joint_names[1::2]
-    assert check_model(urdf, load_arm(urdf, names)) == []
 
 
 def test_a_rejection_names_the_parameter_that_accepts_the_model():

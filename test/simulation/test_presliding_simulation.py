@@ -222,18 +222,6 @@ def test_the_limit_of_short_distances_is_rigid_sticking():
     assert errors[2] < 2e-3
 
 
-def test_a_rigid_joint_beside_one_that_yields_does_not_move():
-    q = np.array([0.4, -0.7])
-    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[0.0, 1e-3])
-    simulation = released(arm, q)
-    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([2.0, 0.6])
-    for _ in range(300):
-        simulation.step(effort, 2e-3)
-    assert simulation.q[0] == q[0]
-    assert simulation.q[1] - q[1] == pytest.approx(0.4e-3, rel=1e-2)
-    assert simulation.presliding_state[0] == 0.0
-
-
 def test_the_state_is_that_of_the_identification():
     """Along the simulated positions, `presliding_state` has the deflections of the simulation."""
     d, h = np.array([3e-3, 1e-2]), 1e-3
@@ -276,4 +264,3 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it():
     assert simulation.q == pytest.approx(position, abs=1e-7)
     simulation.reset()
     assert simulation.presliding_state.tolist() == [0.0, 0.0]
-

@@ -7,9 +7,7 @@ import re
 
 import pytest
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
@@ -33,8 +31,7 @@ JOINT1 = '<joint name="joint1"><hardwareInterface>EffortJointInterface</hardware
     f'{JOINT1}<actuator name="m">{reduction(50)}</actuator>',
     f'<actuator name="m"/><joint name="joint1">{reduction(" 50.0 ")}</joint>',
     f'{JOINT1}<actuator name="m"/>{reduction("5e1")}',
-    # two equal motors, and a transmission that appears twice
-    f'{JOINT1}<actuator name="m">{reduction(50)}</actuator><actuator>{reduction(50)}</actuator>',
+
     f'<joint name="joint1">{reduction(50)}</joint><actuator name="m">{reduction(50)}</actuator>',
 ])
 def test_a_reduction_is_found_wherever_it_stands(inside):
@@ -82,12 +79,6 @@ def test_only_joints_of_the_arm_are_asked():
     good = transmission(f'<joint name="joint2"/>{reduction(30)}')
     urdf = default_arm_urdf().replace('</robot>', f'{bad}{good}</robot>')
     assert load_arm(urdf, ['joint2']).gear_ratios == {'joint2': 30.0}
-
-
-def test_a_payload_and_motors_keep_them():
-    arm = arm_with(transmission(f'{JOINT1}{reduction(50)}'))
-    geared = arm.with_actuators(make_actuators(arm.joint_names, [0.1], [30.0]))
-    assert geared.with_payloads([make_payload('tool0', 1.0)]).gear_ratios == {'joint1': 50.0}
 
 
 def test_real_robots():
