@@ -10,7 +10,6 @@ By default four robots with every kind of joint; `scripts/test -m soak` runs the
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 from engine_cases import (
     assert_near,
@@ -40,18 +39,13 @@ from robots import MIMIC, robot_urdf, ROBOTS
 DEFAULT = ('kinova', 'panda', 'talos_left_arm', 'pr2')
 
 
-def on_robots(names: Sequence[str] = ROBOTS) -> list[Any]:
-    """Return these robots as parameters, those not in `DEFAULT` with the mark `soak`."""
-    return [pytest.param(name, marks=() if name in DEFAULT else pytest.mark.soak)
-            for name in names]
-
-
 @pytest.fixture(params=ENGINES)
 def engine(request):
     return request.param
 
 
-@pytest.fixture(params=on_robots())
+@pytest.fixture(params=[
+    pytest.param(name, marks=() if name in DEFAULT else pytest.mark.soak) for name in ROBOTS])
 def robot(request):
     return request.param
 
@@ -200,7 +194,8 @@ def test_friction(engine, robot):
     compare_with_friction(engine, description(robot))
 
 
-@pytest.mark.parametrize('robot', on_robots(MIMIC))
+@pytest.mark.parametrize('robot', [
+    pytest.param(name, marks=() if name == 'panda' else pytest.mark.soak) for name in MIMIC])
 def test_mimic_joints_of_any_relation(engine, robot):
     """Arbitrary multipliers, offsets and a chain of leaders; real robots only have ±1 and 0."""
     urdf = with_other_relations(description(robot), np.random.default_rng(17))

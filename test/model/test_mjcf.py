@@ -135,6 +135,7 @@ def test_limits_friction_and_gravity_are_fields():
         assert motor.ctrlrange.tolist() == [-arm.limits.effort[i], arm.limits.effort[i]]
         assert motor.gear[0] == 1.0
     assert model.opt.gravity.tolist() == [0.1, 0.2, -9.7]
+    assert model.opt.timestep == 0.001
 
 
 def test_motors_reach_the_effort_limits_through_their_gears():

@@ -84,6 +84,8 @@ def test_its_positions_are_within_the_limits_and_give_its_efforts():
 
 def test_samples_are_spread_over_the_limits():
     """Each quarter of the range of each joint contains a fair share of the poses."""
+    open_slide = load_arm(arm_of(limit='<limit lower="-inf" upper="inf"/>', kind='prismatic'))
+    np.testing.assert_array_equal(search_box(open_slide), [[-1.0], [1.0]])
     arm = load_arm(robot_urdf('panda'))
     low, high = search_box(arm)
     fraction = (sample_positions(arm, 400) - low) / (high - low)

@@ -52,6 +52,7 @@ def test_the_message_on_a_density_names_link_mass_volume_and_range():
 
 @pytest.mark.parametrize(('mass', 'geometry', 'count'), [
     (11.9 * 0.5, box_of(0.5), 0), (12.1 * 0.5, box_of(0.5), 1),  # below 1 L lead is the bound
+    (5.0, box_of(0.99), 0), (5.0, box_of(1.01), 1),
     (50.0, box_of(0.009), 0),  # a marker
     (0.0029, box_of(0.101), 1), (0.0029, box_of(0.099), 0),  # a small link weighs little
     (7.0, box_of(1.5) + box_of(1.5), 0),  # parts of one link

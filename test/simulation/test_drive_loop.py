@@ -15,6 +15,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
+from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 Q = np.array([0.3, 0.5])
@@ -46,6 +47,15 @@ def test_the_arm_sags_by_gravity_over_the_stiffness_and_not_with_feed_forward():
     q = settled(robot(), np.zeros(2))
     assert np.array([400.0, 200.0]) * (Q - q) == pytest.approx(body.gravity(q), rel=1e-5)
     assert settled(robot(), body.gravity(Q)) == pytest.approx(Q, abs=1e-9)
+
+
+def test_the_drives_close_their_loop_each_millisecond():
+    plant, twin = robot(), released(ARM, Q)
+    plant.take_effort(np.array([Q + 0.1, np.zeros(2), np.zeros(2)]))
+    plant.step(0.004)
+    for _ in range(4):
+        twin.step([400.0, 200.0] * (Q + 0.1 - twin.q) - 60.0 * twin.v, 0.001)
+    assert plant.simulation.q == pytest.approx(twin.q, abs=1e-12)
 
 
 def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command():
