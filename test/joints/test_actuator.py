@@ -15,7 +15,7 @@ from robot_dynamics.planar.urdf import planar_arm_urdf
 from scipy.linalg import expm
 from simulated_arms import released
 
-laws = settings(deadline=None, derandomize=True, max_examples=200)
+laws = settings(deadline=None, derandomize=True, max_examples=50)
 numbers = st.floats(-10.0, 10.0)
 
 NAMES = ('joint1',)
@@ -86,6 +86,10 @@ def test_the_envelope_falls_from_stall_to_no_load():
     assert none == pytest.approx([0.0], abs=1e-12)
     _, half = actuators.effort_range(np.array([0.9 * no_load_speed]))
     assert half == pytest.approx([0.1 * 24.0 / 0.8 * 0.05 * 100.0])
+    reversing = motor(
+        gear_ratio=[-100.0], voltage_limit=[24.0], current_limit=[20.0], efficiency=[1.0])
+    assert np.ravel(reversing.effort_range(np.array([2.0]))) == pytest.approx(
+        np.ravel(actuators.effort_range(np.array([2.0]))))
 
 
 @laws
@@ -118,31 +122,16 @@ def test_a_motor_beyond_both_limits_brakes_at_full_voltage(direction):
         assert actuators.voltage(current, v) == pytest.approx([24.0 * direction])
 
 
-@laws
-@given(numbers)
-def test_a_gearbox_that_reverses_has_the_same_envelope(velocity):
-    limits = {'voltage_limit': [24.0], 'current_limit': [20.0]}
-    v = np.array([velocity])
-    low, high = motor(**limits).effort_range(v)
-    low_reversed, high_reversed = motor(gear_ratio=[-100.0], **limits).effort_range(v)
-    assert low_reversed == pytest.approx(low)
-    assert high_reversed == pytest.approx(high)
-    assert low <= high
-
-
 @pytest.mark.parametrize(('field', 'value', 'words'), [
     ('gear_ratio', [0.0], "actuator.gear_ratio of 'joint1' is 0, expected a number other than 0"),
     ('efficiency', [0.0], r"actuator.efficiency of 'joint1' is 0, expected a number in \(0, 1\]"),
-    ('efficiency', [1.1], r"actuator.efficiency of 'joint1' is 1.1, expected .* in \(0, 1\]"),
     ('torque_constant', [], 'actuator.torque_constant is empty, expected one value'),
     ('inductance', [-1.0], "actuator.inductance of 'joint1' is -1, expected a number >= 0"),
-    ('resistance', [float('nan')], r'actuator.resistance\[0\] is nan'),
     ('rotor_inertia', [1.0, 2.0], r'actuator.rotor_inertia has 2 values, expected 1'),
     ('reflected_inertia', [0.2], "actuator.rotor_inertia of 'joint1' is 2e-05 and "
      'actuator.reflected_inertia is 0.2, expected one of them'),
     ('reflected_inertia', [-0.2],
      "actuator.reflected_inertia of 'joint1' is -0.2, expected a number >= 0"),
-    ('reflected_inertia', [float('nan')], r'actuator.reflected_inertia\[0\] is nan'),
 ])
 def test_invalid_values_are_rejected_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=words):
@@ -200,8 +189,7 @@ def test_a_motors_step_response_is_that_of_its_linear_equations():
     assert (orders > 1.9).all(), (orders, errors)
 
 
-@pytest.mark.parametrize('inductance', [0.0, 4e-4])
-@pytest.mark.parametrize('step', [1e-3, 8e-3, 64e-3])
+@pytest.mark.parametrize(('step', 'inductance'), [(8e-3, 4e-4), (64e-3, 0.0)])
 def test_a_motor_at_its_voltage_limit_settles_at_any_step(step, inductance):
     """Back-EMF decelerates with K² N² / (R J) = 39 /s: 3 time constants in the longest step."""
     actuators = motor(
@@ -214,8 +202,7 @@ def test_a_motor_at_its_voltage_limit_settles_at_any_step(step, inductance):
     assert speeds[-1] == pytest.approx(no_load, rel=1e-6)
 
 
-@pytest.mark.parametrize('asked', [-8.0, 0.0, 8.0])
-@pytest.mark.parametrize(('inductance', 'bound'), [(0.0, 1e-6), (4e-4, 1e-2)])
+@pytest.mark.parametrize(('inductance', 'bound', 'asked'), [(0.0, 1e-6, -8.0), (4e-4, 1e-2, 8.0)])
 def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(inductance, bound, asked):
     """J dv/dt = K N (V − K N v) / R, independent of the requested effort."""
     K, N, R, V, v0, t = 0.05, 100.0, 0.8, 24.0, 12.0, 0.05
@@ -228,24 +215,21 @@ def test_a_motor_driven_beyond_both_limits_slows_down_at_full_voltage(inductance
     assert simulation.step(np.array([asked]), t).velocity == pytest.approx([expected], rel=bound)
 
 
-def test_the_current_follows_its_loop_however_long_the_step():
+@pytest.mark.parametrize(('given', 'T_c'), [([5e-4], 5e-4), ([], 2e-4)])
+def test_the_current_follows_its_loop_however_long_the_step(given, T_c):
     """Within the voltage limit, the mean effort lags by exactly the time constant of the loop."""
-    T_c = 5e-4
-    actuators = motor(efficiency=[1.0], current_time_constant=[T_c], rotor_inertia=[0.0])
+    actuators = motor(efficiency=[1.0], current_time_constant=given, rotor_inertia=[0.0])
     simulation = released(one_link(actuators), max_step=0.01)
     simulation.step(np.array([1.0]), 0.01)
     lag = T_c / 0.01 * (1.0 - np.exp(-0.01 / T_c))
     assert simulation.effort == pytest.approx([1.0 - lag], rel=1e-9)
 
 
-def test_the_current_limit_holds():
+def test_no_motor_exceeds_its_current_limit_or_delivers_more_power_than_it_takes():
     actuators = motor(current_limit=[2.0], efficiency=[1.0])
     simulation = released(one_link(actuators))
     simulation.step(np.array([1000.0]), 0.05)
     assert simulation.effort == pytest.approx([2.0 * 0.05 * 100.0], rel=1e-6)
-
-
-def test_no_motor_delivers_more_power_than_it_takes():
     actuators = motor(voltage_limit=[24.0], current_limit=[20.0])
     simulation = released(one_link(actuators))
     for _ in range(400):

@@ -13,9 +13,8 @@ from added_term import COULOMB, extended_package, PEAK, SPEEDS, VELOCITY
 import children
 import numpy as np
 import pytest
-from robot_dynamics.identification.friction_regressor import COLUMN_NAMES, columns_of
-from robot_dynamics.joints.friction_terms import FrictionTerm, GEARS, TERMS
-from robot_dynamics.model.effort_deviation import JOINT_PARAMETERS
+from robot_dynamics.identification.friction_regressor import columns_of
+from robot_dynamics.joints.friction_terms import TERMS
 
 
 @pytest.fixture(scope='module')
@@ -60,18 +59,12 @@ def test_it_has_columns_and_is_identified(findings):
     assert 'peak' in findings['reported']
 
 
-def test_its_uncertainty_has_its_name(findings):
+def test_uncertainty_export_and_nodes_have_its_name(findings):
     assert {'peak(joint1)', 'peak(joint2)'} <= set(findings['uncertain'])
     assert 'coulomb(joint1)' not in findings['uncertain']
     assert findings['deviation'] == pytest.approx([0.0, np.exp(-0.25)], rel=1e-12)
-
-
-def test_the_export_names_it(findings):
     assert 'Without counterpart in MuJoCo: the second Stribeck peak F_2.' in findings['export']
     assert 'frictionloss="1.0"' in findings['export']
-
-
-def test_the_nodes_have_its_parameters(findings):
     declared = findings['declared']
     assert declared['friction.peak'].startswith('Second Stribeck peak F_2 [N·m] or [N]; one value')
     assert declared['friction.peak_velocity'].endswith('If empty, 0.3.')
@@ -79,28 +72,10 @@ def test_the_nodes_have_its_parameters(findings):
 
 # --- what every term has -------------------------------------------------------------------------
 
-def incomplete(term: FrictionTerm) -> list[str]:
-    """Return what a term lacks: the name of a column, a counterpart in MJCF or its absence."""
-    names = [column.name for column in columns_of(term)]
-    lacking = [] if names and all(names) else ['column']
-    return lacking + [
-        field.name for field in term.fields
-        if not (field.needs or field.counterpart or field.omitted)]
-
-
 @pytest.mark.parametrize('term', TERMS, ids=lambda term: term.fields[0].name)
 def test_a_term_has_a_column_and_a_counterpart_or_its_absence(term):
-    assert incomplete(term) == []
-
-
-def test_names_are_unique():
-    for names in (COLUMN_NAMES, JOINT_PARAMETERS):
-        assert len(set(names)) == len(names)
-
-
-@pytest.mark.parametrize(('changes', 'lacking'), [
-    ({'heading': ''}, ['column']),
-    ({'omitted': '', 'counterpart': ''}, ['sigmoid', 'load_coefficient'])])
-def test_an_incomplete_term_is_found(changes, lacking):
-    fields = tuple(field._replace(**changes) for field in GEARS.fields)
-    assert incomplete(GEARS._replace(fields=fields)) == lacking
+    names = [column.name for column in columns_of(term)]
+    assert names
+    assert all(names)
+    for field in term.fields:
+        assert field.needs or field.counterpart or field.omitted, field.name

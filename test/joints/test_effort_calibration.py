@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.effort_calibration import (
-    EffortCalibration,
-    LARGEST_SCALE,
-    LEAST_SCALE,
-    make_effort_calibration,
-)
+from robot_dynamics.joints.effort_calibration import EffortCalibration, make_effort_calibration
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -25,7 +20,7 @@ FAR = 1e6
 """A torque beyond all limits."""
 
 laws = settings(deadline=None, derandomize=True, max_examples=50)
-scales = st.lists(st.floats(LEAST_SCALE, LARGEST_SCALE), min_size=3, max_size=3)
+scales = st.lists(st.floats(0.2, 5.0), min_size=3, max_size=3)
 fractions = st.floats(-0.2, 0.2)
 offsets = st.tuples(
     fractions.map(lambda f: 10.0 * f), fractions.map(lambda f: 40.0 * f), st.floats(-1e3, 1e3))
@@ -56,17 +51,6 @@ def test_the_conversions_are_inverse_for_one_and_many_samples(scale, offset, tor
 # --- limits --------------------------------------------------------------------------------------
 
 @laws
-@given(scales, offsets, st.floats(0.0, 1.0), st.sampled_from([1.0, -1.0]))
-def test_the_largest_torque_needs_no_effort_beyond_the_limit(scale, offset, fraction, sign):
-    some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
-    most = some.torque_limit(fraction)
-    assert (most >= 0.0).all()
-    assert (most <= np.maximum(fraction * LIMIT[:2], 0.0).tolist() + [np.inf]).all()
-    allowed = np.maximum(fraction * LIMIT[:2], np.abs(some.offset[:2]))  # at zero torque
-    assert (np.abs(some.effort(sign * most))[:2] <= allowed + 1e-9).all()
-
-
-@laws
 @given(scales, offsets, st.sampled_from([1.0, -1.0]))
 def test_no_command_is_beyond_the_limit(scale, offset, sign):
     some = EffortCalibration(np.array(scale), np.array(offset), LIMIT)
@@ -83,28 +67,20 @@ def test_the_limit_of_the_torque():
     assert drive().torque_limit(0.5).tolist() == pytest.approx([0.7 * 4.0, 20.0, np.inf])
     assert drive().torque_limit(0.0).tolist() == [0.0, 0.0, np.inf]
     assert LIMIT.tolist() == [10.0, 40.0, np.inf]  # unchanged
+    assert np.isinf(make_effort_calibration(NAMES, [2.0]).limit).all()
 
 
 # --- parameters ----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('scale', 'offset'), [((), ()), ([1.0], [0.0]), ([1.0] * 3, ())])
+@pytest.mark.parametrize(('scale', 'offset'), [((), ()), ([1.0] * 3, [0.0])])
 def test_drives_whose_effort_is_the_torque_cost_nothing(scale, offset):
     assert make_effort_calibration(NAMES, scale, offset, LIMIT) is None
-
-
-def test_one_value_is_for_all_joints():
-    some = make_effort_calibration(NAMES, [2.0], [-1.5])
-    assert some.scale.tolist() == [2.0] * 3
-    assert some.offset.tolist() == [-1.5] * 3
-    assert np.isinf(some.limit).all()
 
 
 @pytest.mark.parametrize(('scale', 'offset', 'words'), [
     ([1.0, 0.1, 1.0], (), r"effort.scale of 'joint2' is 0.1, expected a number in \[0.2, 5\]"),
     ([5.5], (), r"effort.scale of 'joint1' is 5.5, expected a number in \[0.2, 5\]"),
-    ([-1.0], (), "effort.scale of 'joint1' is -1, expected"),
-    ([np.nan], (), r'effort.scale\[0\] is nan, expected a finite number'),
-    ([1.0, 1.0], (), r'effort.scale has 2 values, expected 3, one for each of'),
+
     ((), [0.0, -8.5, 0.0],
      r"effort.offset of 'joint2' is -8.5, expected a number in \[-8, 8\], 20 % of the effort "
      'limit 40'),
@@ -141,6 +117,7 @@ def covariance_of(deviations: list[float], seed: int = 0) -> np.ndarray:
 
 def test_the_covariance_of_the_torque_is_that_of_drawn_drives():
     C = covariance_of([1e-3, 2e-3, 1e-3, 0.05, 0.1, 0.02])
+    assert not drive().torque_error_covariance().any()
     known = make_effort_calibration(NAMES, [0.7, 1.3, 1.0], [1.0, -2.0, 0.0], LIMIT, C)
     drawn = np.random.default_rng(1).multivariate_normal(
         [*known.scale, *known.offset], C, 20_000)
@@ -153,13 +130,6 @@ def test_the_covariance_of_the_torque_is_that_of_drawn_drives():
     assert errors.std(axis=0) == pytest.approx(deviation, rel=0.03)
     assert np.corrcoef(errors.T) == pytest.approx(
         expected / np.outer(deviation, deviation), abs=0.03)
-
-
-def test_drives_without_a_covariance_are_exact():
-    assert not drive().torque_error_covariance().any()
-    exact = make_effort_calibration(NAMES, (), (), LIMIT, covariance_of([0.01] * 6))
-    assert exact is not None  # scale 1 is only known within 1 %
-    assert exact.torque_error_covariance().any()
 
 
 def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints():
@@ -176,8 +146,6 @@ def test_the_covariance_of_the_parameters_is_in_the_order_of_the_joints():
     ([1.0] * 9, r"effort.covariance has 9 values, expected 10: the lower triangle for the 4 "
      r"parameters \['scale\(joint1\)', 'scale\(joint2\)', 'offset\(joint1\)', "),
     ([1.0, 2.0, 1.0, *[0.0] * 7], 'effort.covariance has the eigenvalue -1 after scaling'),
-    ([-1.0, *[0.0] * 9], r"effort.covariance of 'scale\(joint1\)' with itself is -1, expected"),
-    ([np.nan, *[0.0] * 9], r'effort.covariance\[0\] is nan, expected a finite number'),
 ])
 def test_a_wrong_covariance_is_rejected(covariance, words):
     with pytest.raises(InvalidInputError, match=words):

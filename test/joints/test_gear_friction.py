@@ -19,7 +19,7 @@ from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
-laws = settings(deadline=None, max_examples=60, derandomize=True)
+laws = settings(deadline=None, max_examples=40, derandomize=True)
 values = st.floats(-5.0, 5.0)
 
 
@@ -37,23 +37,6 @@ def test_the_law_by_hand():
     effort = gears().effort(np.array([0.05, -0.2]), np.array([10.0, -4.0]))
     by_hand = [(1.5 + 0.1 * 10.0) * np.tanh(1.0) + 0.4, (0.5 + 0.3 * 4.0) * np.tanh(-2.0) - 2.0]
     assert effort == pytest.approx(np.array(by_hand), rel=1e-14)
-
-
-@laws
-@given(values, values, values, values)
-def test_without_an_offset_it_takes_power(v1, v2, load1, load2):
-    v = np.array([v1, v2])
-    friction = gears(effort_bias=[0.0])
-    assert (friction.effort(v, 10.0 * np.array([load1, load2])) * v >= 0.0).all()
-
-
-@laws
-@given(values, values, values, values)
-def test_the_load_comes_back(v1, v2, load1, load2):
-    v, load = np.array([v1, v2]), 20.0 * np.array([load1, load2])
-    friction = gears()
-    back = friction.load_behind(v, load + friction.effort(v, load))
-    assert back == pytest.approx(load, rel=1e-12, abs=1e-12)
 
 
 @laws
@@ -133,15 +116,11 @@ def test_after_a_turn_the_sign_changes_over_twice_the_distance():
     assert z[:, 1] == pytest.approx(np.tanh(v[:, 1] / 0.01), abs=1e-12)
 
 
-def test_it_depends_on_the_path_not_on_the_speed():
-    slow, fast = turning_motion(0.1), turning_motion(10.0)
-    d = np.array([0.003, 0.02])
-    assert presliding_state(*slow, d) == pytest.approx(presliding_state(*fast, d), abs=1e-9)
-
-
-def test_pieces_of_a_motion_join():
+def test_pieces_of_a_motion_join_and_the_speed_does_not_matter():
     q, v = turning_motion()
     d = np.array([0.01, 0.03])
+    assert presliding_state(*turning_motion(0.1), d) == pytest.approx(
+        presliding_state(*turning_motion(10.0), d), abs=1e-9)
     whole = presliding_state(q, v, d)
     later = presliding_state(q[1500:], v[1500:], d, state=whole[1500])
     assert later == pytest.approx(whole[1500:], abs=1e-12)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.stiction import choose_modes, constrained_motion
-from robot_dynamics.simulation.exponential_step import damping_rate, exponential_step
+from robot_dynamics.simulation.exponential_step import exponential_step
 from scipy.linalg import expm
 
-laws = settings(deadline=None, derandomize=True, max_examples=200)
+laws = settings(deadline=None, derandomize=True, max_examples=60)
 
 
 def random_case(seed: int, n: int) -> tuple[np.ndarray, ...]:
@@ -57,28 +57,8 @@ def test_a_joint_starts_to_slide_against_friction(seed, n):
     assert bound.max() <= 1e-9
 
 
-@pytest.mark.parametrize(('effort', 'sticks'), [(0.999, True), (-1.0, True), (1.001, False)])
-def test_one_joint_breaks_away_at_its_friction_and_not_before(effort, sticks):
-    modes = choose_modes(
-        np.eye(1), np.zeros(1), np.array([effort]), np.ones(1), np.ones(1))
-    assert bool(modes.stuck[0]) is sticks
-    assert modes.direction[0] == (0.0 if sticks else np.sign(effort))
-
-
-@laws
-@given(st.integers(0, 2**32 - 1), st.integers(1, 7))
-def test_the_damping_rate_bounds_the_relaxation_of_the_joints_that_move(seed, n):
-    M, v, _, viscous = random_case(seed, n)
-    free = v != 0.0
-    moving = np.flatnonzero(free)
-    rates = np.linalg.eigvals(np.linalg.solve(M[np.ix_(moving, moving)], np.diag(viscous[free])))
-    rate = damping_rate(M, viscous, free)
-    assert rate == pytest.approx(float(rates.real.sum()), abs=1e-9)
-    assert rate >= max(rates.real, default=0.0) - 1e-9
-
-
-@pytest.mark.parametrize('damping', [0.0, 1e-9, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize('stiffness', [0.0, 1.0, 1e5])
+@pytest.mark.parametrize(('damping', 'stiffness'), [
+    (0.0, 0.0), (1e-9, 1.0), (1.0, 1e5), (1e6, 0.0), (1e6, 1e5)])
 def test_an_exponential_step_of_a_linear_arm_is_exact(damping, stiffness):
     M, _, _, viscous = random_case(7, 4)
     v = np.array([0.5, 0.0, -1.2, 0.8])

@@ -12,29 +12,24 @@ import re
 import numpy as np
 from one_joint_arm import arm_of, inertial
 import pytest
-from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
-from robot_dynamics.exceptions import (
-    InvalidInputError,
-    LONGEST_MESSAGE,
-    ModelError,
-    RobotDynamicsError,
-    TrajectoryError,
-)
+from robot_dynamics.exceptions import InvalidInputError, ModelError, TrajectoryError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.validation import check_samples, check_vector, LARGEST_VALUE, SMALLEST_DIVISOR
+from robot_dynamics.validation import check_samples, check_vector
 from simulated_arms import released
 
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
-BEYOND = 1.0001 * LARGEST_VALUE
+LARGEST_VALUE = 1e9
+"""Largest number of a motion, in SI units."""
+BEYOND = 1.0001e9
 
 
 # --- numbers of a motion -------------------------------------------------------------------------
@@ -63,7 +58,7 @@ def test_every_number_of_a_request_is_bounded(ask):
         ask(order, [BEYOND, 0.0])
 
 
-@pytest.mark.parametrize('rounded', [-1e-310, -1e-12, -0.9e-6])
+@pytest.mark.parametrize('rounded', [-1e-310, -0.9e-6])
 def test_a_moment_that_rounding_left_below_zero_is_a_load_all_the_same(rounded):
     flat = np.diag([rounded, 1.0, 1.0])
     loaded = ARM.with_payloads([make_payload('tool0', 1.0, inertia=flat)])
@@ -74,31 +69,14 @@ def test_a_moment_that_rounding_left_below_zero_is_a_load_all_the_same(rounded):
 
 # --- parameters ----------------------------------------------------------------------------------
 
-def test_gains_whose_ratio_overflows_are_refused():
-    with pytest.raises(InvalidInputError, match=(
-            r"gains\.kd of 'joint1' is 4.94066e-324 with gains\.kp 400, expected damping")):
-        make_gains(NAMES, kd=[5e-324, 1.0])
-    ErrorFeedback(Gains(np.full(2, 400.0), np.zeros(2)), ARM.joint_kinds)
-    with pytest.raises(InvalidInputError, match=r'gains\.natural_frequency\[0\] is 1e\+200, exp'):
-        make_gains(NAMES, natural_frequency=[1e200])
-
-
-@pytest.mark.parametrize('field', [
-    'torque_constant', 'gear_ratio', 'efficiency', 'current_limit', 'current_time_constant'])
+@pytest.mark.parametrize('field', ['torque_constant', 'gear_ratio', 'current_time_constant'])
 def test_what_divides_is_not_almost_zero(field):
     motor = {'torque_constant': [0.1], 'gear_ratio': [100.0]}
-    make_actuators(NAMES, **{**motor, field: [SMALLEST_DIVISOR]})
-    with pytest.raises(InvalidInputError, match=rf"actuator\.{field} of 'joint1' is 1e-300, exp"):
-        make_actuators(NAMES, **{**motor, field: [1e-300]})
+    make_actuators(NAMES, **{**motor, field: [1e-12]})
+    with pytest.raises(InvalidInputError, match=rf"actuator\.{field} of 'joint1' is 9e-13, exp"):
+        make_actuators(NAMES, **{**motor, field: [9e-13]})
     with pytest.raises(InvalidInputError, match=rf'actuator\.{field}\[0\] is 1e\+300, expected'):
         make_actuators(NAMES, **{**motor, field: [1e300]})
-
-
-def test_friction_is_bounded_on_both_ends():
-    with pytest.raises(InvalidInputError, match=r'friction\.viscous\[0\] is 1e\+300, expected'):
-        make_friction(NAMES, viscous=[1e300])
-    with pytest.raises(InvalidInputError, match=r"stribeck_velocity of 'joint1' is 1e-300, exp"):
-        make_friction(NAMES, coulomb=[1.0], stribeck_velocity=[1e-300])
 
 
 # --- descriptions --------------------------------------------------------------------------------
@@ -107,7 +85,6 @@ def test_friction_is_bounded_on_both_ends():
     ('<mass value="5.0"', '<mass value="1e200"', "link 'link1': inertial: mass=1e+200, expected"),
     ('ixx="0.1', 'ixx="1e308', "link 'link1': inertial: ixx=1e+308, expected at most 1e+09 in"),
     ('<axis xyz="0 1 0"', '<axis xyz="0 1e-200 0"', "joint 'joint1': axis is zero, expected a"),
-    ('<axis xyz="0 1 0"', '<axis xyz="0 1e200 0"', "joint 'joint1': xyz=1e+200, expected at most"),
     ('damping="0.0"', 'damping="1e300"', "joint 'joint1': damping=1e+300, expected at most"),
 ])
 def test_numbers_of_a_description_are_bounded(old, new, words):
@@ -117,16 +94,15 @@ def test_numbers_of_a_description_are_bounded(old, new, words):
         load_arm(urdf.replace(old, new, 1))
 
 
-def slide(limit: str, geometry: str = '') -> str:
+def slide(limit: str) -> str:
     return arm_of(
-        inertial(moments=(1, 1, 1)), f'<limit {limit}/>', 'prismatic', axis='0 0 1',
-        geometry=geometry)
+        inertial(moments=(1, 1, 1)), f'<limit {limit}/>', 'prismatic', axis='0 0 1', geometry='')
 
 
 def limits_of(limit: str) -> list[float]:
-    arm: ArmModel = load_arm(slide(limit))
+    limits = load_arm(slide(limit)).limits
     return [float(values[0]) for values in (
-        arm.limits.lower, arm.limits.upper, arm.limits.velocity, arm.limits.effort)]
+        limits.lower, limits.upper, limits.velocity, limits.effort)]
 
 
 def test_a_limit_beyond_any_arm_is_none():
@@ -139,17 +115,9 @@ def test_a_limit_beyond_any_arm_is_none():
         load_arm(slide('lower="1e10" upper="1e11"'))
 
 
-@pytest.mark.parametrize('limit', ['lower="-1" upper="1e308"', 'lower="-1e308" upper="1e308"'])
-def test_the_model_check_looks_no_further_than_an_arm_can_reach(limit):
-    findings = check_model(slide(f'{limit} velocity="1" effort="100"'))
+def test_the_model_check_looks_no_further_than_an_arm_can_reach():
+    findings = check_model(slide('lower="-1" upper="1e308" velocity="1" effort="100"'))
     assert [finding.check for finding in findings] == ['limits']
-
-
-@pytest.mark.parametrize('size', ['inf 1 1', '1e200 1 1', '1 1', 'nan 1 1'])
-def test_geometry_of_no_size_is_passed_over(size):
-    box = f'<collision><geometry><box size="{size}"/></geometry></collision>'
-    limit = 'lower="-1" upper="1" velocity="1" effort="100"'
-    assert check_model(slide(limit, box)) == []
 
 
 def test_a_chain_of_mimic_joints_multiplies_up_to_a_number():
@@ -162,19 +130,13 @@ def test_a_chain_of_mimic_joints_multiplies_up_to_a_number():
         load_arm(f'<robot name="r">{links}{joints}</robot>')
 
 
-def test_unused_attributes_are_not_read():
-    arm = load_arm(default_arm_urdf().replace('<mass value', '<mass xyz="0x10" ixx="?" value'))
-    assert arm.joint_names == NAMES
-
-
 # --- the simulated arm ---------------------------------------------------------------------------
 
-@pytest.mark.parametrize('effort', [1e8, LARGEST_VALUE])
-def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end(effort):
+def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end():
     arm = ARM.with_friction(make_friction(NAMES, coulomb=[1.0], static=[2.0]))
     simulation = released(arm)
     with pytest.raises(InvalidInputError, match='no finite solution'):
-        simulation.step(np.full(2, effort), 0.002)
+        simulation.step(np.full(2, LARGEST_VALUE), 0.002)
     assert simulation.q.tolist() == [0.0, 0.0]
 
 
@@ -184,15 +146,10 @@ def test_a_long_message_keeps_its_start_and_end():
     with pytest.raises(TrajectoryError) as caught:
         raise TrajectoryError(f'joint_names has {"x" * 10**6!r}, expected only joints of this arm')
     message = str(caught.value)
-    assert len(message) <= LONGEST_MESSAGE
+    assert len(message) <= 1600
+    assert str(TrajectoryError('x' * 1600)) == 'x' * 1600
     assert message.startswith("joint_names has 'xxx")
     assert message.endswith("xxx', expected only joints of this arm")
     left_out = re.search(r'… \((\d+) characters left out\) …', message)
     original = f'joint_names has {"x" * 10**6!r}, expected only joints of this arm'
     assert int(left_out[1]) == len(original) - (len(message) - len(left_out[0]) - 2)
-
-
-def test_a_message_of_the_usual_length_stays_as_it_is():
-    for length in (0, 1, LONGEST_MESSAGE):
-        assert str(RobotDynamicsError('x' * length)) == 'x' * length
-    assert str(RobotDynamicsError()) == ''

@@ -3,7 +3,6 @@
 
 """Conversion from the joint order of a request to the arm's order and back."""
 
-from itertools import permutations
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,9 +11,9 @@ import numpy.testing as npt
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.joint_order import JointOrder, MIMIC_TOLERANCE
+from robot_dynamics.model.joint_order import JointOrder
 
-laws = settings(deadline=None, derandomize=True, max_examples=60)
+laws = settings(deadline=None, derandomize=True, max_examples=30)
 
 
 def joint(name, parent, child, mimic=''):
@@ -75,41 +74,25 @@ def test_an_effort_at_a_mimic_joint_counts_at_its_leader(names):
     npt.assert_array_equal(given_effort, kept)
 
 
-def test_no_names_mean_the_order_of_the_arm():
-    order = JointOrder(ARM)
-    assert order.names == JOINTS
-    npt.assert_array_equal(order.position([1, 2, 3]), [1.0, 2.0, 3.0])
-    npt.assert_array_equal(order.effort([1, 2, 3]), [1.0, 2.0, 3.0])
-
-
-@pytest.mark.parametrize('names', list(permutations(JOINTS)))
-def test_samples_are_sorted_like_single_ones(names):
-    order = JointOrder(ARM, names)
-    rows = np.arange(12.0).reshape(4, 3)
-    expected = [order.position(row) for row in rows]
-    npt.assert_array_equal(order.positions(rows), expected)
-    npt.assert_array_equal(order.positions(rows.ravel()), expected)
-    npt.assert_array_equal(order.rates(rows.ravel(), 4, 'velocity'), expected)
-
-
 def test_samples_with_a_mimic_joint():
     order = JointOrder(ARM, ('double', 'ankle', 'knee', 'hip'))
     knee = np.array([0.0, 0.3, -0.4])
     rows = np.column_stack([0.5 - 2 * knee, [7, 8, 9], knee, [4, 5, 6]])
-    npt.assert_array_equal(order.positions(rows), np.column_stack([[4, 5, 6], knee, [7, 8, 9]]))
+    expected = np.column_stack([[4, 5, 6], knee, [7, 8, 9]])
+    npt.assert_array_equal(order.positions(rows), expected)
+    npt.assert_array_equal(order.positions(rows.ravel()), expected)
+    rates = np.arange(12.0).reshape(4, 3)
+    npt.assert_array_equal(
+        JointOrder(ARM, ('ankle', 'hip', 'knee')).rates(rates.ravel(), 4, 'velocity'),
+        rates[:, [1, 2, 0]])
 
 
-@pytest.mark.parametrize('nothing', [[], (), np.zeros(0)])
-def test_no_rates_mean_rest(nothing):
-    for names in ((), ('ankle', 'hip', 'knee'), (*JOINTS, 'double')):
+def test_no_rates_mean_rest():
+    for names in ((), (*JOINTS, 'double')):
         order = JointOrder(ARM, names)
-        npt.assert_array_equal(order.rate(nothing, 'velocity'), np.zeros(3))
-        npt.assert_array_equal(order.rates(nothing, 4, 'velocity'), np.zeros((4, 3)))
-
-
-def test_no_samples():
-    order = JointOrder(ARM, (*JOINTS, 'double'))
-    assert order.positions([]).shape == (0, 3)
+        npt.assert_array_equal(order.rate([], 'velocity'), np.zeros(3))
+        npt.assert_array_equal(order.rates([], 4, 'velocity'), np.zeros((4, 3)))
+        assert order.positions([]).shape == (0, 3)
     assert order.rates([], 0, 'velocity').shape == (0, 3)
 
 
@@ -130,13 +113,9 @@ def test_an_answer_is_in_the_order_of_its_names(names):
 def test_forms_have_every_axis_in_the_order_of_the_names(names):
     order = JointOrder(ARM, names)
     M, c = np.arange(9.0).reshape(3, 3), np.arange(27.0).reshape(3, 3, 3)
-    index = [JOINTS.index(name) for name in order.names]
-    ours_M, ours_c = order.answer_form(M), order.answer_form(c)
-    for i, arm_i in enumerate(index):
-        for j, arm_j in enumerate(index):
-            assert ours_M[i, j] == M[arm_i, arm_j]
-            for k, arm_k in enumerate(index):
-                assert ours_c[i, j, k] == c[arm_i, arm_j, arm_k]
+    i = [JOINTS.index(name) for name in order.names]
+    npt.assert_array_equal(order.answer_form(M), M[np.ix_(i, i)])
+    npt.assert_array_equal(order.answer_form(c), c[np.ix_(i, i, i)])
 
 
 # --- mimic joints --------------------------------------------------------------------------------
@@ -144,7 +123,7 @@ def test_forms_have_every_axis_in_the_order_of_the_names(names):
 def test_a_mimic_joint_may_be_off_by_its_tolerance_and_no_more():
     order = JointOrder(ARM, (*JOINTS, 'double'))
     for sign in (-1, 1):
-        near, far = sign * 0.99 * MIMIC_TOLERANCE, sign * 1.01 * MIMIC_TOLERANCE
+        near, far = sign * 0.99e-3, sign * 1.01e-3
         npt.assert_array_equal(order.position([0.1, 0.2, 0.3, 0.1 + near]), [0.1, 0.2, 0.3])
         npt.assert_array_equal(order.rate([1, 2, 3, -4 + near], 'velocity'), [1, 2, 3])
         with pytest.raises(InvalidInputError):
@@ -176,54 +155,39 @@ def test_message_on_a_mimic_joint(call, message):
 @pytest.mark.parametrize(('names', 'message'), [
     (('hip', 'ankle'), "joint_names leaves out ['knee'], expected every joint of "
                        "['hip', 'knee', 'ankle'] in any order, or no names at all for this order"),
-    (('double',), "joint_names leaves out ['hip', 'knee', 'ankle'], expected every joint of "
-                  "['hip', 'knee', 'ankle'] in any order, or no names at all for this order"),
+
     (('hip', 'knee', 'toe'), "joint_names has 'toe', expected ['hip', 'knee', 'ankle'] and, "
                              "if wanted, the mimic joints ['double']"),
     (('hip', 'knee', 'hip'), "joint_names has 'hip' twice, expected each name once"),
-    ((*JOINTS, 'double', 'double'), "joint_names has 'double' twice, expected each name once"),
+
     ((*JOINTS, 'brake'), "joint_names has 'brake', which is locked at 0 (parameter joints), "
                          "expected ['hip', 'knee', 'ankle']"),
     ((*JOINTS, 'braked'), "joint_names has 'braked', expected ['hip', 'knee', 'ankle'] and, if "
                           "wanted, the mimic joints ['double']"),
-    ((*JOINTS, ''), "joint_names has '', expected ['hip', 'knee', 'ankle'] and, if wanted, "
-                    "the mimic joints ['double']"),
 ])
 def test_message_on_names(names, message):
     assert refusal(lambda: JointOrder(ARM, names)) == message
 
 
-def test_an_arm_without_mimic_joints_offers_none():
-    arm = load_arm(arm_urdf().replace('<mimic', '<ignored'))
-    assert refusal(lambda: JointOrder(arm, ['toe'])) == (
-        f"joint_names has 'toe', expected {list(arm.joint_names)}")
-
-
 @pytest.mark.parametrize(('call', 'message'), [
     (lambda order: order.position([1, 2]),
      "position has 2 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
-    (lambda order: order.position([]),
-     "position has 0 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+
     (lambda order: order.position([1, np.nan, 3], 'start'),
      'start[1] (hip) is nan, expected a finite number'),
-    (lambda order: order.rate([1], 'velocity'),
-     "velocity has 1 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
+
     (lambda order: order.rate(0.0, 'velocity'),
      'velocity has an array of shape (), expected 3, '
      "one for each of ['ankle', 'hip', 'knee']"),
     (lambda order: order.effort([1, 2, np.inf]),
      'effort[2] (knee) is inf, expected a finite number'),
-    (lambda order: order.effort([]),
-     "effort has 0 values, expected 3, one for each of ['ankle', 'hip', 'knee']"),
     (lambda order: order.positions([1, 2, 3, 4]),
      "position has 4 values, expected samples × 3 joints (['ankle', 'hip', 'knee']), row by row"),
     (lambda order: order.positions([1, 2, 3, 4, np.nan, 6]),
      'position[1][1] (hip) is nan, expected a finite number'),
     (lambda order: order.rates([1, 2, 3], 2, 'acceleration'),
      'acceleration has 1 samples, expected 2 as position has, or none'),
-    (lambda order: order.rates(1.0, 2, 'velocity'),
-     'velocity has an array of shape (), expected samples × 3 joints '
-     "(['ankle', 'hip', 'knee']), row by row"),
+
 ])
 def test_message_on_values(call, message):
     order = JointOrder(ARM, ('ankle', 'hip', 'knee'))

@@ -11,34 +11,12 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
-from robot_dynamics.model.payload import describe_change, make_payload, Payload, with_payload_on
+from robot_dynamics.model.payload import describe_change, make_payload, with_payload_on
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 laws = settings(deadline=None, derandomize=True, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
-
-ROD = '<inertia ixx="0.02" iyy="0.02" izz="0.001" ixy="0" ixz="0" iyz="0"/>'
-GRIPPER_ARM = f"""
-<robot name="gripper_arm">
-  <link name="base"/>
-  <link name="upper"><inertial><origin xyz="0 0.01 0.2" rpy="0.1 0 0"/><mass value="2"/>{ROD}
-    </inertial></link>
-  <link name="lower"><inertial><origin xyz="0 0 0.15"/><mass value="1.3"/>{ROD}</inertial></link>
-  <link name="hand"/>
-  <link name="left"><inertial><mass value="0.1"/>{ROD}</inertial></link>
-  <link name="right"><inertial><mass value="0.1"/>{ROD}</inertial></link>
-  <joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>
-    <axis xyz="0 1 0"/></joint>
-  <joint name="elbow" type="revolute"><origin xyz="0 0 0.4" rpy="0 0 0.3"/><parent link="upper"/>
-    <child link="lower"/><axis xyz="1 0 1"/><limit lower="-2" upper="2"/></joint>
-  <joint name="wrist" type="fixed"><origin xyz="0.1 0 0.3" rpy="0.4 -0.2 1"/>
-    <parent link="lower"/><child link="hand"/></joint>
-  <joint name="finger" type="prismatic"><parent link="hand"/><child link="left"/>
-    <axis xyz="0 1 0"/><limit lower="0" upper="0.1"/></joint>
-  <joint name="other_finger" type="prismatic"><parent link="hand"/><child link="right"/>
-    <axis xyz="0 -1 0"/><limit lower="0" upper="0.1"/><mimic joint="finger"/></joint>
-</robot>
-"""
-
+ARM = load_arm(default_arm_urdf())
 
 def random_inertia(rng, mass):
     """Return the inertia of a solid box in a random orientation."""
@@ -52,19 +30,6 @@ def random_payload(rng, link):
     return make_payload(link, mass, rng.normal(0, 0.2, 3), random_inertia(rng, mass))
 
 
-def with_fixed_link(urdf, payload, name='load'):
-    """Return the URDF with the payload as a separate link."""
-    xx, xy, xz, _, yy, yz, _, _, zz = payload.inertia.ravel().tolist()
-    x, y, z = payload.com.tolist()
-    before, end = urdf.rsplit('</robot>', 1)
-    return (
-        f'{before}<link name="{name}"><inertial><origin xyz="{x!r} {y!r} {z!r}"/>'
-        f'<mass value="{payload.mass!r}"/><inertia ixx="{xx!r}" ixy="{xy!r}" ixz="{xz!r}" '
-        f'iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/></inertial></link>'
-        f'<joint name="{name}_mount" type="fixed"><parent link="{payload.link}"/>'
-        f'<child link="{name}"/></joint></robot>{end}')
-
-
 def everything(arm, seed):
     """Return quantities of an arm at one random state: efforts, matrix, energies, acceleration."""
     q, v, a = np.random.default_rng(seed).normal(0, 1, (3, arm.joint_count))
@@ -75,12 +40,6 @@ def everything(arm, seed):
         [body.kinetic_energy(q, v)], [body.potential_energy(q)])
 
 
-def assert_same(ours, expected):
-    for value, wanted in zip(ours, expected):
-        scale = max(1.0, np.abs(wanted).max())
-        npt.assert_allclose(value, wanted, rtol=0, atol=1e-9 * scale)
-
-
 def assert_identical(ours, expected):
     for value, wanted in zip(ours, expected):
         npt.assert_array_equal(value, wanted)
@@ -89,78 +48,35 @@ def assert_identical(ours, expected):
 # --- on an arm -----------------------------------------------------------------------------------
 
 @laws
-@given(seed=seeds, link=st.sampled_from(['base', 'upper', 'lower', 'hand', 'left', 'right']))
-def test_a_payload_is_one_more_fixed_link(seed, link):
-    payload = random_payload(np.random.default_rng(seed), link)
-    arm = load_arm(GRIPPER_ARM)
-    loaded = arm.with_payloads([payload])
-    assert loaded.payloads == (payload,)
-    assert_same(
-        everything(loaded, seed),
-        everything(load_arm(with_fixed_link(GRIPPER_ARM, payload)), seed))
-
-
-@laws
 @given(seed=seeds)
-def test_a_load_without_mass_is_none(seed):
+def test_new_loads_take_the_place_of_old_ones(seed):
     rng = np.random.default_rng(seed)
-    arm = load_arm(GRIPPER_ARM)
-    weightless = arm.with_payloads([make_payload('upper', 0.0, rng.normal(0, 1, 3))])
-    assert weightless.payloads == ()
-    assert_same(everything(weightless, seed), everything(arm, seed))
-
-
-@pytest.mark.parametrize('count', [0, 1])
-@laws
-@given(seed=seeds)
-def test_new_loads_take_the_place_of_old_ones(seed, count):
-    rng = np.random.default_rng(seed)
-    old = [random_payload(rng, 'hand'), random_payload(rng, 'lower')]
-    new = tuple(random_payload(rng, 'lower') for _ in range(count))
-    arm = load_arm(GRIPPER_ARM)
-    untouched = everything(arm, seed)
-    ours = arm.with_payloads(old).with_payloads(new)
+    old = [random_payload(rng, 'tool0'), random_payload(rng, 'link1')]
+    new = (random_payload(rng, 'link1'),)
+    untouched = everything(ARM, seed)
+    ours = ARM.with_payloads(old).with_payloads(new)
     assert ours.payloads == new
-    assert_identical(everything(ours, seed), everything(arm.with_payloads(new), seed))
-    assert_identical(everything(arm, seed), untouched)
-    assert_identical(everything(arm.with_payloads(old).with_payloads([]), seed), untouched)
+    assert_identical(everything(ours, seed), everything(ARM.with_payloads(new), seed))
+    for unloaded in (ARM, ours.with_payloads([]), ARM.with_payloads([make_payload('tool0', 0.0)])):
+        assert unloaded.payloads == ()
+        assert_identical(everything(unloaded, seed), untouched)
 
 
-def test_a_payload_at_the_base_has_no_effect():
-    arm = load_arm(GRIPPER_ARM)
-    loaded = arm.with_payloads([make_payload('base', 50.0, (1, 2, 3))])
-    *ours, potential = everything(loaded, 0)
-    *expected, without = everything(arm, 0)
+def test_payloads_on_the_base_and_on_unknown_links():
+    """The base carries its load without an effort; only the potential energy changes."""
+    on_base = make_payload('base_link', 50.0, (1, 2, 3))
+    *ours, potential = everything(ARM.with_payloads([on_base]), 0)
+    *expected, without = everything(ARM, 0)
     assert_identical(ours, expected)
     npt.assert_allclose(potential[0] - without[0], 50.0 * 9.81 * 3.0, rtol=1e-12)
-
-
-def test_a_payload_at_an_unknown_link_is_refused():
-    arm = load_arm(GRIPPER_ARM)
     with pytest.raises(InvalidInputError) as caught:
-        arm.with_payloads([make_payload('tool0', 1.0)])
+        ARM.with_payloads([make_payload('hand', 1.0)])
     assert str(caught.value) == (
-        "payload.header.frame_id is 'tool0', expected one of the links "
-        "['base', 'upper', 'lower', 'hand', 'left', 'right']")
+        "payload.header.frame_id is 'hand', expected one of the links "
+        "['base_link', 'link1', 'link2', 'tool0']")
 
 
 # --- without an arm ------------------------------------------------------------------------------
-
-def test_a_payload_keeps_what_it_was_made_of():
-    com, inertia = np.array([0.1, 0.2, 0.3]), np.diag([0.3, 0.2, 0.2])
-    payload = make_payload('hand', 2, com, inertia)
-    assert isinstance(payload, Payload)
-    assert (payload.link, payload.mass) == ('hand', 2.0)
-    com[:], inertia[:] = 9.0, 9.0
-    npt.assert_array_equal(payload.com, [0.1, 0.2, 0.3])
-    npt.assert_array_equal(payload.inertia, np.diag([0.3, 0.2, 0.2]))
-
-
-def test_a_payload_is_a_point_at_the_origin_where_nothing_else_is_said():
-    payload = make_payload('hand', 2.0)
-    npt.assert_array_equal(payload.com, np.zeros(3))
-    npt.assert_array_equal(payload.inertia, np.zeros((3, 3)))
-
 
 def test_the_replaced_payload_is_named():
     changes = [('tool0', 1.0, "1 kg on 'tool0'"),
@@ -177,27 +93,18 @@ def test_the_replaced_payload_is_named():
 
 @laws
 @given(seed=seeds)
-def test_every_body_is_accepted_and_none_that_breaks_the_triangle(seed):
+def test_every_body_is_accepted(seed):
     rng = np.random.default_rng(seed)
     tensor = random_inertia(rng, 3.0)
     npt.assert_allclose(make_payload('hand', 3.0, inertia=tensor).inertia, tensor, atol=1e-15)
-    a, b = rng.uniform(0.1, 1.0, 2)
-    Q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    impossible = Q @ np.diag([a, b, 1.01 * (a + b)]) @ Q.T
-    with pytest.raises(InvalidInputError, match='triangle inequality'):
-        make_payload('hand', 3.0, inertia=impossible)
-
-
-def test_a_flat_plate_is_a_body_though_it_has_no_slack():
-    for largest in (0.3, 0.1 + 0.2 + 1e-8):
-        plate = np.diag([0.1, 0.2, largest])
-        npt.assert_array_equal(make_payload('hand', 1.0, inertia=plate).inertia, plate)
 
 
 @pytest.mark.parametrize('size', [1e-300, 1e9])
 def test_no_inertia_is_too_small_to_be_judged_nor_the_largest_too_large(size):
-    assert np.array_equal(make_payload('hand', 1.0, inertia=size * np.eye(3)).inertia,
-                          size * np.eye(3))
+    for tensor in (size * np.eye(3), size * np.diag([0.1, 0.2, 0.3 + 2.9e-7])):  # a flat plate
+        npt.assert_array_equal(make_payload('hand', 1.0, inertia=tensor).inertia, tensor)
+    with pytest.raises(InvalidInputError, match='triangle inequality'):
+        make_payload('hand', 1.0, inertia=size * np.diag([0.1, 0.2, 0.3 + 3.1e-7]))
     off_diagonal = size * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     with pytest.raises(InvalidInputError, match='expected none below 0'):
         make_payload('hand', 1.0, inertia=off_diagonal)
@@ -205,22 +112,14 @@ def test_no_inertia_is_too_small_to_be_judged_nor_the_largest_too_large(size):
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     ({'mass': -0.5}, 'payload.inertia.m is -0.5, expected a number in [0, 1e+09]'),
-    ({'mass': np.nan}, 'payload.inertia.m is nan, expected a number in [0, 1e+09]'),
     ({'mass': 1e154}, 'payload.inertia.m is 1e+154, expected a number in [0, 1e+09]'),
     ({'mass': 1, 'com': (0, -1e10, 0)},
      'payload.inertia.com[1] (y) is -1e+10, expected a number in [-1e+09, 1e+09]'),
-    ({'mass': 1, 'inertia': 1e308 * np.eye(3)},
-     'payload.inertia[0][0] is 1e+308, expected a number in [-1e+09, 1e+09]'),
-    ({'mass': 1, 'com': (0, np.inf, 0)},
-     'payload.inertia.com[1] (y) is inf, expected a finite number'),
     ({'mass': 1, 'com': (0, 0)},
      "payload.inertia.com has 2 values, expected 3, one for each of ['x', 'y', 'z']"),
-    ({'mass': 1, 'inertia': np.eye(2)},
-     'payload.inertia is [[1.0, 0.0], [0.0, 1.0]], expected a finite 3 × 3 tensor'),
     ({'mass': 1, 'inertia': np.diag([1.0, np.nan, 1.0])},
      'payload.inertia is [[1.0, 0.0, 0.0], [0.0, nan, 0.0], [0.0, 0.0, 1.0]], '
      'expected a finite 3 × 3 tensor'),
-    ({'mass': 1, 'inertia': 'heavy'}, "payload.inertia is 'heavy', expected numbers"),
     ({'mass': 1, 'inertia': [[1, 0, 0], [0.1, 1, 0], [0, 0, 1]]},
      'payload.inertia is [[1.0, 0.0, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]], '
      'expected a symmetric tensor'),

@@ -5,34 +5,24 @@
 
 from dataclasses import replace
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
 import numpy as np
+from one_joint_arm import arm_of
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.model.payload_check import (
-    check_payloads,
-    HELD_FRACTION,
-    holdable_mass,
-    LEAST_DISTANCE,
-    reach,
-    REACH_MULTIPLE,
-)
+from robot_dynamics.model.payload_check import check_payloads, holdable_mass, reach
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robots import ARMS, robot_urdf
-
-laws = settings(deadline=None, derandomize=True, max_examples=20)
+from robots import ARMS, by_kind, robot_urdf
 
 
-def slide_urdf(effort: float = 50.0, axis: str = '0 0 1', travel: float = 2.0) -> str:
+def slide_urdf(axis: str = '0 0 1') -> str:
     return f"""<robot name="slide"><link name="base"/><link name="carriage"><inertial>
         <mass value="1.0"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/>
         </inertial></link><joint name="lift" type="prismatic"><parent link="base"/>
         <child link="carriage"/><origin xyz="0.5 0 0"/><axis xyz="{axis}"/>
-        <limit lower="-1.0" upper="{travel}" velocity="1.0" effort="{effort}"/></joint></robot>"""
+        <limit lower="-1.0" upper="2.0" velocity="1.0" effort="50.0"/></joint></robot>"""
 
 
 @pytest.fixture(scope='module')
@@ -66,16 +56,14 @@ def test_the_largest_mass_is_held_and_little_more_is_not(arm):
     body = RigidBody(arm.with_payloads([make_payload('tool0', most)]))
     held = [bool((np.abs(body.gravity(q)) <= arm.limits.effort).all())
             for q in rng.uniform(-np.pi, np.pi, (20_000, 2))]
-    assert np.mean(held) == pytest.approx(HELD_FRACTION, rel=0.3)
+    assert np.mean(held) == pytest.approx(0.01, rel=0.3)
 
 
 def test_a_slide_holds_what_its_effort_limit_lifts():
-    slide = load_arm(slide_urdf(effort=50.0))
+    slide = load_arm(slide_urdf())
     assert holdable_mass(slide, make_payload('carriage', 1.0)) == pytest.approx(50.0 / 9.81 - 1.0)
-
-
-def test_gravity_that_no_joint_feels_limits_no_mass():
-    sideways = load_arm(slide_urdf(axis='1 0 0'))
+    assert reach(slide) == pytest.approx(2.5)  # with its travel
+    sideways = load_arm(slide_urdf(axis='1 0 0'))  # no joint feels gravity
     check_payloads(sideways, [make_payload('carriage', 1e6)])
     assert holdable_mass(sideways, make_payload('carriage', 1.0)) == np.inf
 
@@ -102,29 +90,18 @@ def test_loads_are_judged_together(arm):
         check_payloads(arm, [one, other])
 
 
-@laws
-@given(st.floats(0.1, 0.99), st.floats(1.01, 1e4), st.floats(0.0, 2 * np.pi))
-def test_a_centre_of_mass_is_within_a_multiple_of_the_reach(inside, outside, angle):
-    arm = load_arm(default_arm_urdf())
-    limit = REACH_MULTIPLE * reach(arm)
-    assert limit == pytest.approx(2 * 1.8)
-    direction = np.array([np.cos(angle), 0.0, np.sin(angle)])
-    check_payloads(arm, [make_payload('tool0', 1e-3, inside * limit * direction)])
-    with pytest.raises(InvalidInputError, match=r"m from the origin of 'tool0', expected at most"):
-        check_payloads(arm, [make_payload('tool0', 1e-3, outside * limit * direction)])
+def test_a_centre_of_mass_is_within_a_multiple_of_the_reach(arm):
+    """Twice the reach of 1.8 m; a metre for a link without extent."""
+    turntable = load_arm(arm_of())
+    for model, link, limit in ((arm, 'tool0', 3.6), (turntable, 'arm', 1.0)):
+        for angle in np.linspace(0.0, 6.0, 7):
+            com = limit * np.array([np.cos(angle), 0.0, np.sin(angle)])
+            check_payloads(model, [make_payload(link, 1e-3, 0.99 * com)])
+            with pytest.raises(InvalidInputError, match=f"m from the origin of '{link}'"):
+                check_payloads(model, [make_payload(link, 1e-3, 1.01 * com)])
 
 
-def test_the_reach_has_the_travel_of_slides():
-    assert reach(load_arm(slide_urdf(travel=2.0))) == pytest.approx(2.5)
-
-
-def test_a_link_without_extent_permits_a_metre():
-    turntable = load_arm(default_arm_urdf().replace('0.8', '0').replace('0.4', '0'))
-    assert LEAST_DISTANCE == 1.0
-    check_payloads(turntable, [make_payload('link2', 0.1, (0.9, 0, 0))])
-
-
-@pytest.mark.parametrize('name', ARMS)
+@pytest.mark.parametrize('name', by_kind(ARMS))
 def test_arms_carry_a_kilogram_at_most_a_reach_away(name):
     arm = load_arm(robot_urdf(name))
     assert 0.2 < reach(arm) < 3.0

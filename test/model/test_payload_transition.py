@@ -3,9 +3,8 @@
 
 """A payload that replaces another one: properties of the transition."""
 
-import math
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -13,11 +12,12 @@ from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload, merged, Payload
-from robot_dynamics.model.payload_transition import PayloadTransition, scaled
+from robot_dynamics.model.payload_transition import PayloadTransition
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import WorkspaceInertia
 
 SECOND = 1_000_000_000
+laws = settings(max_examples=30)
 OLD = make_payload('tool0', 3.0, (0.1, 0.0, 0.0), np.diag((0.02, 0.03, 0.04)))
 NEW = make_payload('link2', 1.5, (0.0, 0.0, 0.3), np.diag((0.01, 0.01, 0.01)))
 
@@ -43,6 +43,7 @@ def test_it_starts_with_the_old_load_and_ends_with_exactly_the_target():
         assert way.done
 
 
+@laws
 @given(st.floats(0.0, 1.0))
 def test_mass_and_inertia_go_in_a_straight_line(fraction):
     way = transition([OLD], [NEW])
@@ -77,7 +78,7 @@ def test_stamps_of_today_keep_their_nanoseconds():
 
 def test_transitions_that_cut_each_other_short_do_not_pile_up_loads():
     loads = [OLD]
-    for i in range(100):
+    for i in range(20):
         way = transition(loads, [(OLD, NEW)[i % 2]])
         way.payloads(0)
         loads = way.payloads(SECOND // 10)
@@ -86,10 +87,9 @@ def test_transitions_that_cut_each_other_short_do_not_pile_up_loads():
     assert all(load.mass > 0.0 for load in loads)
 
 
-@given(
-    st.integers(0, 10**6),
-    st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6))
-def test_merged_loads_take_the_same_efforts(seed, motion):
+@laws
+@given(st.integers(0, 10**6))
+def test_merged_loads_take_the_same_efforts(seed):
     arm = load_arm(default_arm_urdf())
     rng = np.random.default_rng(seed)
     loads = [
@@ -98,16 +98,9 @@ def test_merged_loads_take_the_same_efforts(seed, motion):
         for link in ('tool0', 'link1', 'tool0', 'tool0')]
     together = merged(loads)
     assert [load.link for load in together] == ['tool0', 'link1']
-    q, v, a = np.array(motion).reshape(3, 2)
+    q, v, a = rng.normal(size=(3, 2))
     assert RigidBody(arm.with_payloads(together)).inverse_dynamics(q, v, a) == pytest.approx(
         RigidBody(arm.with_payloads(loads)).inverse_dynamics(q, v, a), rel=1e-9, abs=1e-9)
-
-
-def test_loads_without_mass_merge_to_none():
-    nothing = scaled(OLD, 0.0)
-    load, = merged([nothing, nothing])
-    assert load.mass == 0.0
-    assert np.isfinite(load.com).all()
 
 
 # --- the loads of an arm -------------------------------------------------------------------------
@@ -139,8 +132,6 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_transition(old, tar
 
 def test_the_loads_of_an_arm_are_replaced_step_by_step():
     loaded, done = loaded_with([OLD]), []
-    loaded.advance(0)  # no transition
-    assert loaded.dynamics.arm.payloads == (OLD,)
     loaded.begin_transition(loaded.prepare([NEW]), 2.0, done.append)
     assert loaded.planning.arm.payloads == (NEW,)
     assert loaded.dynamics.arm.payloads == (OLD,)
@@ -202,10 +193,3 @@ def test_after_a_transition_the_load_before_it_no_longer_counts(changes_gravity)
     bare = WorkspaceInertia(ArmDynamics(loaded.arm))
     assert loaded.workspace.largest() == pytest.approx(bare.largest())
     assert loaded.workspace.gravity == pytest.approx(bare.gravity)
-
-
-def test_gravity_that_changes_at_once_keeps_the_load():
-    loaded, gravity = loaded_with([OLD]), np.array([9.81, 0.0, 0.0])
-    loaded.begin_gravity_change(loaded.prepare(gravity=gravity), math.inf)
-    assert loaded.dynamics.arm.payloads == (OLD,)
-    assert loaded.dynamics.arm.gravity.tolist() == gravity.tolist()

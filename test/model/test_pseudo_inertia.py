@@ -26,20 +26,16 @@ def some_body(seed):
     return body.toDynamicParameters()
 
 
-@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('seed', range(2))
 def test_a_mass_distribution_is_consistent_and_comes_back(seed):
     phi = some_body(seed)
     assert is_consistent(phi)
+    for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
+        assert not is_consistent(phi + change)  # negative mass; a moment above the others' sum
     assert parameters_of(pseudo_inertia_matrix(phi)) == pytest.approx(phi, rel=1e-12)
 
 
-def test_impossible_bodies_are_reported():
-    phi = some_body(0)
-    for change in (np.eye(10)[0] * -2.0 * phi[0], np.eye(10)[4] * 100.0):
-        assert not is_consistent(phi + change)  # negative mass; a moment above the others' sum
-
-
-@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('seed', range(2))
 def test_coordinates_reach_consistent_bodies_alone(seed):
     L0 = np.linalg.cholesky(pseudo_inertia_matrix(some_body(seed)))
     rng = np.random.default_rng(seed)

@@ -8,13 +8,12 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.identification.joint_excitation import JointExcitation
 from robot_dynamics.identification.pipeline import base_parameters_of
-from robot_dynamics.identification.qr_information import BLOCKS, merge, reduce_rows
+from robot_dynamics.identification.qr_information import merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.base_parameters import find_base_parameters
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import (
-    body_names,
     inertial_parameters,
     load_parameters,
     LoadRegressor,
@@ -26,7 +25,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
 
-@pytest.mark.parametrize('name', ['panda', 'ur10', 'kinova', 'tiago_pro'])
+@pytest.mark.parametrize('name', ['kinova', 'tiago_pro'])
 def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
     # among them continuous, prismatic and mimic joints
     arm = load_arm(robot_urdf(name))
@@ -37,20 +36,13 @@ def test_the_regressor_times_the_parameters_is_inverse_dynamics(name):
         expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
-def test_bodies_are_named_after_the_links_that_move():
-    arm = load_arm(robot_urdf('ur10'))
-    assert body_names(arm)[:3] == ('shoulder_link', 'upper_arm_link', 'forearm_link')
-    assert parameter_names(arm)[:2] == ('m(shoulder_link)', 'mx(shoulder_link)')
-
-
 # --- base parameters -----------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('name', 'rank'), [('ur10', 40), ('kinova', 40)])
-def test_base_parameters_of_real_arms(name, rank):
+def test_base_parameters_of_a_real_arm():
     # 36 of a 6R arm with a vertical first axis, 40 with the rotors of joints 3 to 6
-    arm = load_arm(robot_urdf(name))
+    arm = load_arm(robot_urdf('ur10'))
     base = base_parameters_of(arm)
-    assert base.rank == rank
+    assert base.rank == 40
     q, v, a = random_states(arm, 30, seed=1)
     Y = TorqueRegressor(arm)(q, v, a)
     n = arm.joint_count
@@ -61,8 +53,11 @@ def test_base_parameters_of_real_arms(name, rank):
 
 
 def test_base_parameters_of_two_links_by_hand():
-    base = base_parameters_of(load_arm(default_arm_urdf()))
+    arm = load_arm(default_arm_urdf())
+    base = base_parameters_of(arm)
     assert base.labels[-1] == 'Ia(joint2)'
+    assert parameter_names(arm)[:2] == ('m(link1)', 'mx(link1)')
+    assert not LoadRegressor(arm, 'base_link')(*random_states(arm, 2)).any()
     by_name = dict(zip(base.labels, base.expressions))
     # the length l1 = 1 of the first link carries the mass of the second: Huygens–Steiner
     assert by_name['mz(link1)*'] == 'mz(link1) + m(link2)'
@@ -119,7 +114,8 @@ def test_a_block_left_out_shares_no_sample_and_no_neighbour_with_the_others():
     r2 = (X @ theta - y)**2
     edges = np.concatenate([[0], np.cumsum(information.rows).astype(int)])
     assert edges[-1] == len(y)
-    for block in range(BLOCKS):
+    assert len(information.rows) == 12  # six blocks, and a gap behind each
+    for block in range(6):
         first, last = edges[2 * block], edges[2 * block + 1]
         assert squares(information.block(block), theta) == pytest.approx(
             r2[first:last].sum(axis=0), rel=1e-10)
@@ -158,8 +154,7 @@ def test_blocks_of_short_recordings_share_the_folds():
 
 
 @pytest.mark.parametrize(('name', 'link'), [
-    ('ur10', 'tool0'), ('ur10', 'forearm_link'), ('panda', 'panda_leftfinger'),
-    ('xarm7', 'link7'), ('kinova', 'j2s6s200_end_effector')])
+    ('panda', 'panda_leftfinger'), ('kinova', 'j2s6s200_end_effector')])
 def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
     """Among them continuous, prismatic and mimic joints."""
     arm = load_arm(robot_urdf(name))
@@ -171,6 +166,3 @@ def test_the_regressor_of_a_load_times_its_parameters_is_its_effort(name, link):
     assert effort == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
 
 
-def test_a_load_on_the_base_has_no_effect():
-    arm = load_arm(robot_urdf('ur10'))
-    assert not LoadRegressor(arm, 'base_link')(*random_states(arm, 2)).any()

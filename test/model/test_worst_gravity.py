@@ -11,7 +11,6 @@ from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import (
     QUICK,
     sample_positions,
-    Search,
     search_box,
     THOROUGH,
     worst_gravity,
@@ -49,7 +48,7 @@ def test_the_default_arm_against_brute_force_and_closed_form(search):
     # Both links horizontal: (m1 r1 + m2 (l1 + r2)) g, and m2 r2 g.
     np.testing.assert_allclose(
         worst, [9.81 * (5.0 * 0.5 + 3.0 * 1.4), 9.81 * 3.0 * 0.4], rtol=1e-6)
-    grid = brute_force(arm, grid_of(arm, 721))
+    grid = brute_force(arm, grid_of(arm, 361))
     assert np.all(worst >= (1.0 - 1e-6) * grid)
     np.testing.assert_allclose(worst, grid, rtol=1e-4)
 
@@ -57,17 +56,17 @@ def test_the_default_arm_against_brute_force_and_closed_form(search):
 def test_slides_and_mimic_joints_against_brute_force():
     arm = load_arm(MIXED)
     worst = worst_gravity(arm).effort
-    grid = brute_force(arm, grid_of(arm, 61))
+    grid = brute_force(arm, grid_of(arm, 41))
     assert np.all(worst >= 0.999 * grid)
     np.testing.assert_allclose(worst, grid, rtol=0.02)
 
 
-@pytest.mark.parametrize('robot', ['panda', 'ur10', 'xarm7', 'talos_left_arm'])
-def test_real_arms_against_a_hundred_thousand_random_positions(robot):
+@pytest.mark.parametrize('robot', ['ur10', pytest.param('xarm7', marks=pytest.mark.soak)])
+def test_real_arms_against_thirty_thousand_random_positions(robot):
     arm = load_arm(robot_urdf(robot))
     low, high = search_box(arm)
     rng = np.random.default_rng(7)
-    random = brute_force(arm, low + rng.random((100_000, arm.joint_count)) * (high - low))
+    random = brute_force(arm, low + rng.random((30_000, arm.joint_count)) * (high - low))
     for search, fraction in ((QUICK, 0.99), (THOROUGH, 0.999)):
         assert np.all(worst_gravity(arm, search).effort >= fraction * random - 1e-9)
 
@@ -77,18 +76,16 @@ def test_its_positions_are_within_the_limits_and_give_its_efforts():
     worst = worst_gravity(arm)
     low, high = search_box(arm)
     body = RigidBody(arm)
+    np.testing.assert_array_equal(worst_gravity(arm).position, worst.position)  # always the same
     for i, q in enumerate(worst.position):
         assert np.all((low <= q) & (q <= high))
         assert abs(body.gravity(q)[i]) == pytest.approx(worst.effort[i], abs=1e-9)
 
 
-def test_the_search_is_the_same_every_time():
-    arm = load_arm(MIXED)
-    np.testing.assert_array_equal(worst_gravity(arm).position, worst_gravity(arm).position)
-
-
 def test_samples_are_spread_over_the_limits():
     """Each quarter of the range of each joint contains a fair share of the poses."""
+    open_slide = load_arm(arm_of(limit='<limit lower="-inf" upper="inf"/>', kind='prismatic'))
+    np.testing.assert_array_equal(search_box(open_slide), [[-1.0], [1.0]])
     arm = load_arm(robot_urdf('panda'))
     low, high = search_box(arm)
     fraction = (sample_positions(arm, 400) - low) / (high - low)
@@ -97,9 +94,3 @@ def test_samples_are_spread_over_the_limits():
     for column in fraction.T:
         counts, _ = np.histogram(column, bins=4, range=(0.0, 1.0))
         assert counts.min() >= 90
-
-
-def test_one_start_is_enough_where_there_is_one_joint():
-    arm = load_arm(arm_of(inertial(xyz='0 0 0.4')))
-    worst = worst_gravity(arm, Search(samples=1, starts=1, rounds=1))
-    assert worst.effort[0] == pytest.approx(9.81 * 0.4, rel=1e-12)

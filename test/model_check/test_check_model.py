@@ -1,8 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tool check_model as a process, and the table in its documentation."""
+"""The tool check_model, and the table in its documentation."""
 
+from collections.abc import Callable
 from importlib import metadata
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 import json
@@ -10,6 +11,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import NamedTuple
 
 import children
 import pytest
@@ -18,6 +20,7 @@ from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.model_check.mesh_bounds import MeshReader
 from robot_dynamics.model_check.report import check_description, NEXT_STEPS
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools.check_model import main
 from robots import missing, PACKAGE, robot_path
 
 ROOT = Path(__file__).parents[2]
@@ -33,10 +36,22 @@ POINT_MASS = """<robot name="r"><link name="base"/>
 </robot>"""
 
 
-def run(*arguments):
-    return children.run(
-        [sys.executable, '-m', 'robot_dynamics.tools.check_model', *map(str, arguments)],
-        text=True, capture_output=True)
+class Done(NamedTuple):
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Callable[..., Done]:
+    """Return a function that runs the tool in this process."""
+    def run(*arguments: object) -> Done:
+        try:
+            status = main([*map(str, arguments)])
+        except SystemExit as error:
+            status = error.code
+        return Done(status, *capsys.readouterr())
+    return run
 
 
 @pytest.fixture
@@ -46,7 +61,7 @@ def bad(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_good_model(tmp_path):
+def test_a_good_model(run, tmp_path):
     path = tmp_path / 'good.urdf'
     path.write_text(default_arm_urdf(), encoding='utf-8')
     done = run(path)
@@ -58,9 +73,9 @@ def test_a_good_model(tmp_path):
     assert lines[-1] == f'{path}: no errors'
 
 
-def test_a_robot_is_given_by_name_or_package():
+def test_a_robot_is_given_by_name_or_package(run):
     robot_path('ur3')
-    named = run('ur3')
+    named = run('ur3', '--joints', 'wrist_3_joint')
     assert (named.returncode, named.stderr) == (0, '')
     assert named.stdout.splitlines()[-1] == 'ur3: no errors'
     unknown = run('package://unknown_package/arm.urdf')
@@ -68,7 +83,7 @@ def test_a_robot_is_given_by_name_or_package():
     assert "there is no package 'unknown_package'" in unknown.stderr
 
 
-def test_errors_and_warnings_by_level(bad):
+def test_errors_and_warnings_by_level(run, bad):
     done = run(bad)
     assert (done.returncode, done.stderr) == (1, '')
     errors, warnings = done.stdout.split('Warnings: 2')
@@ -76,10 +91,29 @@ def test_errors_and_warnings_by_level(bad):
     assert 'point mass' in warnings
     assert "joint 'wrist' has no effort limit" in warnings
     assert warnings.splitlines()[-1] == f'{bad}: 1 error'
-    assert max(map(len, done.stdout.splitlines()[:-1])) <= 110
+    assert 100 < max(map(len, done.stdout.splitlines()[:-1])) <= 110
+    ignored = run(bad, '--ignore', 'inertia', 'mass')
+    assert ignored.returncode == 0
+    assert '(ignored)' in ignored.stdout
+    assert ignored.stdout.splitlines()[-1] == f'{bad}: accepted, as the errors are ignored'
+    locked = run(bad, '--joints', 'wrist')
+    assert locked.returncode == 0
+    assert 'hinge' not in locked.stdout
 
 
-def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(bad, tmp_path):
+def test_a_negative_mass_and_unread_geometry_are_reported(run, bad):
+    bad.write_text(POINT_MASS.replace('value="2"', 'value="-2"'), encoding='utf-8')
+    done = run(bad)
+    assert done.returncode == 1
+    assert re.search(r"mass +mass of link 'arm' is -2 kg, expected a positive", done.stdout)
+    bad.write_text(POINT_MASS.replace(
+        '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
+        '</geometry></visual>'), encoding='utf-8')
+    assert 'Scope: links compared with their shapes and meshes (not compared: 1 link);' in (
+        run(bad).stdout)
+
+
+def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(run, bad, tmp_path):
     done = run(bad, '--report', tmp_path / 'new' / 'check.html')
     assert done.stdout == run(bad).stdout
     page = ReportPage((tmp_path / 'new' / 'check.html').read_text(encoding='utf-8'))
@@ -93,33 +127,10 @@ def test_the_report_begins_with_verdicts_per_joint_and_names_its_origin(bad, tmp
     assert places[0] < min(places[1:])
     assert places[-3:] == sorted(places[-3:])
     assert max(places[:-3]) < places[-3]
-
-
-def test_every_check_has_a_next_step():
     assert set(NEXT_STEPS) == set(CHECKS)
 
 
-def test_a_report_that_cannot_be_written(bad, tmp_path):
-    (tmp_path / 'file').write_text('')
-    done = run(bad, '--report', tmp_path / 'file' / 'check.html')
-    assert done.returncode == 1
-    assert done.stderr.startswith('check_model: cannot write')
-
-
-def test_ignored_errors_are_still_shown(bad):
-    done = run(bad, '--ignore', 'inertia', 'mass')
-    assert done.returncode == 0
-    assert '(ignored)' in done.stdout
-    assert done.stdout.splitlines()[-1] == f'{bad}: accepted, as the errors are ignored'
-
-
-def test_locked_joints(bad):
-    done = run(bad, '--joints', 'wrist')
-    assert done.returncode == 0
-    assert 'hinge' not in done.stdout
-
-
-def test_json(bad):
+def test_json(run, bad):
     done = run(bad, '--json', '--ignore', 'limits')
     assert done.returncode == 1
     data = json.loads(done.stdout)
@@ -130,22 +141,7 @@ def test_json(bad):
         ('limits', 'warning', 'wrist', True)]
 
 
-def test_a_negative_mass_is_a_finding(bad):
-    bad.write_text(POINT_MASS.replace('value="2"', 'value="-2"'), encoding='utf-8')
-    done = run(bad)
-    assert done.returncode == 1
-    assert re.search(r"mass +mass of link 'arm' is -2 kg, expected a positive", done.stdout)
-
-
-def test_unread_geometry_is_counted(bad):
-    bad.write_text(POINT_MASS.replace(
-        '<link name="arm">', '<link name="arm"><visual><geometry><mesh filename="no.stl"/>'
-        '</geometry></visual>'), encoding='utf-8')
-    assert 'Scope: links compared with their shapes and meshes (not compared: 1 link);' in (
-        run(bad).stdout)
-
-
-def test_without_arguments_it_explains_itself():
+def test_without_arguments_it_explains_itself(run):
     done = run()
     assert done.returncode == 2
     assert done.stderr.startswith('usage: check_model')
@@ -161,7 +157,7 @@ def test_without_arguments_it_explains_itself():
     (['BAD', '--ignore', 'beauty'], r"invalid choice: 'beauty'"),
     (['TEXT'], r'^check_model: robot_description is not well-formed XML'),
 ])
-def test_bad_usage(bad, tmp_path, arguments, words):
+def test_bad_usage(run, bad, tmp_path, arguments, words):
     text = tmp_path / 'text.urdf'
     text.write_text('joint1, joint2', encoding='utf-8')
     paths = {'BAD': bad, 'TEXT': text}
@@ -176,7 +172,10 @@ def test_xacro(tmp_path):
     path.write_text(
         POINT_MASS.replace('name="r"', 'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"')
         .replace('value="2"', 'value="${1 + 2}"'), encoding='utf-8')
-    assert "joint 'hinge' moves 3 kg" in run(path).stdout
+    done = children.run(  # xacro changes how minidom writes XML
+        [sys.executable, '-m', 'robot_dynamics.tools.check_model', str(path)],
+        capture_output=True, text=True)
+    assert "joint 'hinge' moves 3 kg" in done.stdout
 
 
 # --- the table of the documentation --------------------------------------------------------------
@@ -216,9 +215,7 @@ def assert_same_line(line, expected):
         [float(n) for n in NUMBER.findall(expected)], rel=0.11), line
 
 
-@pytest.mark.parametrize('robot', [
-    'so100', 'ur5', *(pytest.param(name, marks=pytest.mark.soak) for name in (
-        'panda', 'tiago_no_hand'))])
+@pytest.mark.parametrize('robot', ['ur5', pytest.param('tiago_no_hand', marks=pytest.mark.soak)])
 def test_the_table_has_what_the_check_finds(command, committed, robot):
     path = robot_path(robot)
     expected, = (line for line in committed if line.startswith(f'| {path.stem} |'))
@@ -248,7 +245,7 @@ def test_a_reader_that_ends_early_is_no_error():
     """As in `check_model ur10 | head -1`: the output breaks off without a message."""
     with children.popen(
             [sys.executable, '-u', '-c', 'from robot_dynamics.tools.check_model import main; '
-             'import sys; sys.exit(main(["ur10"]))'],
+             'import sys; sys.exit(main(["ur10", "--joints", "wrist_3_joint"]))'],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         process.stdout.close()
         assert process.stderr.read() == ''

@@ -3,16 +3,12 @@
 
 """The density of links: volumes, bounds, and the links of real arms."""
 
-from dataclasses import replace
 
 import numpy as np
 from one_joint_arm import text_stl
 import pytest
 from robot_dynamics.model_check.checks import check_model
-from robot_dynamics.model_check.density_check import check_densities
 from robot_dynamics.model_check.mesh_bounds import MeshReader
-from robot_dynamics.urdf.inertials import read_bodies
-from robots import robot_path
 
 ARM = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="{mass}"/>
   <inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>{geometry}</link>
@@ -56,6 +52,7 @@ def test_the_message_on_a_density_names_link_mass_volume_and_range():
 
 @pytest.mark.parametrize(('mass', 'geometry', 'count'), [
     (11.9 * 0.5, box_of(0.5), 0), (12.1 * 0.5, box_of(0.5), 1),  # below 1 L lead is the bound
+    (5.0, box_of(0.99), 0), (5.0, box_of(1.01), 1),
     (50.0, box_of(0.009), 0),  # a marker
     (0.0029, box_of(0.101), 1), (0.0029, box_of(0.099), 0),  # a small link weighs little
     (7.0, box_of(1.5) + box_of(1.5), 0),  # parts of one link
@@ -74,17 +71,3 @@ def test_a_mesh_counts_as_its_scaled_bounding_box(tmp_path):
     assert densities(23.9, MESH, meshes=MeshReader(tmp_path)) == []
     assert len(densities(24.1, MESH, meshes=MeshReader(tmp_path))) == 1
     assert densities(24.1, MESH) == []
-
-
-@pytest.mark.parametrize('robot', ['panda', 'talos_left_arm', *(
-    pytest.param(robot, marks=pytest.mark.soak) for robot in ('ur10', 'xarm7', 'kinova'))])
-def test_links_of_real_arms_have_plausible_densities_until_a_mass_is_wrong(robot):
-    path = robot_path(robot)
-    urdf, meshes = path.read_text(encoding='utf-8'), MeshReader(path.parent)
-    bodies = read_bodies(urdf, meshes)
-    assert not list(check_densities(bodies))
-    judged = [body for body in bodies if body.mass and min(body.volumes, default=0.0) >= 1e-3]
-    assert judged
-    for factor in (1e-3, 1e2):
-        wrong = [replace(body, mass=factor * body.mass) for body in judged]
-        assert [f.where for f in check_densities(wrong)] == [body.name for body in wrong]

@@ -4,10 +4,8 @@
 """The URDF of a planar arm, read by Pinocchio, and the tool that writes it."""
 
 import re
-import sys
 from xml.etree import ElementTree
 
-import children
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -45,11 +43,16 @@ def motions(draw):
 
 # --- agreement with Pinocchio -----------------------------------------------------------------
 
-@settings(deadline=None, derandomize=True)
+@settings(deadline=None, derandomize=True, max_examples=40)
 @given(motion=motions())
 def test_recursion_and_positions_are_those_of_pinocchio(motion):
     chain, q, v, a = motion
     model = model_of(urdf_of(chain))
+    for i in range(chain.link_count):  # every link is a body that can exist
+        inertia = model.inertias[i + 1]
+        assert inertia.inertia[1, 1] == pytest.approx(chain.inertias[i], rel=1e-14)
+        pseudo = pinocchio.PseudoInertia.FromInertia(inertia).toMatrix()
+        assert np.linalg.eigvalsh(pseudo).min() > 0.0
     data = model.createData()
     ours = newton_euler(chain, q, v, a)
     tau = pinocchio.rnea(model, data, unrolled(q), v, a)
@@ -58,12 +61,7 @@ def test_recursion_and_positions_are_those_of_pinocchio(motion):
     pinocchio.forwardKinematics(model, data, unrolled(q))
     forces = np.array([
         data.oMi[i + 1].rotation @ data.f[i + 1].linear for i in range(chain.link_count)])
-    scale = np.abs(forces).max()
-    assert_close(ours.force, forces[:, [0, 2]], atol=1e-12 * scale)
-    assert_close(forces[:, 1], 0.0, atol=1e-12 * scale)
-    turned = np.array([
-        (data.oMi[i + 1].rotation @ data.f[i + 1].angular)[1] for i in range(chain.link_count)])
-    assert_close(ours.tau, turned, atol=1e-12 * np.abs(tau).max())
+    assert_close(ours.force, forces[:, [0, 2]], atol=1e-12 * np.abs(forces).max())
 
     pinocchio.framesForwardKinematics(model, data, unrolled(q))
     points = forward_kinematics(chain, q)
@@ -88,23 +86,6 @@ def test_default_arm_has_the_limits_of_its_motors():
     assert [joint.find('limit').get('effort') for joint in joints[:2]] == ['150.0', '60.0']
     for joint in joints[:2]:
         assert joint.find('dynamics').attrib == {'damping': '0.0', 'friction': '0.0'}
-
-
-@settings(deadline=None, derandomize=True)
-@given(motion=motions())
-def test_every_link_is_a_body_that_can_exist(motion):
-    chain = motion[0]
-    model = model_of(urdf_of(chain))
-    for i in range(chain.link_count):
-        inertia = model.inertias[i + 1]
-        assert inertia.mass == pytest.approx(chain.masses[i], rel=1e-14)
-        npt.assert_allclose(inertia.lever, [0.0, 0.0, chain.com_distances[i]], rtol=1e-14)
-        assert inertia.inertia[1, 1] == pytest.approx(chain.inertias[i], rel=1e-14)
-        moments = np.diag(inertia.inertia)
-        # A second moment of mass is half the excess of two principal moments over the third.
-        assert (moments.sum() - 2.0 * moments > 0.0).all()
-        pseudo = pinocchio.PseudoInertia.FromInertia(inertia).toMatrix()
-        assert np.linalg.eigvalsh(pseudo).min() > 0.0
 
 
 def test_friction_limits_and_names_are_written():
@@ -145,16 +126,14 @@ def test_numbers_survive_to_the_last_digit():
 
 @pytest.mark.parametrize(('change', 'message'), [
     ({'masses': [5.0, 0.0]}, 'masses[1] (link2) is 0, expected a number > 0'),
-    ({'lengths': [1.0]}, "lengths has 1 values, expected 2, one for each of ['link1', 'link2']"),
-    ({'com_distances': [2.0, 0.4]}, 'com_distances[0] (link1) is 2, expected a number in [0, 1]'),
+
     ({'viscous_friction': [0.0, -0.1]},
      'viscous_friction[1] (joint2) is -0.1, expected a number >= 0'),
-    ({'coulomb_friction': [1.0] * 3}, 'coulomb_friction has 3 values, expected 2'),
+
     ({'effort_limits': [0.0, 1.0]}, 'effort_limits[0] (joint1) is 0, expected a number > 0'),
-    ({'velocity_limits': [1.0, np.inf]}, 'velocity_limits[1] (joint2) is inf'),
+
     ({'name': ' '}, "name is ' ', expected a printable name"),
     ({'joint_names': ['a']}, "joint_names is ['a'], expected 2 names"),
-    ({'joint_names': 'ab'}, "joint_names is 'ab', expected 2 names"),
     ({'joint_names': ['a', '']}, "joint_names[1] is '', expected a printable name"),
     ({'joint_names': ['a', 'a']}, "joint_names has 'a' twice"),
     ({'joint_names': ['a', 'tool0_joint']}, "joint_names has 'tool0_joint', expected other names"),
@@ -165,13 +144,6 @@ def test_what_cannot_be_built_is_named(change, message):
 
 
 # --- the tool ---------------------------------------------------------------------------------
-
-def test_tool_writes_the_default_arm(capsys):
-    assert main([]) == 0
-    captured = capsys.readouterr()
-    assert captured.out == default_arm_urdf()
-    assert captured.err == ''
-
 
 def test_tool_writes_a_file_with_all_arguments(tmp_path, capsys):
     file = tmp_path / 'arm.urdf'
@@ -191,28 +163,15 @@ def test_tool_gives_the_limits_of_the_default_arm_to_that_arm_alone(capsys):
     assert main(['--masses', '5', '2']) == 0
     limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
     assert [limit.get('effort') for limit in limits] == ['1000.0', '1000.0']
+    assert [limit.get('velocity') for limit in limits] == ['100.0', '100.0']
     assert main(['--viscous', '0.5']) == 0  # of both joints
     limits = ElementTree.fromstring(capsys.readouterr().out).findall('joint/limit')
     assert [limit.get('effort') for limit in limits] == ['150.0', '60.0']
+    assert main([]) == 0
+    assert capsys.readouterr() == (default_arm_urdf(), '')
 
 
-@pytest.mark.parametrize(('arguments', 'message'), [
-    (['--masses', '5', '-3'], 'planar_urdf: masses[1] (link2) is -3, expected a number > 0\n'),
-    (['--viscous', '1', '2', '3'],
-     'planar_urdf: viscous_friction has 3 values, expected 2, '
-     "one for each of ['joint1', 'joint2']\n"),
-])
-def test_tool_reports_errors_in_one_line(arguments, message, capsys):
-    assert main(arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.err == message
-    assert captured.out == ''
-
-
-def test_tool_needs_no_ros_and_no_pinocchio():
-    program = (
-        'import sys, robot_dynamics.tools.planar_urdf\n'
-        'print(sorted({"rclpy", "pinocchio"} & {name.split(".")[0] for name in sys.modules}))')
-    done = children.run(
-        [sys.executable, '-c', program], capture_output=True, text=True, check=True)
-    assert done.stdout == '[]\n'
+def test_tool_reports_errors_in_one_line(capsys):
+    assert main(['--masses', '5', '-3']) == 2
+    assert capsys.readouterr() == (
+        '', 'planar_urdf: masses[1] (link2) is -3, expected a number > 0\n')

@@ -34,39 +34,18 @@ def exact_motion(
 
 # --- free motion ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('q0', 'v0'), [
-    pytest.param(  # released horizontally outstretched
-        (np.pi / 2, 0.0), (0.0, 0.0), marks=pytest.mark.soak),
-    ((0.3, 0.5), (0.0, 0.0)),  # near upright: the arm falls and rotates past the lowest pose
-    pytest.param(  # with an initial velocity
-        (np.pi - 0.5, 1.0), (6.0, -4.0), marks=pytest.mark.soak),
-])
-def test_a_free_arm_keeps_its_energy(q0, v0):
-    """The drift over 60 s at 1 ms is below 1e-6 of the energy, also of that above the lowest."""
+@pytest.mark.parametrize('seconds', [6, pytest.param(60, marks=pytest.mark.soak)])
+def test_a_free_arm_keeps_its_energy(seconds):
+    """It falls from near upright past the lowest pose; the drift is below 1e-6 of the energy."""
     arm = two_link()
-    simulation = released(arm, q0, v0)
+    simulation = released(arm, (0.3, 0.5))
     at_start = sum(simulation.energy)
     lowest = released(arm, (np.pi, 0.0)).energy[1]
     worst = 0.0
-    for _ in range(600):
+    for _ in range(10 * seconds):
         simulation.step(np.zeros(2), 0.1)
         worst = max(worst, abs(sum(simulation.energy) - at_start))
-    assert worst < 1e-6 * (at_start - lowest)
-    if abs(at_start) > 1.0:
-        assert worst < 1e-6 * abs(at_start)
-
-
-@pytest.mark.parametrize(('q0', 'v0', 'tolerance'), [
-    ((np.pi - 0.5, 1.0), (3.0, -2.0), 1e-7),
-    ((np.pi / 2, 0.0), (0.0, 0.0), 2e-6),  # full rotations: neighbouring motions diverge quickly
-])
-def test_a_free_arm_moves_as_another_integrator_has_it(q0, v0, tolerance):
-    arm = two_link()
-    simulation = released(arm, q0, v0, max_step=1e-3)
-    q, v = simulation.step(np.zeros(2), 5.0)
-    q_exact, v_exact = exact_motion(arm, np.array(q0), np.array(v0), 5.0)
-    assert q == pytest.approx(q_exact, abs=tolerance)
-    assert v == pytest.approx(v_exact, abs=10.0 * tolerance)
+    assert worst < 1e-6 * min(abs(at_start), at_start - lowest)
 
 
 def test_the_integration_is_of_fifth_order():
@@ -100,20 +79,12 @@ def test_brakes_hold_until_they_are_released():
             simulation.step(np.array([100.0, 50.0]), 1.0)
         assert simulation.q.tolist() == [1.0, 0.5]
         assert simulation.v.tolist() == [0.0, 0.0]
+    simulation.state.position[:] = 9.0  # a copy
     simulation.release()
     assert simulation.step(np.zeros(2), 0.1).velocity[0] != 0.0
-
-
-def test_reset_goes_back_and_brakes_and_a_state_is_a_copy():
-    simulation = released(two_link(), (1.0, 0.5), (0.1, 0.2))
-    simulation.state.position[:] = 9.0
-    assert simulation.q.tolist() == [1.0, 0.5]
-    simulation.step(np.zeros(2), 0.5)
-    assert simulation.q.tolist() != [1.0, 0.5]
     simulation.reset()
     assert simulation.braked
     assert simulation.q.tolist() == [1.0, 0.5]
-    assert simulation.v.tolist() == [0.1, 0.2]
 
 
 def test_the_home_pose_is_within_the_limits():
@@ -133,7 +104,9 @@ def test_an_arm_holds_under_the_effort_for_its_load():
     loaded = arm.with_payloads([payload])
     tau = ArmDynamics(loaded).rigid_body.gravity(q0)
     simulation = released(arm, q0)
-    simulation.set_payloads([payload])
+    simulation.brake()
+    simulation.set_payloads([payload], 1.0)  # at once while the brakes hold
+    simulation.release()
     assert simulation.step(tau, 0.2).position == pytest.approx(q0, abs=1e-9)
     simulation.set_payloads([])
     assert simulation.arm.payloads == ()
@@ -157,12 +130,6 @@ def test_a_load_comes_and_goes_linearly_within_its_transition_time():
             assert simulation.q == pytest.approx(q0, abs=1e-9)
         assert simulation.arm.payloads == tuple(target)
         assert sum(simulation.energy) - simulation.work == pytest.approx(at_start, abs=1e-9)
-
-
-def test_an_arm_that_the_brakes_hold_takes_its_load_at_once():
-    simulation = ArmSimulation(two_link())
-    simulation.set_payloads([make_payload('tool0', 2.0)], 1.0)
-    assert [load.mass for load in simulation.arm.payloads] == [2.0]
 
 
 @pytest.mark.parametrize('brakes', [False, True])
@@ -201,16 +168,6 @@ def test_a_payload_that_is_rejected_leaves_the_energy_balance():
     assert simulation.arm.payloads == ()
 
 
-def test_an_arm_holds_against_the_wrench_that_its_effort_bears():
-    arm, q0 = two_link(), np.array([1.0, 0.5])
-    wrench = ExternalWrench('tool0', np.array([5.0, 0.0, -8.0]), np.array([0.0, 3.0, 0.0]))
-    tau = ArmDynamics(arm).inverse_dynamics(q0, np.zeros(2), np.zeros(2), [wrench])
-    simulation = released(arm, q0)
-    assert simulation.step(tau, 0.2, [wrench]).position == pytest.approx(q0, abs=1e-9)
-    simulation.step(tau, 0.2)
-    assert np.abs(simulation.q - q0).max() > 0.01
-
-
 # --- rejections ----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('arguments', 'words'), [
@@ -241,12 +198,10 @@ TWO_FOR_ONE_MOTION = f"""
 {JOINT.format('one', 'base', 'nothing')}{JOINT.format('other', 'nothing', 'bob')}</robot>"""
 
 
-@pytest.mark.parametrize('viscous', [0.0, 1.0])
-@pytest.mark.parametrize('coulomb', [0.0, 1.0])
-def test_a_motion_without_inertia_is_refused_with_any_friction(viscous, coulomb):
+@pytest.mark.parametrize('friction', [{}, {'viscous': 1.0, 'coulomb': 1.0}])
+def test_a_motion_without_inertia_is_refused_with_any_friction(friction):
     arm = load_arm(TWO_FOR_ONE_MOTION)
-    simulation = released(
-        arm.with_friction(make_friction(arm.joint_names, viscous=viscous, coulomb=coulomb)))
+    simulation = released(arm.with_friction(make_friction(arm.joint_names, **friction)))
     with pytest.raises(InvalidInputError, match='no finite solution'):
         simulation.step(np.array([5.0, -5.0]), 0.002)
     assert simulation.q.tolist() == [0.0, 0.0]

@@ -11,7 +11,7 @@ from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.command_timeout import CommandTimeout, FEWEST_STEPS
+from robot_dynamics.simulation.command_timeout import CommandTimeout
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 from simulated_arms import released
 
@@ -64,18 +64,7 @@ def test_each_command_restarts_the_timeout():
     assert steps_until_over(commands, PERIOD) > 0  # a second timeout after a command
 
 
-def test_a_reset_waits_for_a_first_command():
-    commands = received_once()
-    commands.end_step(PERIOD, PERIOD)
-    commands.reset()
-    assert commands.silence == 0.0
-    assert steps_until_over(commands, PERIOD) == 0
-    commands.receive()
-    commands.reset()  # in the same step as the command
-    assert steps_until_over(commands, PERIOD) == 0
-
-
-@pytest.mark.parametrize('stall', [0.25, 10.0, float('inf')])
+@pytest.mark.parametrize('stall', [0.25, float('inf')])
 def test_a_loop_that_was_held_up_could_not_receive(stall):
     """A stall longer than the timeout counts as one step."""
     commands = received_once()
@@ -88,9 +77,8 @@ def test_a_loop_that_catches_up_counts_the_time_that_passes():
     assert steps_until_over(received_once(), 0.8 * PERIOD) == pytest.approx(ENOUGH / 0.8, abs=1)
 
 
-@pytest.mark.parametrize('period', [0.1, 1.0])
-def test_a_single_command_may_be_late_where_steps_are_long(period):
-    assert steps_until_over(received_once(), period, period) == FEWEST_STEPS > 1
+def test_a_single_command_may_be_late_where_steps_are_long():
+    assert steps_until_over(received_once(), 1.0, 1.0) == 3
 
 
 # --- the robot -----------------------------------------------------------------------------------
@@ -153,7 +141,7 @@ def test_the_next_effort_moves_it_on_from_where_it_stands():
     assert plant.measure().velocity.tolist() == twin.v.tolist()
 
 
-def test_an_arm_without_brakes_falls():
+def test_an_arm_without_brakes_falls_unless_the_robot_compensates_gravity():
     plant = robot(brakes=False)
     command(plant, 10)
     assert times_out(plant)
@@ -162,9 +150,6 @@ def test_an_arm_without_brakes_falls():
     twin.step(np.zeros(2), 0.1)
     assert plant.timed_out
     assert plant.simulation.q.tolist() == twin.q.tolist()
-
-
-def test_the_compensation_of_the_robot_continues():
     plant = robot(brakes=False, robot_compensates=['gravity'])
     plant.take_effort(np.zeros(2))
     assert times_out(plant)
@@ -182,4 +167,8 @@ def test_an_arm_that_was_reset_waits_for_its_first_effort():
     assert not times_out(plant)
     command(plant, 10)
     plant.reset()  # while missed steps are counted
+    assert plant.commands.silence == 0.0
+    assert not times_out(plant)
+    plant.take_effort(EFFORT)
+    plant.reset()  # in the same step as the command
     assert not times_out(plant)

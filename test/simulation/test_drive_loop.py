@@ -15,6 +15,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.drive_loop import drive_loop_from
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
+from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 Q = np.array([0.3, 0.5])
@@ -34,7 +35,7 @@ def robot(brakes: bool = True, **values: Any) -> SimulatedRobot:
 
 def settled(plant: SimulatedRobot, effort: np.ndarray) -> np.ndarray:
     """Return where the drives hold the arm whose command is Q and this effort."""
-    for _ in range(1500):
+    for _ in range(1000):
         plant.take_effort(np.array([Q, np.zeros(2), effort]))
         plant.step(0.004)
     assert np.abs(plant.simulation.v).max() < 1e-6
@@ -46,6 +47,15 @@ def test_the_arm_sags_by_gravity_over_the_stiffness_and_not_with_feed_forward():
     q = settled(robot(), np.zeros(2))
     assert np.array([400.0, 200.0]) * (Q - q) == pytest.approx(body.gravity(q), rel=1e-5)
     assert settled(robot(), body.gravity(Q)) == pytest.approx(Q, abs=1e-9)
+
+
+def test_the_drives_close_their_loop_each_millisecond():
+    plant, twin = robot(), released(ARM, Q)
+    plant.take_effort(np.array([Q + 0.1, np.zeros(2), np.zeros(2)]))
+    plant.step(0.004)
+    for _ in range(4):
+        twin.step([400.0, 200.0] * (Q + 0.1 - twin.q) - 60.0 * twin.v, 0.001)
+    assert plant.simulation.q == pytest.approx(twin.q, abs=1e-12)
 
 
 def test_the_drives_have_effort_limits_and_no_effort_before_the_first_command():
@@ -68,10 +78,6 @@ def test_without_brakes_the_arm_falls_until_the_first_command():
     assert np.abs(plant.simulation.v).max() > 0.1
 
 
-def test_without_gains_there_is_no_position_loop():
-    assert drive_loop_from(ARM, {**GIVEN, 'drive.stiffness': [], 'drive.damping': []}) is None
-
-
 @pytest.mark.parametrize(('values', 'words'), [
     ({'drive.damping': []}, 'drive.damping is empty'),
     ({'joints': []}, 'drive.stiffness has 2 values, one per joint, but the parameter joints'),
@@ -81,5 +87,6 @@ def test_without_gains_there_is_no_position_loop():
     ({'drive.damping_limit': 5.0}, "drive.damping of 'joint1' is 60, expected at most 5"),
 ])
 def test_wrong_gains_are_named(values, words):
+    assert drive_loop_from(ARM, {**GIVEN, 'drive.stiffness': [], 'drive.damping': []}) is None
     with pytest.raises(InvalidInputError, match=words):
         drive_loop_from(ARM, {**GIVEN, **values})

@@ -14,16 +14,15 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.bristles import DAMPING_RATIO
 from robots import arm_without_gripper
 from simulated_arms import block, released
 
 ARM = load_arm(default_arm_urdf())
 PANDA = arm_without_gripper('panda')
 POSE = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.6, 0.4])
+DAMPING_RATIO = 0.2
+"""Of a joint that vibrates within its presliding distance."""
 
 
 def rubbing(arm: ArmModel, **friction: Any) -> ArmModel:
@@ -38,8 +37,8 @@ ranges = {
 
 # --- one joint: the laws -------------------------------------------------------------------------
 
-@settings(max_examples=40, deadline=None)
-@given(**ranges, part=st.floats(-0.02, 0.02), angle=st.floats(0.3, 300.0))
+@settings(max_examples=20, deadline=None)
+@given(**ranges, part=st.floats(-0.02, 0.02), angle=st.floats(1.0, 300.0))
 def test_a_joint_that_sticks_is_a_damped_spring(mass, coulomb, distance, part, angle):
     """Under a step of effort: exact at steps of `angle`/ω, at rest at the effort × d / F_c."""
     rate = np.sqrt(coulomb / distance / mass)
@@ -58,18 +57,16 @@ def test_a_joint_that_sticks_is_a_damped_spring(mass, coulomb, distance, part, a
         part * coulomb, abs=1e-6 * coulomb)
 
 
-@pytest.mark.parametrize('static', [1.0, 1.5])
-@pytest.mark.parametrize('distance', [1e-5, 1e-3, 0.02])
-def test_it_breaks_away_at_its_static_friction(static, distance):
-    F_s = 4.0 * static
+@pytest.mark.parametrize(('F_s', 'distance'), [(4.0, 0.02), (6.0, 1e-5)])
+def test_it_breaks_away_at_its_static_friction(F_s, distance):
     simulation = released(block(
         0.05, coulomb=[4.0], static=[F_s], stribeck_velocity=[1e-3],
         presliding_distance=[distance]))
-    for part in np.linspace(0.0, 0.99, 400):
+    for part in np.linspace(0.0, 0.99, 200):
         state = simulation.step(np.array([part * F_s]), 2e-3)
         assert abs(state.position[0]) <= distance
         assert simulation.presliding_state == pytest.approx([part], abs=0.05)
-    for _ in range(200):
+    for _ in range(100):
         state = simulation.step(np.array([1.01 * F_s]), 2e-3)
     assert simulation.presliding_state == [1.0]
     v = state.velocity[0]
@@ -77,59 +74,12 @@ def test_it_breaks_away_at_its_static_friction(static, distance):
     assert state.velocity[0] - v == pytest.approx((1.01 * F_s - 4.0) / 0.05 * 2e-3, rel=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
-@given(**ranges, speed=st.floats(0.05, 5.0), forward=st.booleans())
-def test_sliding_friction_is_coulomb_friction(mass, coulomb, distance, speed, forward):
-    """The joint decelerates at F_c / m until it stops, after v² / (2 F_c / m)."""
-    v = speed if forward else -speed
-    simulation = released(
-        block(mass, coulomb=[coulomb], presliding_distance=[distance]), [0.0], [v],
-        max_step=0.1 * mass * speed / coulomb)
-    time = mass * speed / coulomb
-    for k in range(1, 10):
-        state = simulation.step(np.zeros(1), 0.1 * time)
-        assert state.velocity[0] == pytest.approx(v * (1.0 - 0.1 * k), rel=1e-6)
-        assert simulation.presliding_state == [np.sign(v)]
-    way = 0.5 * speed * time
-    ends = [simulation.step(np.zeros(1), 0.1 * time).position[0] for _ in range(10)]
-    assert np.abs(ends).max() <= way * (1.0 + 1e-6)
-    assert min(np.sign(v) * np.array(ends)) >= way - 2.0 * distance * (1.0 + 1e-6)
-
-
-@pytest.mark.parametrize('distance', [1e-4, 1e-3, 0.01])
-def test_a_cycle_takes_the_area_of_its_hysteresis_loop(distance):
-    """Pulled slowly to and fro by a spring: 4 F_c (X − d) per cycle, none below F_c."""
-    F_c, mass, amplitude, period, h = 3.0, 0.1, 0.05, 2.0, 2e-3
-    simulation = released(block(mass, coulomb=[F_c], presliding_distance=[distance]))
-
-    def cycle(pull: float) -> tuple[float, float, float]:
-        positions, heat, area = [], simulation.heat, 0.0
-        for k in range(round(period / h)):
-            target = pull * np.sin(2.0 * np.pi * (k + 0.5) * h / period)
-            before = simulation.q[0]
-            effort = 200.0 * (target - before) - 2.0 * simulation.v[0]
-            position = simulation.step(np.array([effort]), h).position[0]
-            positions.append(position)
-            area += F_c * simulation.presliding_state[0] * (position - before)
-        return 0.5 * float(np.ptp(positions)), simulation.heat - heat, area
-
-    cycle(amplitude)
-    X, heat, area = cycle(amplitude)
-    assert distance < 0.5 * X
-    assert heat == pytest.approx(4.0 * F_c * (X - distance), rel=0.02)
-    assert area == pytest.approx(heat, rel=0.03)
-    cycle(0.2 * F_c / 200.0)
-    X, heat, _ = cycle(0.2 * F_c / 200.0)
-    assert 0.0 < X < distance
-    assert heat < 0.03 * F_c * distance
-
-
 def test_it_does_not_creep_under_a_vibrating_load():
     simulation = released(block(0.1, coulomb=[2.0], presliding_distance=[1e-3]))
     positions = [simulation.step(
-        np.array([1.2 + 0.6 * np.sin(0.1 * k)]), 2e-3).position[0] for k in range(6000)]
+        np.array([1.2 + 0.6 * np.sin(0.1 * k)]), 2e-3).position[0] for k in range(2000)]
     assert np.ptp(positions[1000:]) > 5e-4
-    assert max(positions[-2000:]) == pytest.approx(max(positions[1000:3000]), abs=1e-7)
+    assert max(positions[-500:]) == pytest.approx(max(positions[1000:1500]), abs=1e-7)
 
 
 def test_the_offset_between_the_directions_remains():
@@ -137,7 +87,7 @@ def test_the_offset_between_the_directions_remains():
     arm = block(0.1, coulomb=[2.0], offset=[0.5], presliding_distance=[1e-3])
     for effort, z in ((2.49, 0.995), (2.51, 1.0), (-1.49, -0.995), (-1.51, -1.0), (0.0, -0.25)):
         simulation = released(arm)
-        for part in [*np.linspace(0.0, 1.0, 500), *np.ones(200)]:
+        for part in [*np.linspace(0.0, 1.0, 250), *np.ones(200)]:
             simulation.step(np.array([part * effort]), 2e-3)
         assert simulation.presliding_state == pytest.approx([z], abs=1e-4)
         assert (abs(simulation.v[0]) > 1e-3) == (abs(z) == 1.0)
@@ -171,14 +121,13 @@ def small_steps(
     return q, z
 
 
-@pytest.mark.parametrize('distance', [[2e-3, 2e-3], [5e-4, 0.01]])
-def test_two_links_move_as_small_steps_of_the_law_say(distance):
+def test_two_links_move_as_small_steps_of_the_law_say():
     """With stick and slip of both joints, under efforts around gravity compensation."""
-    arm = rubbing(ARM, viscous=[0.2, 0.1], coulomb=[4.0, 1.5], presliding_distance=distance)
+    arm = rubbing(ARM, viscous=[0.2, 0.1], coulomb=[4.0, 1.5], presliding_distance=[5e-4, 0.01])
     q = np.array([0.6, -0.8])
     gravity = ArmDynamics(ARM).rigid_body.gravity(q)
     efforts = gravity + np.array([[3.0, 1.0], [7.0, -1.2], [-2.0, 3.0], [-9.0, 0.0], [1.0, 1.0]])
-    expected = small_steps(arm, q, efforts, 0.04, 2e-5)
+    expected = small_steps(arm, q, efforts, 0.04, 5e-5)
     ends = []
     for max_step in (2e-3, 2e-4):
         simulation = released(arm, q, max_step=max_step)
@@ -189,8 +138,8 @@ def test_two_links_move_as_small_steps_of_the_law_say(distance):
     assert np.abs(simulation.q - q).max() > 0.01
     assert ends[0] == pytest.approx(ends[1], abs=5e-8)
     # the midpoint rule passes slips with an error of first order
-    assert simulation.q == pytest.approx(expected[0], abs=5e-5)
-    assert simulation.presliding_state == pytest.approx(expected[1], abs=2e-3)
+    assert simulation.q == pytest.approx(expected[0], abs=1e-4)
+    assert simulation.presliding_state == pytest.approx(expected[1], abs=5e-3)
 
 
 frictions = st.fixed_dictionaries({
@@ -209,7 +158,7 @@ def random_friction(each: list[dict[str, float]]) -> dict[str, list[float]]:
     return columns
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(data=st.data())
 def test_energy_never_grows_without_input(data):
     """K + P with the energy of the bristles, minus the work, over random arms and states."""
@@ -225,7 +174,7 @@ def test_energy_never_grows_without_input(data):
     h = data.draw(st.sampled_from([1e-3, 2e-3, 0.01]))
     simulation = released(arm, q, v)
     left = sum(simulation.energy) - simulation.work
-    for _ in range(25):
+    for _ in range(12):
         simulation.step(tau, h)
         scale = 1.0 + sum(np.abs(simulation.energy)) + abs(simulation.work)
         before, left = left, sum(simulation.energy) - simulation.work
@@ -233,7 +182,7 @@ def test_energy_never_grows_without_input(data):
         assert np.abs(simulation.presliding_state).max() <= 1.0
 
 
-@pytest.mark.parametrize('backlash', [None, 0.0, 2e-3])
+@pytest.mark.parametrize('backlash', [None, 2e-3])
 def test_work_energy_and_heat_balance(backlash):
     """Heat is integrated, except in exponential steps; springs are slow enough here."""
     arm = rubbing(ARM, viscous=[0.5, 0.2], coulomb=[4.0, 1.5], offset=[0.3, -0.1],
@@ -243,7 +192,7 @@ def test_work_energy_and_heat_balance(backlash):
             ARM.joint_names, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
     simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
     at_start, largest = sum(simulation.energy), 1.0
-    for k in range(300):
+    for k in range(200):
         heat = simulation.heat
         simulation.step(60.0 * np.sin(0.03 * k + np.array([0.0, 1.0])) * [1.0, 0.3], 0.002)
         assert simulation.heat >= heat - 1e-9
@@ -263,31 +212,14 @@ def path(arm: ArmModel, q: np.ndarray) -> np.ndarray:
         for k in range(150)])
 
 
-@pytest.mark.parametrize(('bare', 'q', 'coulomb'), [
-    (ARM, np.array([0.4, -0.7]), [4.0, 1.5]), (PANDA, POSE, [2.0, 2.0, 1.5, 1.5, 0.6, 0.6, 0.3])],
-    ids=['planar', 'panda'])
-def test_the_limit_of_short_distances_is_rigid_sticking(bare, q, coulomb, seen):
-    rigid = path(rubbing(bare, coulomb=coulomb), q)
-    assert np.array_equal(rigid, path(
-        rubbing(bare, coulomb=coulomb, presliding_distance=[0.0]), q))
+def test_the_limit_of_short_distances_is_rigid_sticking():
+    q = np.array([0.4, -0.7])
+    rigid = path(rubbing(ARM, coulomb=[4.0, 1.5]), q)
     assert np.abs(rigid[-1] - q).max() > 1e-3
-    errors = [np.abs(path(rubbing(bare, coulomb=coulomb, presliding_distance=[d]), q)
+    errors = [np.abs(path(rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[d]), q)
                      - rigid).max() for d in (1e-3, 1e-4, 1e-5)]
-    seen(f'{errors}')
     assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
     assert errors[2] < 2e-3
-
-
-def test_a_rigid_joint_beside_one_that_yields_does_not_move():
-    q = np.array([0.4, -0.7])
-    arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[0.0, 1e-3])
-    simulation = released(arm, q)
-    effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([2.0, 0.6])
-    for _ in range(300):
-        simulation.step(effort, 2e-3)
-    assert simulation.q[0] == q[0]
-    assert simulation.q[1] - q[1] == pytest.approx(0.4e-3, rel=1e-2)
-    assert simulation.presliding_state[0] == 0.0
 
 
 def test_the_state_is_that_of_the_identification():
@@ -296,8 +228,8 @@ def test_the_state_is_that_of_the_identification():
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=d.tolist())
     simulation = released(arm, [0.4, -0.7])
     q, v, z = [], [], []
-    for k in range(3000):
-        goal = np.array([0.4, -0.7]) + [0.2, 0.3] * np.sin(0.004 * k * np.array([1.0, 1.7]))
+    for k in range(1000):
+        goal = np.array([0.4, -0.7]) + [0.2, 0.3] * np.sin(0.006 * k * np.array([1.0, 1.7]))
         effort = ArmDynamics(ARM).rigid_body.gravity(simulation.q) + (
             np.array([2000.0, 400.0]) * (goal - simulation.q) - [200.0, 30.0] * simulation.v)
         simulation.step(effort, h)
@@ -318,7 +250,7 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it():
     arm = rubbing(ARM, coulomb=[4.0, 1.5], presliding_distance=[5e-4, 1e-4])
     simulation = released(arm, q)
     effort = ArmDynamics(ARM).rigid_body.gravity(q) + np.array([3.0, -1.0])
-    for _ in range(1000):
+    for _ in range(500):
         simulation.step(effort, 2e-3)
     position, z, energy = simulation.q.copy(), simulation.presliding_state, simulation.energy
     assert z == pytest.approx([0.75, -2.0 / 3.0], rel=0.05)
@@ -332,27 +264,3 @@ def test_brakes_keep_the_deflection_and_a_reset_relaxes_it():
     assert simulation.q == pytest.approx(position, abs=1e-7)
     simulation.reset()
     assert simulation.presliding_state.tolist() == [0.0, 0.0]
-    simulation.release()
-    hold = ArmDynamics(ARM).rigid_body.gravity(q)
-    for _ in range(500):
-        simulation.step(hold, 2e-3)
-    assert simulation.q == pytest.approx(q, abs=1e-12)
-
-
-def test_a_payload_and_a_push_deflect_the_joints():
-    """By their torque × d / F_c; afterwards the arm returns."""
-    q, d = np.array([0.4, -0.7]), np.array([2e-3, 2e-3])
-    arm = rubbing(ARM, viscous=[0.1], coulomb=[40.0, 20.0], presliding_distance=d.tolist())
-    simulation = released(arm, q)
-    body = ArmDynamics(ARM).rigid_body
-    hold, stiffness = body.gravity(q), arm.friction.coulomb / d
-    wrench = ExternalWrench('tool0', np.array([10.0, 0.0, 0.0]), np.zeros(3))
-    loaded = ARM.with_payloads([make_payload('tool0', 0.5)])
-    for wrenches, payloads, torque in (
-            ([wrench], [], -body.external(q, [wrench])), ([], [], 0.0 * q),
-            ([], loaded.payloads, hold - ArmDynamics(loaded).rigid_body.gravity(q)),
-            ([], [], 0.0 * q)):
-        simulation.set_payloads(payloads)
-        for _ in range(600):
-            simulation.step(hold, 2e-3, wrenches)
-        assert simulation.q - q == pytest.approx(torque / stiffness, rel=0.01, abs=1e-8)

@@ -40,18 +40,6 @@ def test_a_push_a_slide_and_a_stop(sign):
     assert simulation.step(np.array([sign * 0.999 * DRY]), 60.0).position.tolist() == q.tolist()
 
 
-def test_the_time_of_the_stop_is_met_within_a_step():
-    """A push back that is longer than the slide: the block stops, then moves back."""
-    force, v0 = -9.0, 1.0
-    simulation = moving(velocity=v0, coulomb=DRY)
-    slowing, driving = (DRY - force) / MASS, (DRY + force) / MASS
-    stop, way = v0 / slowing, v0**2 / (2.0 * slowing)
-    q, v = simulation.step(np.array([force]), 0.5)
-    back = 0.5 - stop
-    assert v == pytest.approx([driving * back], rel=1e-11)
-    assert q == pytest.approx([way + driving * back**2 / 2.0], rel=1e-11)
-
-
 @pytest.mark.parametrize('fraction', [0.99, 1.01])
 def test_on_a_slope_it_slides_from_the_angle_of_friction_on(fraction):
     """

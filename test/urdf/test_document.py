@@ -4,7 +4,6 @@
 """A description with a DTD, or a description that is too large, is rejected before parsing."""
 
 import resource
-import time
 
 from fault_table import fault
 import pytest
@@ -12,12 +11,13 @@ from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.description_file import read_description
-from robot_dynamics.urdf.document import find_dtd, LARGEST_DESCRIPTION
+from robot_dynamics.urdf.document import find_dtd
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.parser import parse_urdf
 from robot_dynamics.urdf.visuals import read_visuals
 
 ARM = default_arm_urdf()
+LARGEST_DESCRIPTION = 10_000_000
 DTD = '<!DOCTYPE robot [<!ENTITY e "x">]>'
 REFUSED = r"has a document type declaration \(DTD\), '<!DOCTYPE robot .*expected a URDF without"
 
@@ -36,30 +36,27 @@ def amplified():
         'rejected before it is parsed; the message names the DTD')),
     check_model, read_visuals, lambda xml: with_elements(xml, {}, {})])
 def test_entities_are_refused_before_they_expand(read):
-    memory, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(ModelError, match=REFUSED):
         read(amplified())
-    assert time.process_time() - began < 1.0
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - memory < 50_000  # [KiB]
 
 
 @pytest.mark.parametrize('before', [
     '', ' \n', '\ufeff', '<?xml version="1.0"?>\n', '<!-- a > comment --><!---->',
     '<?xml version="1.0" encoding="UTF-16"?><?style x="<robot>"?>\n<!-- <robot/> -->\t'])
-@pytest.mark.parametrize('encoding', [None, 'utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be'])
-def test_a_dtd_is_found_wherever_xml_allows_it(before, encoding):
+def test_a_dtd_is_found_wherever_xml_allows_it(before):
     with_dtd, without = (before + part for part in (f'{DTD}<robot/>', f'<robot>{DTD}</robot>'))
-    if encoding is not None:
-        with_dtd, without = with_dtd.encode(encoding), without.encode(encoding)
-    assert find_dtd(with_dtd).startswith('<!DOCTYPE robot')
-    assert find_dtd(without) == ''
+    for encode in (str, *(lambda text, encoding=encoding: text.encode(encoding) for encoding in (
+            'utf-8-sig', 'utf-16', 'utf-16-le', 'utf-16-be'))):
+        assert find_dtd(encode(with_dtd)).startswith('<!DOCTYPE robot')
+        assert find_dtd(encode(without)) == ''
 
 
 def test_a_prolog_that_does_not_end_is_searched_once():
-    began = time.process_time()
+    """A search per comment would take hours."""
     assert find_dtd('<!--' * 250_000).startswith('<!--')
     assert find_dtd('<?a?>' * 200_000 + '<?') == ''
-    assert time.process_time() - began < 1.0
 
 
 @pytest.mark.parametrize('name', ['arm.urdf', 'arm.xacro'])
@@ -69,14 +66,15 @@ def test_a_file_with_a_dtd_or_too_large_is_refused(tmp_path, name):
         file.write_text(DTD + ARM, encoding=encoding)
         with pytest.raises(ModelError, match=rf"URDF '.*{name}' {REFUSED}"):
             read_description(file, 'URDF')
-    file.write_text(ARM + ' ' * LARGEST_DESCRIPTION)
-    with pytest.raises(ModelError, match=rf"{name}' has more than {LARGEST_DESCRIPTION} bytes"):
+    file.write_text(ARM.ljust(LARGEST_DESCRIPTION + 1))
+    with pytest.raises(ModelError, match=rf"{name}' has more than 10000000 bytes"):
         read_description(file, 'URDF')
 
 
 def test_a_description_that_is_too_large_is_refused():
-    with pytest.raises(ModelError, match=f'has more than {LARGEST_DESCRIPTION} characters'):
-        parse_urdf(ARM + ' ' * LARGEST_DESCRIPTION)
+    parse_urdf(ARM.ljust(LARGEST_DESCRIPTION))
+    with pytest.raises(ModelError, match='has more than 10000000 characters'):
+        parse_urdf(ARM.ljust(LARGEST_DESCRIPTION + 1))
 
 
 def test_a_file_with_the_line_ends_of_windows_is_read(tmp_path):

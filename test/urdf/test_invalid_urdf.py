@@ -5,10 +5,10 @@
 
 import re
 
-from one_joint_urdf import INERTIA, JOINT, joint_of, LIMIT, link_of, LINKS, mimics, robot
+from one_joint_urdf import INERTIA, JOINT, joint_of, link_of, LINKS, mimics, robot
 import pytest
 from robot_dynamics.exceptions import ModelError, RobotDynamicsError
-from robot_dynamics.urdf.parser import MOST_LINKS, MOST_TAGS, parse_urdf
+from robot_dynamics.urdf.parser import parse_urdf
 from robots import robot_path
 
 
@@ -36,28 +36,23 @@ XACRO = 'expected the URDF that the program xacro makes of it'
 
 REFUSALS = [
     ('', ' is empty, expected the XML of a URDF'),
-    (' \n ', ' is empty, expected the XML of a URDF'),
+
     ('<sdf version="1.6"/>', ' has the root element <sdf>, expected <robot>'),
     (robot(''), ": robot 'bot' has no links, expected at least two"),
-    (robot('<link/>'), ': a <link> has no name'),
     (robot(LINKS + JOINT.replace('name="turn" ', '')), ': a <joint> has no name'),
     (robot(LINKS + JOINT + '<link name="arm"/>'), ": two links are named 'arm'"),
     (robot(LINKS + JOINT + JOINT), ": two joints are named 'turn'"),
     (joint_of('', 'floating'),
      f": joint 'turn' is of type 'floating': an arm needs a fixed base, {KINDS}"),
-    (joint_of('', 'planar'), f": joint 'turn' is of type 'planar', {KINDS}"),
     (robot(LINKS + JOINT.replace(' type="revolute"', '')),
      f": joint 'turn' is of type '', {KINDS}"),
     (robot(LINKS + JOINT.replace('"base"', '"floor"')),
      ": joint 'turn': parent link is 'floor', expected one of ['base', 'arm']"),
-    (robot(LINKS + JOINT.replace('"arm"', '"leg"')),
-     ": joint 'turn': child link is 'leg', expected one of ['base', 'arm']"),
     (robot(LINKS + JOINT.replace('<child link="arm"/>', '')),
      ": joint 'turn': child link is missing, expected one of ['base', 'arm']"),
     (joint_of('', limit=''), ": joint 'turn' is revolute and has no <limit>, which URDF requires: "
      'a joint without limits has the type continuous'),
-    (joint_of('', 'prismatic', limit=''),
-     ": joint 'turn' is prismatic and has no <limit>, which URDF requires"),
+
     (robot('<xacro:include filename="arm.xacro"/>', 'xmlns:xacro="http://www.ros.org/xacro"'),
      f' is a xacro file, it has <xacro:include>, {XACRO}'),
     (robot(f'{LINKS}{JOINT}<xacro:macro name="leg" params="side"/>',
@@ -92,17 +87,13 @@ def test_message_on_what_is_no_tree(more, words):
     ('<limit lower="inf" upper="inf"/>', 'lower=inf, upper=inf, expected a range that holds a '
      'position in [-1e+09, 1e+09]'),
     ('<limit lower="-pi" upper="2"/>', "lower='-pi', expected a number"),
-    ('<limit lower="0" upper="nan"/>', "upper='nan', expected a number"),
     ('<limit velocity="NaN"/>', "velocity='NaN', expected a number"),
     ('<limit effort="a lot"/>', "effort='a lot', expected a number"),
-    ('<dynamics damping="-0.1"/>', 'damping=-0.1, expected a number >= 0'),
     ('<dynamics friction="-1"/>', 'friction=-1, expected a number >= 0'),
     ('<dynamics damping="inf"/>', 'damping=inf, expected a number >= 0'),
-    ('<dynamics damping="high"/>', "damping='high', expected a number"),
     ('<axis xyz="0 0 0"/>', 'axis is zero, expected a direction'),
     ('<axis xyz="0 1"/>', "xyz='0 1', expected three numbers"),
     ('<origin xyz="0 nan 1"/>', "origin: xyz='0 nan 1', expected three numbers"),
-    ('<origin rpy="0,0,1"/>', "origin: rpy='0,0,1', expected three numbers"),
 ])
 def test_message_on_an_element_of_a_joint(element, words):
     xml = joint_of('', limit=element) if element.startswith('<limit') else joint_of(element)
@@ -110,15 +101,12 @@ def test_message_on_an_element_of_a_joint(element, words):
 
 
 @pytest.mark.parametrize(('inside', 'words'), [
-    (f'<mass value="nan"/>{INERTIA}', "value='nan', expected a number"),
     (f'<mass value="1 kg"/>{INERTIA}', "value='1 kg', expected a number"),
     (INERTIA, 'mass is nan, expected a number >= 0'),
     (f'<mass value="-2"/>{INERTIA}', 'mass is -2, expected a number >= 0'),
-    (f'<mass value="inf"/>{INERTIA}', 'mass is inf, expected a number >= 0'),
-    ('<mass value="2"/>', 'ixx is nan, expected a number'),
     (MASS + INERTIA.replace(' iyz="0"', ''), 'iyz is nan, expected a number'),
     (MASS + INERTIA.replace('izz="1"', 'izz="inf"'), 'izz is inf, expected a number'),
-    (MASS + INERTIA.replace('ixy="0"', 'ixy="${ixy}"'), "ixy='${ixy}', expected a number"),
+
     (f'<origin xyz="0 0"/><mass value="1"/>{INERTIA}',
      "origin: xyz='0 0', expected three numbers"),
 ])
@@ -129,43 +117,33 @@ def test_message_on_an_inertia(inside, words):
 
 @pytest.mark.parametrize(('relations', 'words'), [
     (['joint="ghost"'], " mimics 'ghost', expected one of ['turn', 'other']"),
-    (['multiplier="2"'], " mimics '', expected one of ['turn', 'other']"),
-    (['joint="other"'], " mimics itself, through 'other'"),
+
+
     (['joint="third"', 'joint="other"'], " mimics itself, through 'other'"),
     (['joint="turn" multiplier="double"'], ": multiplier='double', expected a number"),
     (['joint="turn" multiplier="inf"'], ': multiplier=inf, expected a finite number'),
-    (['joint="turn" offset="-inf"'], ': offset=-inf, expected a finite number'),
+
 ])
 def test_message_on_a_mimic_relation(relations, words):
     assert refusal(mimics(*(f'<mimic {each}/>' for each in relations))) == (
         f"robot_description: joint 'other'{words}")
 
 
-def test_message_on_a_mimic_of_a_fixed_joint():
-    follower = JOINT.replace(LIMIT, f'{LIMIT}<mimic joint="weld"/>')
-    assert refusal(robot(LINKS + TIP + joining('weld', 'arm', 'tip') + follower)) == (
-        "robot_description: joint 'turn' mimics 'weld', expected one of ['turn']")
-
-
 @pytest.mark.parametrize('text', [
-    '/opt/robots/arm.urdf', '<robot name="bot"><link name="a"></robot>', '{"robot": "bot"}',
-    '<robot name="bot"/><robot name="bot"/>', '<robot name="\x00"/>'])
+    '<robot name="bot"><link name="a"></robot>', '<robot name="bot"/><robot name="bot"/>',
+    '<robot name="\x00"/>', 'x' * 100_000])
 def test_message_on_invalid_xml(text):
     message = refusal(text)
     assert message.startswith('robot_description is not well-formed XML (')
     assert message.endswith(f'), expected a URDF; it begins with {text[:40]!r}')
+    assert len(message) < 250
 
 
 @pytest.mark.parametrize('kind', ['revolute', 'continuous', 'prismatic'])
-@pytest.mark.parametrize('attribute', ['velocity', 'effort'])
-def test_a_negative_effort_or_velocity_limit_is_refused(kind, attribute):
-    for value, shown in (('-3', '-3'), ('-inf', '-inf'), ('-1e-300', '-1e-300')):
+def test_a_negative_effort_or_velocity_limit_is_refused(kind):
+    for attribute, value in (('velocity', '-inf'), ('effort', '-1e-300')):
         assert refusal(joint_of('', kind, f'<limit {attribute}="{value}"/>')) == (
-            f"robot_description: joint 'turn': {attribute}={shown}, expected >= 0 (0: unknown)")
-
-
-def test_the_text_in_a_message_is_short():
-    assert len(refusal('x' * 100_000)) < 250
+            f"robot_description: joint 'turn': {attribute}={value}, expected >= 0 (0: unknown)")
 
 
 def test_as_many_links_as_may_be_are_read_and_no_more():
@@ -175,16 +153,16 @@ def test_as_many_links_as_may_be_are_read_and_no_more():
             f'<joint name="j{i}" type="fixed"><parent link="l{i}"/>'
             f'<child link="l{i + 1}"/></joint>' for i in range(links - 1)))
 
-    assert len(parse_urdf(chain(MOST_LINKS)).link_names) == MOST_LINKS
-    with pytest.raises(ModelError, match=f'has {MOST_LINKS + 1} links, expected at most'):
-        parse_urdf(chain(MOST_LINKS + 1))
+    assert len(parse_urdf(chain(500)).link_names) == 500
+    with pytest.raises(ModelError, match='has 501 links, expected at most 500'):
+        parse_urdf(chain(501))
 
 
 def test_as_many_tags_as_may_be_are_read_and_no_more():
     text = robot(LINKS + JOINT + '{}')
-    more = MOST_TAGS - text.count('<')
+    more = 100_000 - text.count('<')
     assert parse_urdf(text.format('<a/>' * more)).joint('turn').moves
-    with pytest.raises(ModelError, match=f'has {MOST_TAGS + 1} tags, expected at most'):
+    with pytest.raises(ModelError, match='has 100001 tags, expected at most 100000'):
         parse_urdf(text.format('<a/>' * (more + 1)))
 
 

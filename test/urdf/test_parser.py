@@ -5,7 +5,7 @@
 
 import math
 
-from one_joint_urdf import JOINT, joint_of, LIMIT, LINKS, mimics, robot
+from one_joint_urdf import JOINT, joint_of, LINKS, mimics, robot
 import pinocchio as pin
 import pytest
 from robot_dynamics.urdf.parser import Mimic, parse_urdf, resolve_mimic, UrdfJoint
@@ -32,26 +32,18 @@ def test_what_is_left_out_has_the_defaults_of_urdf():
 
 
 def test_a_continuous_joint_has_no_range_and_needs_no_limit():
-    for limit in ('', LIMIT):
-        joint = parse_urdf(joint_of('', 'continuous', limit)).joints[0]
+    open_range = joint_of('', limit='<limit lower="-inf" upper="inf" effort="4"/>')
+    for xml in (joint_of('', 'continuous', ''), joint_of('', 'continuous'), open_range):
+        joint = parse_urdf(xml).joints[0]
         assert (joint.lower, joint.upper) == (-math.inf, math.inf)
     assert joint.effort_limit == 4.0
 
 
-def test_a_range_may_be_open():
-    joint = parse_urdf(joint_of('', limit='<limit lower="-inf" upper="inf"/>')).joints[0]
-    assert (joint.lower, joint.upper) == (-math.inf, math.inf)
-
-
-def test_a_fixed_joint_mimics_nothing():
-    assert parse_urdf(joint_of('<mimic joint="missing"/>', 'fixed')).joints[0].mimic is None
-
-
-def test_a_fixed_joint_may_have_any_axis():
+def test_a_fixed_joint_mimics_nothing_and_may_have_any_axis():
     without = parse_urdf(joint_of('', 'fixed'))
     assert [joint.kind for joint in without.joints] == ['fixed']
-    for xyz in ('0 0 0', 'none'):
-        assert parse_urdf(joint_of(f'<axis xyz="{xyz}"/>', 'fixed')) == without
+    for inside in ('<axis xyz="0 0 0"/>', '<axis xyz="none"/>', '<mimic joint="missing"/>'):
+        assert parse_urdf(joint_of(inside, 'fixed')) == without
 
 
 def test_other_elements_are_passed_over():
@@ -73,24 +65,17 @@ def test_text_before_the_robot_element_is_ignored(prefix):
 
 
 def test_a_default_namespace_is_passed_over():
-    parsed = parse_urdf(robot(LINKS + JOINT, 'name="bot" xmlns="http://example.org/urdf"'))
+    parsed = parse_urdf(robot(
+        LINKS + JOINT, 'name="bot" xmlns="http://example.org/urdf" '
+        'xmlns:xacro="http://www.ros.org/wiki/xacro"'))  # declared but unused: no xacro file
     assert (parsed.name, parsed.link_names) == ('bot', ('base', 'arm'))
     assert pin.buildModelFromXML(parsed.pinocchio_xml).nv == 1
 
 
-def test_a_robot_may_be_without_a_name():
-    assert parse_urdf(robot(LINKS + JOINT, '')).name == ''
-
-
-@pytest.mark.parametrize('length', [2**16 - 1, 2**16, 2**16 + 1, 200_000])
+@pytest.mark.parametrize('length', [2**16 + 1, 200_000])
 def test_a_text_of_any_length_is_read_as_a_whole(length):
     name = 'ü' * (length // 2) + 'x' * (length % 2)
     assert parse_urdf(joint_of('').replace('name="bot"', f'name="{name}"')).name == name
-
-
-def test_a_declared_but_unused_xacro_namespace_is_no_xacro_file():
-    xml = robot(LINKS + JOINT, 'name="bot" xmlns:xacro="http://www.ros.org/wiki/xacro"')
-    assert parse_urdf(xml).link_names == ('base', 'arm')
 
 
 def test_relations_compose_along_the_chain():

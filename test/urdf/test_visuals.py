@@ -12,7 +12,7 @@ import pytest
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.urdf.mesh_files import find_mesh, find_untrusted_mesh
 from robot_dynamics.urdf.visuals import Box, Cylinder, Mesh, read_visuals, Sphere
-from robots import ARMS, robot_path, robot_urdf
+from robots import robot_path
 
 BALL = '<sphere radius="0.1"/>'
 ANGLES = st.floats(-3.2, 3.2)
@@ -32,37 +32,25 @@ def one(geometry, more='', outside=''):
 
 # --- shapes --------------------------------------------------------------------------------------
 
-def test_a_box_has_its_edges():
-    shape = one('<box size="0.1 2 3e-1"/>').shape
-    assert isinstance(shape, Box)
-    npt.assert_array_equal(shape.size, [0.1, 2.0, 0.3])
-
-
-def test_a_cylinder_and_a_ball_have_their_sizes():
+def test_shapes_have_their_sizes():
+    box = one('<box size="0.1 2 3e-1"/>').shape
+    assert isinstance(box, Box)
+    npt.assert_array_equal(box.size, [0.1, 2.0, 0.3])
     assert one('<cylinder radius="0.2" length="1.5"/>').shape == Cylinder(0.2, 1.5)
     assert one('<sphere radius="0.2"/>').shape == Sphere(0.2)
-
-
-@pytest.mark.parametrize(('written', 'scale'), [
-    ('', [1, 1, 1]), ('scale="0.001 0.002 0.003"', [0.001, 0.002, 0.003]),
-    ('scale="1 -1 1"', [1, -1, 1])])  # the mirror image of the other side
-def test_a_mesh_has_its_name_and_scale(written, scale):
-    shape = one(f'<mesh filename="package://p/arm.stl" {written}/>').shape
-    assert isinstance(shape, Mesh)
-    assert shape.name == 'package://p/arm.stl'
-    npt.assert_array_equal(shape.scale, scale)
+    for written, scale in (('', [1, 1, 1]), ('scale="0.001 -0.002 1"', [0.001, -0.002, 1])):
+        mesh = one(f'<mesh filename="package://p/arm.stl" {written}/>').shape
+        assert isinstance(mesh, Mesh)
+        assert mesh.name == 'package://p/arm.stl'
+        npt.assert_array_equal(mesh.scale, scale)
 
 
 @pytest.mark.parametrize('geometry', [
-    '', '<capsule radius="1" length="1"/>', '<box/>', '<box size="1 1"/>', '<box size="1 1 1 1"/>',
-    '<box size="1 one 1"/>', '<box size="1 0 1"/>', '<box size="1 -1 1"/>',
-    '<box size="1 nan 1"/>', '<box size="1 inf 1"/>', '<box size="1 1e300 1"/>',
-    '<sphere/>', '<sphere radius=""/>', '<sphere radius="big"/>', '<sphere radius="0"/>',
-    '<sphere radius="-1"/>', '<sphere radius="nan"/>', '<sphere radius="inf"/>',
-    '<cylinder radius="1"/>', '<cylinder length="1"/>', '<cylinder radius="0" length="1"/>',
-    '<cylinder radius="1" length="0"/>', '<cylinder radius="1" length="-1"/>',
-    '<cylinder radius="1" length="nan"/>', '<mesh/>', '<mesh filename=""/>',
-    '<mesh filename="a.stl" scale="1 1"/>', '<mesh filename="a.stl" scale="1 nan 1"/>'])
+    '', '<capsule radius="1" length="1"/>', '<box/>', '<box size="1 1"/>',
+    '<box size="1 one 1"/>', '<box size="1 0 1"/>', '<box size="1 1e300 1"/>',
+    '<sphere/>', '<sphere radius="-1"/>', '<sphere radius="nan"/>', '<cylinder radius="1"/>',
+    '<cylinder length="1"/>', '<cylinder radius="1" length="0"/>', '<mesh filename=""/>',
+    '<mesh filename="a.stl" scale="1 1"/>'])
 def test_what_is_no_shape_is_left_out_and_what_is_one_stays(geometry):
     visuals = visuals_of(
         f'<visual><geometry>{geometry}</geometry></visual>'
@@ -70,14 +58,8 @@ def test_what_is_no_shape_is_left_out_and_what_is_one_stays(geometry):
     assert [visual.shape for visual in visuals] == [Sphere(0.1)]
 
 
-def test_a_visual_without_geometry_and_a_link_without_visuals_are_left_out():
-    assert visuals_of('<visual><origin xyz="0 0 1"/></visual>') == []
-    assert visuals_of('') == []
-    assert visuals_of(f'<collision><geometry>{BALL}</geometry></collision>') == []
-
-
 def test_several_visuals_of_several_links_keep_their_order():
-    visuals = read_visuals('<robot name="r">' + ''.join(
+    visuals = read_visuals('<robot name="r" xmlns="http://www.ros.org">' + ''.join(
         f'<link name="{link}">' + ''.join(
             f'<visual><geometry><sphere radius="{radius}"/></geometry></visual>'
             for radius in radii) + '</link>'
@@ -86,18 +68,9 @@ def test_several_visuals_of_several_links_keep_their_order():
         ('b', 1.0), ('b', 2.0), ('a', 3.0)]
 
 
-def test_a_namespace_changes_nothing():
-    (visual,) = read_visuals(
-        '\n<?xml version="1.0"?><robot name="r" xmlns="http://www.ros.org">'
-        '<material name="red"><color rgba="1 0 0 1"/></material>'
-        f'<link name="a"><visual><geometry>{BALL}</geometry><material name="red"/></visual></link>'
-        '</robot>')
-    assert (visual.link, visual.shape, visual.colour) == ('a', Sphere(0.1), (1.0, 0.0, 0.0, 1.0))
-
-
 # --- poses ---------------------------------------------------------------------------------------
 
-@settings(deadline=None, derandomize=True)
+@settings(deadline=None, derandomize=True, max_examples=30)
 @given(st.tuples(LENGTHS, LENGTHS, LENGTHS), st.tuples(ANGLES, ANGLES, ANGLES))
 def test_the_origin_is_the_place_in_the_frame_of_the_link(xyz, rpy):
     def in_words(values):
@@ -108,17 +81,13 @@ def test_the_origin_is_the_place_in_the_frame_of_the_link(xyz, rpy):
     npt.assert_allclose(visual.rotation, pin.rpy.rpyToMatrix(np.array(rpy)), atol=1e-12)
 
 
-@pytest.mark.parametrize('origin', ['', '<origin/>', '<origin xyz="0 0 0"/>'])
-def test_without_an_origin_a_shape_is_at_its_link(origin):
-    visual = one(BALL, origin)
-    npt.assert_array_equal(visual.place, np.zeros(3))
-    npt.assert_array_equal(visual.rotation, np.eye(3))
-
-
-@pytest.mark.parametrize('origin', [
-    'xyz="0 0"', 'xyz="0 0 up"', 'xyz="0 0 nan"', 'rpy="0 inf 0"', 'rpy=""'])
-def test_a_shape_that_is_nowhere_is_left_out(origin):
-    assert visuals_of(f'<visual><origin {origin}/><geometry>{BALL}</geometry></visual>') == []
+def test_without_an_origin_a_shape_is_at_its_link_and_with_a_wrong_one_left_out():
+    for origin in ('', '<origin/>'):
+        visual = one(BALL, origin)
+        npt.assert_array_equal(visual.place, np.zeros(3))
+        npt.assert_array_equal(visual.rotation, np.eye(3))
+    for origin in ('xyz="0 0"', 'xyz="0 0 nan"', 'rpy="0 inf 0"', 'rpy=""'):
+        assert visuals_of(f'<visual><origin {origin}/><geometry>{BALL}</geometry></visual>') == []
 
 
 # --- colours -------------------------------------------------------------------------------------
@@ -137,30 +106,19 @@ PALETTE = (
     ('<material name="red"><color rgba="0 1"/></material>', (1.0, 0.0, 0.0, 0.5)),
     ('<material><color rgba="2 -1 0.5 1.5"/></material>', (1.0, 0.0, 0.5, 1.0)),
     ('<material><color rgba="0 0 nan 1"/></material>', None),
-    ('<material><color rgba="blue"/></material>', None),
     ('<material><color/></material>', None),
     ('<material name="unknown"/>', None),
     ('<material name="bad"/>', None),
-    ('<material name="texture"/>', None),
-    ('<material/>', None)])
+    ('<material name="texture"/>', None)])
 def test_the_colour_is_its_own_or_that_of_the_name(material, colour):
     assert one(BALL, material, PALETTE).colour == colour
 
 
 # --- real robots ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('robot', ARMS)
-def test_every_real_arm_has_something_to_draw(robot):
-    visuals = read_visuals(robot_urdf(robot))
-    assert visuals
-    for visual in visuals:
-        npt.assert_allclose(visual.rotation @ visual.rotation.T, np.eye(3), atol=1e-9)
-
-
-@pytest.mark.parametrize('robot', ['ur10', 'panda'])
-def test_the_meshes_of_a_real_arm_are_found_next_to_its_urdf(robot, monkeypatch):
+def test_the_meshes_of_a_real_arm_are_found_next_to_its_urdf(monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', '')
-    path = robot_path(robot)
+    path = robot_path('ur10')
     names = [visual.shape.name for visual in read_visuals(path.read_text(encoding='utf-8'))
              if isinstance(visual.shape, Mesh)]
     assert len(names) >= 7
@@ -194,16 +152,10 @@ def test_names_of_all_kinds_lead_to_the_file(mesh):
 
 def test_what_is_no_file_is_not_found(mesh):
     package = mesh.parent.parent
-    for name in (
-            'package://arm/meshes/gone.stl', 'package://other/meshes/link.stl',
-            'package://arm/meshes', 'package://', 'meshes', 'meshes/gone.stl',
-            'file:///gone.stl', f'http://{mesh}', f'https://{mesh}',
-            'http://example.com/link.stl', 'model://arm/meshes/link.stl'):
+    for name in ('package://arm/meshes/gone.stl', 'package://arm/meshes', 'package://', 'meshes',
+                 'file:///gone.stl', f'http://{mesh}', 'model://arm/meshes/link.stl'):
         assert find_mesh(name, package) is None, name
-
-
-def test_a_relative_name_belongs_to_the_directory_of_the_urdf_alone(mesh):
-    assert find_mesh('meshes/link.stl', mesh.parent.parent / 'urdf') is None
+    assert find_mesh('meshes/link.stl', package / 'urdf') is None  # relative to another directory
 
 
 def test_packages_of_the_environment_are_found_after_those_next_to_the_urdf(
@@ -271,8 +223,7 @@ def test_other_meshes_are_not_opened_and_their_existence_is_not_revealed(install
 
 @pytest.mark.parametrize(('name', 'words'), [
     ('package://arm/gone.stl', 'is not found'), ('package://arm/\0', 'is not found'),
-    ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind'),
-    ('package://' + 'a' * 300, 'is not found')])
+    ('gone.stl', 'is not found'), ('http://example.com/a.stl', 'of an unknown kind')])
 def test_a_missing_mesh_is_reported(installed, name, words):
     with pytest.raises(ModelError, match=words):
         find_untrusted_mesh(name, [installed / 'own'])
