@@ -20,10 +20,6 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
     GravityVerdict,
-    NO_EFFORT,
-    POSE,
-    STILL,
-    UNLOADED_WORDS,
     verdict_in_words,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
@@ -39,6 +35,7 @@ CONTINUOUS = np.array([True, False])
 G = np.array([-50.0, 10.0])
 PERIOD_NS = 5_000_000
 GRAVITY, LACKS = ('gravity',), 'joint_torque_without_gravity'
+STILL, POSE = 'waiting for the arm to stand still for 0.5 s', 'cannot decide in this pose: '
 
 
 def make_check(
@@ -73,7 +70,7 @@ def verdict_of(*arguments: Any, **options: Any) -> GravityVerdict:
 
 # --- the measured share --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('ratio', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
+@pytest.mark.parametrize('ratio', [-1.0, -0.51, -0.49, 0.0, 0.49, 0.51, 1.7])
 def test_the_ratio_of_gravity_is_exact(ratio):
     command = G + [3.0, -2.0]
     verdict = verdict_of(make_check(), command + ratio * G, command, seconds=4.0)
@@ -133,7 +130,7 @@ def test_a_continuous_joint_rests_where_its_position_wraps(joint, decides):
 
 # --- friction and noise --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('sign', [[1, 1], [1, -1], [-1, 1], [-1, -1]])
+@pytest.mark.parametrize('sign', [[1, 1], [1, -1]])
 @pytest.mark.parametrize('load', [0.0, 1 / 3])
 def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(sign, load):
     friction = make_friction(NAMES, [0.0], [12.0, 2.4])
@@ -145,18 +142,21 @@ def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(sign, load):
     assert not verdict_of(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
 
 
-def test_a_joint_within_its_friction_is_not_asked():
-    friction = make_friction(NAMES, [0.0], [1.0, 4.0])
-    verdict = verdict_of(make_check(friction=friction), G + [0.0, 40.0], G)
-    assert verdict.used.tolist() == [True, False]
-    assert verdict.ratio == pytest.approx(0.0)
+@pytest.mark.parametrize(('friction', 'is_used'), [(2.4, True), (2.6, False)])
+def test_a_joint_is_used_if_its_gravity_is_four_times_its_friction(friction, is_used):
+    check = make_check(friction=make_friction(NAMES, [0.0], [1.0, friction]))
+    verdict = verdict_of(check, G + [0.0, 4.0], G)
+    assert verdict.used.tolist() == [True, is_used]
+    assert (verdict.ratio == pytest.approx(0.0)) != is_used
 
 
-@pytest.mark.parametrize('g', [[0.0, 0.0], [0.05, -0.09]])
-def test_in_a_pose_without_gravity_it_does_not_decide(g):
+@pytest.mark.parametrize(('g', 'decides'), [
+    ([0.0, 0.0], False), ([0.05, -0.09], False), ([0.05, -0.11], True)])
+def test_in_a_pose_without_gravity_it_does_not_decide(g, decides):
     check = make_check()
-    assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
-    assert check.waiting == POSE
+    verdict = hold(check, g, g, 3.0, g=g)
+    assert (verdict is not None) == decides
+    assert decides or check.waiting.startswith(POSE)
     assert verdict_of(check, G, G, start=20.0).agrees  # a better hold follows
 
 
@@ -165,7 +165,7 @@ def test_noise_is_averaged_and_hides_a_small_load():
     assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
     assert hold(check, G, G, 3.0, noise=30.0) is None
-    assert check.waiting in (POSE, STILL)
+    assert check.waiting.startswith((POSE, STILL))
 
 
 # --- the time of the check -----------------------------------------------------------------------
@@ -174,13 +174,14 @@ def test_it_takes_half_a_second_and_twenty_states():
     check = make_check()
     assert hold(check, G, G, 0.495) is None
     assert verdict_of(make_check(), G, G, 0.51).agrees
-    slow = make_check()
-    verdicts = [slow.add(k * 100_000_000, Q, ZERO, G, G, G) for k in range(20)]
-    assert [verdict is None for verdict in verdicts] == [True] * 19 + [False]
+    for period_ms, verdicts in ((100, 1), (245, 1), (255, 0)):  # a gap above 0.25 s restarts
+        slow = make_check()
+        found = [slow.add(k * period_ms * 1_000_000, Q, ZERO, G, G, G) for k in range(20)]
+        assert [verdict is None for verdict in found] == [True] * 19 + [not verdicts]
 
 
 @pytest.mark.parametrize('moves', [
-    {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
+    {'v': np.array([0.0, 0.051])}, {'q': [0.8, 0.5026], 'v': None}, {'start': 5.0},
     {'command': None}])
 def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves):
     check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
@@ -190,8 +191,11 @@ def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves):
     assert hold(check, G, G, 0.4, start=10.8) is None
 
 
-def test_it_does_without_a_velocity():
-    assert verdict_of(make_check(), G, G, v=None).agrees
+def test_slow_motion_and_a_missing_velocity_are_rest():
+    for given in ({'v': np.array([0.0, 0.049])}, {'q': [0.8, 0.5024], 'v': None}):
+        check = make_check()
+        assert hold(check, G, G, 0.4) is None
+        assert verdict_of(check, G, G, 0.2, start=10.4, **given).agrees
 
 
 def test_a_step_within_the_window_is_not_averaged():
@@ -201,14 +205,17 @@ def test_a_step_within_the_window_is_not_averaged():
     assert hold(check, G, G, 0.27, start=10.25) is None
     assert check.waiting == STILL
     assert verdict_of(check, G, G, start=10.6).agrees
+    for step, decides in ((0.2, True), (0.3, False)):
+        check = make_check()
+        assert hold(check, (1.0 - step) * G, G, 0.25) is None
+        assert (hold(check, G, G, 0.27, start=10.25) is not None) == decides
 
 
-@pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
-def test_late_efforts_in_a_window_are_ignored(late):
+def test_late_efforts_in_a_window_are_ignored():
     """The first states of a hold report the effort before the first command."""
     check = make_check()
-    assert hold(check, ZERO, G, late) is None
-    verdict = verdict_of(check, G, G, start=10.0 + late)
+    assert hold(check, ZERO, G, 0.1) is None
+    verdict = verdict_of(check, G, G, start=10.1)
     assert verdict.ratio == 0.0
     assert verdict.measured.tolist() == G.tolist()
 
@@ -218,16 +225,16 @@ def test_late_efforts_in_a_window_are_ignored(late):
 def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict():
     for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
-        assert hold(check, ZERO, None, 30.0) is None
-        assert check.waiting == UNLOADED_WORDS
+        assert hold(check, 0.24 * G, None, 4.0) is None
+        assert check.waiting.startswith('cannot decide: the measured effort does not carry the')
+    assert verdict_of(make_check(EffortConvention()), 0.26 * G, None).ratio == pytest.approx(0.26)
 
 
 def test_under_a_command_brakes_get_three_seconds():
     check = make_check()
     assert hold(check, ZERO, G, 2.9) is None
     assert verdict_of(check, G, G, start=12.9, seconds=2.0).agrees
-    verdict = verdict_of(make_check(), ZERO, G, 4.0)
-    assert verdict.ratio == pytest.approx(-1.0)
+    assert verdict_of(make_check(), ZERO, G, 3.6).ratio == pytest.approx(-1.0)
 
 
 def test_joints_without_a_measurement_are_left_out():
@@ -237,7 +244,7 @@ def test_joints_without_a_measurement_are_left_out():
     assert verdict.ratio == pytest.approx(1.0)
     check = make_check()
     assert hold(check, [nan, nan], G, 3.0) is None
-    assert check.waiting == NO_EFFORT
+    assert check.waiting == 'no measured effort'
 
 
 # --- texts ---------------------------------------------------------------------------------------
@@ -306,17 +313,16 @@ STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
 
 
 @pytest.mark.parametrize('declared', DECLARED)
-@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
-@pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
-def test_a_robot_that_is_as_declared_raises_no_alarm(declared, arm, load):
-    verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
+def test_a_robot_that_is_as_declared_raises_no_alarm(declared):
+    """With friction and a load of a third of g, and more at the second joint."""
+    verdict = closed_loop(STICKY, declared.robot_compensates, declared, SET_POINT, load=1.5)
     assert verdict.agrees, verdict
 
 
 DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
 
 
-@pytest.mark.parametrize('declared', DECLARED)
+@pytest.mark.parametrize('declared', DECLARED[::3])
 def test_drives_with_a_scale_and_an_offset_are_as_declared(declared):
     verdict = closed_loop(
         ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
@@ -331,10 +337,9 @@ def test_another_controller_of_such_drives_is_found():
     assert verdict.command.tolist() == [0.0, 0.0]
 
 
-@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
-def test_gravity_twice_is_found_behind_a_set_point(arm):
+def test_gravity_twice_is_found_behind_a_set_point():
     """Feedback opposes the excess effort, which is visible in the command."""
-    verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
+    verdict = closed_loop(STICKY, GRAVITY, EffortConvention(), SET_POINT)
     assert verdict.ratio == pytest.approx(1.0, abs=0.05)
     assert not verdict.agrees
 
@@ -342,7 +347,5 @@ def test_gravity_twice_is_found_behind_a_set_point(arm):
 def test_there_is_no_verdict_while_the_arm_moves():
     """The verdict follows after the motion, and is the same."""
     motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
-    for robot, agrees in (((), True), (GRAVITY, False)):
-        assert closed_loop(ARM, robot, EffortConvention(), motion, seconds=1.8) is None
-        verdict = closed_loop(ARM, robot, EffortConvention(), motion, seconds=4.0)
-        assert verdict.agrees == agrees
+    assert closed_loop(ARM, GRAVITY, EffortConvention(), motion, seconds=1.8) is None
+    assert not closed_loop(ARM, GRAVITY, EffortConvention(), motion, seconds=4.0).agrees
