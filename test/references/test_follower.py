@@ -29,8 +29,7 @@ from two_joint_trajectories import (
 
 @pytest.mark.parametrize(('fields', 'continuous'), [
     (1, (True, False, True)),  # linear: the acceleration is zero on both sides
-    (2, (True, True, False)),
-    (3, (True, True, True)),
+    (2, (True, True, False)), (3, (True, True, True)),
 ])
 def test_each_degree_is_continuous_up_to_its_own_derivative(fields, continuous):
     rng = np.random.default_rng(3)
@@ -49,12 +48,11 @@ def test_each_degree_is_continuous_up_to_its_own_derivative(fields, continuous):
         np.testing.assert_allclose(active.sample(EPOCH)[k], before[k], atol=1e-12)
 
 
-@laws
-@given(start=st.integers(1, 2 * EPOCH), span=st.integers(-SECOND, 4 * SECOND))
-def test_a_shift_of_time_changes_not_one_bit(start, span):
+@pytest.mark.parametrize('span', [-1, 0, SECOND // 3, 3 * SECOND])
+def test_a_shift_of_time_changes_not_one_bit(span):
     path = smooth((0.3, 1.0, 2.5))
-    here, there = (ActiveTrajectory(path, t, t, REST) for t in (start, start + EPOCH))
-    for x, y in zip(here.sample(start + span), there.sample(start + EPOCH + span)):
+    here, there = (ActiveTrajectory(path, t, t, REST) for t in (7, 7 + EPOCH))
+    for x, y in zip(here.sample(7 + span), there.sample(7 + EPOCH + span)):
         assert x.tobytes() == y.tobytes()
 
 
@@ -174,18 +172,16 @@ def test_a_measured_state_that_no_arm_has_starts_nothing(position, velocity, wor
 
 
 def test_an_end_in_the_past_is_refused_and_changes_nothing():
-    follower = TrajectoryFollower(JOINTS)
+    follower, now = TrajectoryFollower(JOINTS), 10 * SECOND
     in_force = follower.start(trajectory(), EPOCH, (0.0, 0.0), (0.0, 0.0))
     with pytest.raises(TrajectoryError) as refusal:
-        follower.start(
-            trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND - 1)
+        follower.start(trajectory(), now, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND - 1)
     assert str(refusal.value) == (
         'header.stamp is 7.999999999 s and the last point comes 2 s later, which is 0.000000001 s '
         'before now (10.000000000 s), expected an end in the future, or a zero stamp to start now')
     assert follower.active is in_force
-    active = follower.start(
-        trajectory(), 10 * SECOND, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND)
-    assert active.end_ns == 10 * SECOND
+    assert follower.start(
+        trajectory(), now, (0.0, 0.0), (0.0, 0.0), stamp_ns=8 * SECOND).end_ns == now
 
 
 def test_a_set_point_may_be_late_by_its_age():
@@ -227,11 +223,9 @@ def test_half_a_turn_keeps_the_direction_of_the_numbers(turns, way):
         way * math.tau, abs=1e-5)
 
 
-def test_a_continuous_joint_that_is_no_joint_is_refused():
-    with pytest.raises(InvalidInputError, match=r"\['wrist'\], expected names of \['shoulder'"):
-        TrajectoryFollower(JOINTS, continuous_joints=('wrist',))
-
-
-def test_a_negative_age_is_refused():
-    with pytest.raises(InvalidInputError, match='set_point_max_age is -1, expected a number >= 0'):
-        TrajectoryFollower(JOINTS, set_point_max_age=-1.0)
+@pytest.mark.parametrize(('options', 'words'), [
+    ({'continuous_joints': ('wrist',)}, r"\['wrist'\], expected names of \['shoulder'"),
+    ({'set_point_max_age': -1.0}, 'set_point_max_age is -1, expected a number >= 0')])
+def test_wrong_options_are_refused(options, words):
+    with pytest.raises(InvalidInputError, match=words):
+        TrajectoryFollower(JOINTS, **options)

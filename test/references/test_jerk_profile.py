@@ -30,7 +30,7 @@ LATER = (1.0 + 1e-9, 1.001, 1.1, 1.5, 3.0)
 """Factors on the shortest duration."""
 
 counts = pytest.mark.parametrize(
-    'count', [1_000, pytest.param(100_000, marks=pytest.mark.soak)])
+    'count', [200, pytest.param(100_000, marks=pytest.mark.soak)])
 kinds = pytest.mark.parametrize(('largest', 'symmetric'), [
     pytest.param(0.95, True, id='within'), pytest.param(3.0, True, id='beyond'),
     pytest.param(0.95, False, id='within asymmetric'),
@@ -91,17 +91,14 @@ def check_motion(problem: Problem, phases: Phases, tolerance: float = 1e-9) -> N
 
 @counts
 @kinds
-def test_the_motion_arrives_within_hull_and_bounds(count, largest, symmetric):
-    for problem in problems(count, largest, symmetric, near_stop=0.3):
-        check_motion(problem, to_rest(*problem))
-
-
-@counts
-@kinds
-def test_a_later_arrival_is_exact_within_hull_and_bounds(count, largest, symmetric):
+def test_motions_arrive_within_hull_and_bounds_also_if_they_arrive_later(
+    count, largest, symmetric,
+):
     r = random.Random(1)
     for problem in problems(count, largest, symmetric, near_stop=0.3):
-        earliest = r.choice(LATER) * duration(to_rest(*problem))
+        shortest = to_rest(*problem)
+        check_motion(problem, shortest)
+        earliest = r.choice(LATER) * duration(shortest)
         if earliest < 100.0:  # The rounding error of the position grows with the square.
             phases = to_rest(*problem, earliest)
             assert duration(phases) == pytest.approx(earliest, rel=1e-6)
@@ -139,7 +136,7 @@ def test_any_finite_problem_has_a_finite_motion(count):
 
 @counts
 def test_extremes_and_samples_agree(count):
-    for problem in problems(count // 10, 1.5, symmetric=False):
+    for problem in problems(count // 4, 1.5, symmetric=False):
         phases = to_rest(*problem)
         times = [0.0]
         for T, _ in phases:
@@ -150,26 +147,6 @@ def test_extremes_and_samples_agree(count):
             near = 0.02 * (high - low) + 1e-9
             assert low - 1e-9 <= min(values) <= low + near
             assert high - near <= max(values) <= high + 1e-9
-
-
-@counts
-def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count):
-    """In the frame of a target with constant acceleration, the bounds are relative to it."""
-    r, (v_b, a_b, jerk) = random.Random(3), (2.0, 10.0, 200.0)
-    for _ in range(count):
-        v_f, a_f = r.uniform(-0.5, 0.5), r.uniform(-1.0, 1.0)
-        v, a, distance = r.uniform(-1.0, 1.0), r.uniform(-5.0, 5.0), r.uniform(-0.5, 0.5)
-        bounds = Bounds(-v_b - v_f + 1.0, v_b - v_f - 1.0, -a_b - a_f, a_b - a_f, jerk)
-        phases = to_rest(distance, v - v_f, a - a_f, bounds, r.choice((0.0, 0.9)))
-        T = duration(phases)
-        meeting = (distance + (v_f + a_f * T / 2.0) * T, v_f + a_f * T, a_f)
-        assert end(phases, 0.0, v, a) == pytest.approx(meeting, abs=1e-9)
-        found = extremes(phases, 0.0, v, a)
-        if T < 1.0:  # The target changes its velocity by less than the reserve.
-            assert -v_b <= found.v_min
-            assert found.v_max <= v_b
-        assert -a_b - 1e-9 <= found.a_min
-        assert found.a_max <= a_b + 1e-9
 
 
 @counts
@@ -196,7 +173,7 @@ def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count):
 @counts
 def test_jerks_of_smooth_motions_are_linear_in_the_start(count):
     r, wide = random.Random(5), Bounds(-1e9, 1e9, -1e9, 1e9, 1e9)
-    for _ in range(count // 10):
+    for _ in range(count // 4):
         T = r.uniform(0.1, 10.0)
         first, second = ([r.uniform(-1.0, 1.0) for _ in range(3)] for _ in range(2))
         jerks = []
@@ -210,7 +187,7 @@ def test_jerks_of_smooth_motions_are_linear_in_the_start(count):
 @counts
 def test_the_first_part_of_a_motion_is_that_motion(count):
     r = random.Random(6)
-    for problem in problems(count // 10):
+    for problem in problems(count // 4):
         phases, start = to_rest(*problem), (0.0, *problem[1:3])
         t = r.uniform(0.0, 1.5) * duration(phases)
         part = before(phases, t)
@@ -260,11 +237,10 @@ def test_the_goal_at_the_stop_position_is_the_stop():
 def test_the_goal_at_the_start_needs_no_motion():
     assert to_rest(0.0, *REST, WIDE) == []
     assert to_rest(0.0, *REST, WIDE, 2.0) == [(2.0, 0.0)]
-    assert duration([]) == 0.0
     assert extremes([], 0.5, *REST) == (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize('factor', [1.01, 1.1, 1.3, 2.0])
+@pytest.mark.parametrize('factor', [1.01, 1.1, 2.0])
 def test_a_later_arrival_of_a_moving_joint_neither_reverses_nor_waits_at_the_goal(factor):
     """A peak velocity, a cruise and a stop have no solution for the first two durations."""
     v, a, goal = 1.0, 0.0, 1.05

@@ -9,7 +9,7 @@ import pytest
 from robot_dynamics.references.jerk_profile import Bounds, duration, end
 from robot_dynamics.references.joint_planner import JointPlanner, PlannerLimits
 
-CASES = 3000
+CASES = 300
 
 
 def random_planner(r: random.Random) -> JointPlanner:

@@ -5,7 +5,7 @@
 
 from itertools import combinations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -32,6 +32,7 @@ def largest(normals: np.ndarray, bounds: np.ndarray, extra: np.ndarray, axis: in
     return float(z[:, axis].max())
 
 
+@settings(max_examples=50)
 @given(st.integers(0, 2**32), st.integers(1, 9), st.integers(1, 5))
 def test_states_are_those_of_linear_programs(seed, m, k):
     rng = np.random.default_rng(seed)
