@@ -17,20 +17,16 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import read_parameter_file
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.monitoring.contact_levels import (
     ContactDetector,
     ContactLevels,
     learn_contact_levels,
 )
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
-from robot_dynamics.pictures.stick_figure import tool_link
 from robots import arm_without_gripper
 from scipy import stats
-from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
-from wrong_arms import model_arm, true_arm, WrongModel
-from wrong_arms import RATE as LOOP_RATE
+from unseen_motion import alarms, difference, filtered, random_moves, RATE
+from wrong_arms import model_arm, true_arm
 
 ARMS = 'default', 'ur10', 'panda'
 EXACT_ARMS = {name: arm_without_gripper(name) for name in ARMS}
@@ -84,8 +80,9 @@ def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -
 
 def test_false_alarms_on_unseen_motion_keep_the_promise():
     """Twenty per hour, so that an hour of another motion is enough to count them."""
-    rate, = alarm_rates('ur10', 5, 1, [Promise(TEN_MINUTES, 20.0)])
-    assert 1.0 / SPREAD <= rate <= SPREAD
+    rates = [alarm_rates(name, 5, 1, [Promise(TEN_MINUTES, 20.0)])[0] for name in ARMS]
+    assert max(rates) <= SPREAD
+    assert np.median(rates) >= 1.0 / SPREAD
 
 
 @pytest.mark.soak
@@ -122,23 +119,6 @@ def test_the_promise_is_an_upper_bound_for_known_tails(law, above):
         rates.append(7200.0 * law.sf(found.at(v) / (1.0 + 0.5 * v)).sum(axis=1).mean())
     assert np.count_nonzero(np.array(rates) > SPREAD) <= above
     assert 0.9 < np.median(levels) < 1.15
-
-
-def test_the_fast_estimate_is_that_of_the_observer():
-    model = model_arm('ur10')
-    rng = np.random.default_rng(3)
-    arm = true_arm(model, rng)
-    motion = random_moves(model, 4.0, rng)
-    effort = difference(model, arm, motion, rng)
-    fast = filtered(effort)
-    dynamics = ArmDynamics(model)
-    measured = effort + np.array([
-        dynamics.unchecked.rigid_body.inverse_dynamics(*state) + model.friction.smooth_effort(
-            state[1], np.zeros(6)) for state in zip(*motion)])
-    observer = ExternalEffort(dynamics, BANDWIDTH)
-    found = [observer.update(1.0 / RATE, *state) for state in zip(*motion[:2], measured)]
-    error = np.array(found[1:]) - fast[1:]
-    assert (error[50:].std(axis=0) < 0.3 * fast[50:].std(axis=0)).all()
 
 
 def test_the_count_of_the_test_is_that_of_the_detector():
@@ -215,72 +195,6 @@ def test_a_constant_effort_is_found_within_the_delay(
     if not moves and not noise:
         assert worst < 1e-9
         assert k * dt >= delay - 1e-9
-
-
-class Push(NamedTuple):
-    """A detected push: the delay, and the bounds without and with the error of the estimate."""
-
-    delay: float
-    formula: float
-    with_error: float
-
-
-def pushed(name: str, seed: int) -> Push:
-    """
-    Push an arm in lock-step by twice its level while it moves or rests.
-
-    Its twin with the same noise is not pushed: the effort of the push adds to that of the twin.
-    """
-    model = model_arm(name)
-    frame, period = tool_link(model), 1.0 / LOOP_RATE
-    twins = [WrongModel(model, np.random.default_rng(seed)) for _ in range(2)]
-    seen = motion_of(model, twins[0].plant.arm, 120.0, seed + 50)
-    observers = [ExternalEffort(ArmDynamics(model), BANDWIDTH) for _ in twins]
-    levels = learned(model, seen, 1.0)
-    detector, goal = ContactDetector(levels, model.joint_names), twins[0].goal()
-    for twin, observer in zip(twins, observers):
-        twin.follow(goal)
-        twin.rng = np.random.default_rng(seed)
-        for _ in range(round((0.6 + 0.5 * (seed % 4)) * LOOP_RATE)):
-            observer.update(period, *twin.step())
-    J = ExternalWrenchEstimator(ArmDynamics(model), observers[0], frame).jacobian(
-        twins[0].plant.q)
-    theta = levels.at(twins[0].plant.v)
-    F = np.random.default_rng(seed).normal(size=6)
-    joint = int(np.argmax(np.abs(J.T @ F) / theta))
-    F *= 2.0 * theta[joint] / np.abs(J.T @ F)[joint]
-    sign, tau = np.sign(J.T @ F)[joint], 2.0 * float(theta[joint])
-    wrench, thresholds = ExternalWrench(frame, F[:3], F[3:]), []
-    for _ in range(round(0.3 * LOOP_RATE)):
-        samples = twins[0].step([wrench]), twins[1].step()
-        r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
-        v = samples[0].v
-        level = float(levels.at(v)[joint])
-        thresholds.append(level - sign * error[joint])
-        if detector.update(period, v, r) is not None:
-            break
-    # 5 %: the effort of a wrench changes as the arm moves
-    bounds = ((level, tau), (max(thresholds), 0.95 * tau))
-    return Push(len(thresholds) * period, *(
-        detection_delay(one, effort, BANDWIDTH) + period for one, effort in bounds))
-
-
-def test_the_delay_on_an_arm_with_friction_and_noise():
-    """The error of the estimate adds to the push, and may delay the detection."""
-    pushes = [pushed('ur10', seed) for seed in range(3)]
-    assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize('name', ARMS)
-def test_the_median_delay_of_many_pushes(name):
-    """The median is that of the formula, in which the estimate has no error."""
-    pushes = [pushed(name, seed) for seed in range(48)]
-    assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
-    late = 1e3 * np.array([push.delay - push.formula for push in pushes])
-    print(f'{name}: {np.mean(late < 1e-6):.0%} of {len(late)} pushes within the formula, median '
-          f'{np.median(late):+.1f} ms, latest {late.max():+.1f} ms')
-    assert np.median(late) < 1e-6
 
 
 # ------------------------------------------------------------------------------ files, bad input

@@ -47,17 +47,10 @@ def with_everything(arm: ArmModel) -> ArmModel:
 @pytest.mark.parametrize('gain_times_dt', [1e-9, 1e-3, 0.5, 2.0, 50.0, 1e6])
 def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_dt):
     observer, effort = MomentumObserver(2, BANDWIDTH), np.array([3.0, -7.0])
-    dt = gain_times_dt / K
-    for k in range(1, 200):
-        estimate = observer.update(dt * effort, np.zeros(2), dt)
-        assert estimate == pytest.approx(effort * -math.expm1(-K * k * dt), rel=1e-9)
-
-
-def test_uneven_stamps_change_nothing():
-    observer, effort, t = MomentumObserver(1, BANDWIDTH), np.array([5.0]), 0.0
-    for dt in np.random.default_rng(1).exponential(0.01, 300).tolist():
+    t = 0.0
+    for dt in np.random.default_rng(1).exponential(gain_times_dt / K, 100).tolist():
         t += dt
-        estimate = observer.update(dt * (effort + 2.0), np.array([2.0 * dt]), dt)
+        estimate = observer.update(dt * (effort + 2.0), np.full(2, 2.0 * dt), dt)
         assert estimate == pytest.approx(effort * -math.expm1(-K * t), rel=1e-9)
 
 
@@ -123,16 +116,6 @@ def test_a_push_is_followed_as_by_a_first_order_filter():
     assert np.abs(runs[-1].estimates[:50]).max() < 1e-3  # before the push
     assert errors[-1] < 2e-3  # compared with a push of up to 20 N·m
     assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
-
-
-def test_friction_missing_in_the_model_is_estimated_as_external():
-    bare = three_links()
-    arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
-    seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
-    assert np.abs(seen.off).max() < 5e-3
-    unseen = run(arm, bare, 1e-3, 0.2, push_at=1.0)
-    assert np.abs(unseen.off + arm.friction.viscous * unseen.v).max() < 5e-3
-    assert np.abs(unseen.off).max() > 0.5
 
 
 def test_a_load_that_the_model_has_too_makes_no_step():

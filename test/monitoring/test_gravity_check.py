@@ -8,25 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
     GravityVerdict,
     verdict_in_words,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.plant import InnerController
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
@@ -269,64 +261,7 @@ def test_a_warning_has_the_numbers_and_the_parameter(semantics, effort, words):
     assert '\n' not in line
 
 
-# --- in closed loop ------------------------------------------------------------------------------
-
-def closed_loop(
-    arm: ArmModel, robot: tuple[str, ...], declared: EffortConvention,
-    reference: JointTrajectory | None = None, seconds: float = 4.0, load: float = 0.0,
-    q: Any = Q,
-) -> GravityVerdict | None:
-    """Return the verdict with a controller of the bare arm and a simulated robot."""
-    controller = Controller(
-        ARM.with_drive(arm.drive),
-        ControllerOptions(make_gains(NAMES), effort_convention=declared))
-    robot_side = InnerController(
-        arm, EffortConvention(declared.measured_effort, robot))
-    check = GravityCheck(declared, arm.friction, None, arm.is_continuous, arm.drive)
-    simulation = ArmSimulation(arm, q)
-    if load:
-        simulation.set_payloads([make_payload('tool0', load)])
-    simulation.release()
-    if reference is not None:
-        controller.update(1, *simulation.state)  # required before a trajectory
-        controller.follow(reference, 0)
-    command = None
-    for k in range(round(seconds * 200)):
-        state = simulation.state
-        measured = robot_side.measured(simulation.effort, *state, braked=False)
-        t = 1 + k * PERIOD_NS
-        output = controller.update(t, *state)
-        if k and (verdict := check.add(
-                t, *state, measured, command, output.robot_gravity)) is not None:
-            return verdict
-        command = output.command
-        simulation.step(
-            robot_side.with_own_compensation(command, *state), 1e-9 * PERIOD_NS)
-    return None
-
-
-DECLARED = (
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY))
-SET_POINT = make_trajectory(NAMES, [0.0], [Q], [], [], NAMES)
-STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
-
-
-@pytest.mark.parametrize('declared', DECLARED)
-def test_a_robot_that_is_as_declared_raises_no_alarm(declared):
-    """With friction and a load of a third of g, and more at the second joint."""
-    verdict = closed_loop(STICKY, declared.robot_compensates, declared, SET_POINT, load=1.5)
-    assert verdict.agrees, verdict
-
-
 DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
-
-
-@pytest.mark.parametrize('declared', DECLARED[::3])
-def test_drives_with_a_scale_and_an_offset_are_as_declared(declared):
-    verdict = closed_loop(
-        ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
-    assert verdict.ratio == pytest.approx(declared.expected_ratio, abs=0.01)
 
 
 def test_another_controller_of_such_drives_is_found():
@@ -335,17 +270,3 @@ def test_another_controller_of_such_drives_is_found():
     assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
     assert verdict.measured == pytest.approx(G)
     assert verdict.command.tolist() == [0.0, 0.0]
-
-
-def test_gravity_twice_is_found_behind_a_set_point():
-    """Feedback opposes the excess effort, which is visible in the command."""
-    verdict = closed_loop(STICKY, GRAVITY, EffortConvention(), SET_POINT)
-    assert verdict.ratio == pytest.approx(1.0, abs=0.05)
-    assert not verdict.agrees
-
-
-def test_there_is_no_verdict_while_the_arm_moves():
-    """The verdict follows after the motion, and is the same."""
-    motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
-    assert closed_loop(ARM, GRAVITY, EffortConvention(), motion, seconds=1.8) is None
-    assert not closed_loop(ARM, GRAVITY, EffortConvention(), motion, seconds=4.0).agrees

@@ -5,8 +5,6 @@
 
 from typing import Any
 
-from hypothesis import given, settings
-from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateVerdict
@@ -48,32 +46,14 @@ def test_the_limit_of_age_may_change_and_0_is_none():
 
 # --- other clocks --------------------------------------------------------------------------------
 
-STORY = st.lists(st.tuples(
-    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # increment of the stamp
-    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # increment of the clock
-    st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
-
-
-def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
-    """Return the result for each state of a story: the judgement, or the reason of rejection."""
-    one.crowd = crowd
-    stamp = clock = 0.0
-    fates: list[object] = []
-    for by_stamp, by_clock, way in story:
+@pytest.mark.parametrize('begin', [100.0, 1e9 - 1000.0])
+@pytest.mark.parametrize('crowd', [False, True])
+def test_simulated_time_has_no_age(begin, crowd):
+    """Stamps before 2001, 1e9 s after 1970, are of a simulation, which may pause or be slow."""
+    one, stamp, clock = started(offset=begin - NOW / SECOND, crowd=crowd), 0.0, 0.0
+    for by_stamp, by_clock in ((0.002, 0.002), (0.002, 20.0), (0.1, 0.0), (0.0, 5.0), (5.0, 25.0)):
         stamp, clock = stamp + by_stamp, clock + by_clock
-        try:
-            fates.append(one.judge(stamp, clock, Q + [way, 0.0]))
-        except ImplausibleStateError as error:
-            fates.append(str(error))
-    return fates
-
-
-@settings(max_examples=50)
-@given(STORY, st.floats(100.0, 1e9 - 1000.0) | st.just(1e9 - 1000.0), st.booleans())
-def test_simulated_time_has_no_age(story, begin, crowd):
-    """Stamps before 2001, 1e9 s after 1970, are of a simulation."""
-    fates = fates_of(Watched(offset=begin - NOW / SECOND), story, crowd)
-    assert not [fate for fate in fates if 'old' in str(fate) or 'future' in str(fate)]
+        assert one.judge(stamp, clock).is_new == (by_stamp > 0.0)
 
 
 def test_simulated_time_may_run_slowly_but_does_not_jump():
@@ -109,11 +89,10 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset):
 def test_the_offset_of_a_clock_is_followed_by_a_thousandth_of_the_time():
     """A clock that is 0.2 % fast is 0.2 s off what is followed after 200 s."""
     one, t = started(offset=1e8), 0.0
-    with pytest.raises(ImplausibleStateError, match='in the future'):
-        while t < 1000.0:
-            t += 0.5
-            one.judge(1.002 * t, t)
-    assert 180.0 < t < 220.0
+    while t < 180.0:
+        t += 0.5
+        one.judge(1.002 * t, t)
+    assert one.refusal(1.002 * 220.0, 220.0).reason == 'from the future'
 
 
 @pytest.mark.parametrize('clock', [1.0, 1.1])

@@ -8,18 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.state_plausibility import StatePlausibility, StateVerdict
-from watched_states import (
-    LIMIT,
-    MAX_AGE,
-    NAMES,
-    nanoseconds,
-    NOW,
-    PERIOD,
-    Q,
-    started,
-    Watched,
-)
+from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from watched_states import LIMIT, PERIOD, Q, started, Watched
 
 LONGEST_GAP = 30.0  # [s] without a state, after which any state is a first one
 CONFIRMATIONS = 5  # states that must follow one that does not follow the old ones
@@ -149,29 +139,10 @@ def test_states_that_do_not_follow_each_other_are_not_confirmed(place):
         assert one.refusal(stamp, k * PERIOD, q).reason == 'jump'
 
 
-def test_a_stray_state_does_not_count_as_a_confirmation():
-    one = started(crowd=True)
-    one.refusal(PERIOD, q=Q + [9.0, 0.0])
-    for k in range(2, CONFIRMATIONS + 2):
-        assert one.refusal(k * PERIOD, q=Q + [1.0, 0.0]).reason == 'jump'
-    assert one.judge((CONFIRMATIONS + 2) * PERIOD, q=Q + [1.0, 0.0]).restart == 'jump'
-
-
 def test_the_joint_that_jumped_is_named():
     one = started(crowd=True)
     assert "position of 'wrist' is 0.6, 1 away from that of 0.002 s before" in str(
         one.refusal(PERIOD, q=Q + [0.0, 1.0]))
-
-
-def test_the_crowd_is_not_counted_while_all_is_well():
-    watch = StatePlausibility(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
-
-    def must_not_be_asked() -> bool:
-        raise AssertionError
-
-    for k in range(3):
-        t = NOW + k * nanoseconds(PERIOD)
-        watch.judge(t, t, Q, None, must_not_be_asked)
 
 
 # --- resets --------------------------------------------------------------------------------------
@@ -180,11 +151,7 @@ def test_the_crowd_is_not_counted_while_all_is_well():
 def test_after_a_long_pause_any_state_is_a_first_state(crowd):
     one = started(crowd=crowd)
     assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == StateVerdict(True, None, 'first state')
-
-
-def test_after_a_shorter_one_it_is_not():
-    one = started()
-    assert one.judge(LONGEST_GAP - 0.1).dt == pytest.approx(LONGEST_GAP - 0.1)
+    assert started().judge(LONGEST_GAP - 0.1).dt == pytest.approx(LONGEST_GAP - 0.1)
 
 
 def test_refused_states_do_not_keep_the_memory_alive():

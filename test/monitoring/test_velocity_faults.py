@@ -6,11 +6,9 @@
 from collections.abc import Callable
 import itertools
 import math
-import re
 
 from consistency_signals import (
     alarms,
-    at_rest,
     consistency,
     FINE,
     KINDS,
@@ -68,38 +66,15 @@ def test_faults_are_found_within_a_small_displacement(noise, sign, zeros, speed,
         assert not one.frozen.any()
 
 
-@pytest.mark.parametrize(('speed', 'acceleration'), [(0.15, 6.0), (1.0, 3.0)])
-def test_the_step_of_a_velocity_that_becomes_wrong_is_not_its_noise(speed, acceleration):
-    """At 30 Hz each state counts: the second one decides, while the arm is driven away."""
-    t, begin = np.arange(0.0, 3.0, 1.0 / 30.0), 60
-    driven = np.maximum(t - t[begin], 0.0)
-    v = speed + acceleration * driven
-    states = States(SECOND + np.rint(1e9 * t).astype(np.int64), *(
-        x[:, None] * np.array([1.0, 0.0, 0.0]) for x in (
-            speed * t + 0.5 * acceleration * driven**2, np.where(t < t[begin], v, -v))))
-    row, reason = next(alarms(consistency(), states))
-    assert row == begin + 1
-    assert 'wrong sign' in reason
-
-
 @pytest.mark.parametrize('fault', FAULTS)
 def test_the_cause_is_named_in_motion_from_rest(fault):
+    duration, moved, _ = faulty(fault, 1.0, 100, 0.0, 0)
+    assert max(duration, moved) < 0.1
     _, moved, one = faulty(fault, 1.0, 100, 0.0, 0, begin=0.0)
     assert moved < 0.25
     assert one.doubtful.tolist() == [True, False, False]
     assert "velocity of 'joint1' is " in one.reason
     assert FAULTS[fault][1] in one.reason
-
-
-def test_velocities_that_become_zero_have_no_noise():
-    """An oscillation that the noise before could explain is found in half a period."""
-    rng, t = np.random.default_rng(0), np.arange(0.0, 5.0, 1.0 / 500.0)
-    swing = 0.01 * np.sin(20.0 * t)[:, None] * (t >= 3.0)[:, None] * np.array([1.0, -1.0, 0.0])
-    v = rng.normal(0.0, 0.2, (len(t), N)) * (t < 3.0)[:, None]
-    row, reason = next(alarms(consistency(), States(
-        SECOND + np.round(1e9 * t).astype(np.int64), swing, v)))
-    assert 3.0 < t[row] < 3.0 + np.pi / 20.0
-    assert 'zero or missing' in reason
 
 
 @pytest.mark.parametrize(('rate', 'speed', 'begins'), [
@@ -120,14 +95,6 @@ def test_zeros_are_found_soon_in_motion_and_after_a_start(rate, speed, begins):
     assert begins or found > 0.02
 
 
-@pytest.mark.parametrize('fault', ['double', 'half'])
-@pytest.mark.parametrize('rate', [100, 500])
-def test_a_wrong_scale_is_found(fault, rate):
-    duration, moved, _ = faulty(fault, 1.0, rate, 0.0, 0)
-    assert duration < 0.1
-    assert moved < 0.1
-
-
 @pytest.mark.filterwarnings('ignore:overflow', 'ignore:invalid value')
 @pytest.mark.parametrize('value', [1e200, 1e308, math.inf, math.nan])
 def test_velocities_beyond_all_numbers_are_in_doubt(value):
@@ -137,16 +104,6 @@ def test_velocities_beyond_all_numbers_are_in_doubt(value):
             [value if 50 <= k < 53 else 5e-3, 5e-3, 5e-3]))
     assert one.doubtful.tolist() == [True, False, False]
     assert one.reason
-
-
-def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong():
-    states = at_rest(np.random.default_rng(0), 500)
-    states.q[:] = 0.2
-    states.v[1000:, 0] += 3.0
-    one = consistency()
-    _, reason = next(alarms(one, states, np.zeros_like(states.q)))
-    assert one.doubtful.tolist() == [True] + [False] * (N - 1)
-    assert 'the position does not move' in reason
 
 
 # --- marks ------------------------------------------------------------------------------------
@@ -200,12 +157,6 @@ def first_reason(q: FloatArray, v: FloatArray, rate: float) -> str:
     return reason
 
 
-def test_a_velocity_that_becomes_zero_is_named_although_it_was_true_before():
-    t = np.arange(0.0, 2.0, 0.002)
-    assert 'velocity is zero or missing' in first_reason(
-        1.0 * t, np.where(t < 1.0, 1.0, 0.0), 500.0)
-
-
 @pytest.mark.parametrize(('factor', 'cause'), [
     (-1.0, 'wrong sign'), (2.5, ' times the displacement'), (0.0, 'zero or missing')])
 def test_the_cause_is_named_in_motion_that_reverses(factor, cause):
@@ -213,14 +164,3 @@ def test_the_cause_is_named_in_motion_that_reverses(factor, cause):
     q, v = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
     true = t < 1.0 + 1.0 / 24.0  # a reversal
     assert cause in first_reason(q, np.where(true, v, factor * v), 500.0)
-
-
-def test_the_window_with_the_largest_contradiction_is_described():
-    """A small error of a slow joint needs a long one: 0.15 W > 0.003 + 0.02 W + 0.3 · 0.25 W."""
-    t = np.arange(0.0, 2.0, 0.002)
-    reason = first_reason(0.1 * t, np.where(t < 1.0, 0.1, 0.25), 500.0)
-    found = re.search('moved by ([0-9.]+) in ([0-9]+) ms: 2.[45] times', reason)
-    assert found
-    moved, window = map(float, found.groups())
-    assert 0.003 / 0.055 < 1e-3 * window < 0.1
-    assert moved == pytest.approx(1e-4 * window, rel=0.1)

@@ -80,20 +80,6 @@ def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(name, see
         assert (np.abs(M) @ limits.jerk <= ELSEWHERE * EFFORT_FRACTION * rate(name)).all()
 
 
-@given(limited=st.lists(st.booleans(), min_size=16, max_size=16),
-       scale=st.sampled_from([1.0, 0.1, 1e-6, 0.0]))
-@laws
-def test_with_low_effort_limits_or_without_all_values_are_finite_and_positive(limited, scale):
-    arm = arm_of('panda')
-    n = arm.joint_count
-    effort = np.where(limited[:n], scale * arm.limits.effort, np.inf)
-    rates = np.where(limited[8:8 + n], rate('panda'), np.inf)
-    limits = workspace('panda').motion_limits(effort, rates)
-    for values in (limits.velocity, limits.acceleration, limits.jerk):
-        assert np.isfinite(values).all()
-        assert (values > 0.0).all()
-
-
 def test_without_effort_limits_half_the_speed_is_reached_in_200_ms_with_a_jerk_of_50_ms():
     """A motion that the sender has planned may take 88 % of the speed, and 1.5 times the rest."""
     none = np.full(2, np.inf)

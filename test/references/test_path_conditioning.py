@@ -109,12 +109,6 @@ def test_a_path_of_positions_is_followed_within_the_limits(sent):
         assert (q <= np.maximum(q[0], q[-1]) + 1e-9).all()
 
 
-def test_a_slow_path_of_positions_is_not_slowed_down():
-    found, slowness = conditioned(path([1.0, 5.0, 9.0], [[0.0, 0.0], [0.2, 0.1], [0.3, 0.3]]))
-    assert slowness == 1.0
-    assert [p.time_from_start for p in found.points] == [1.0, 5.0, 9.0]
-
-
 # --- paths of many points without velocities -----------------------------------------------------
 
 def sampled(name: str, count: int) -> JointTrajectory:
@@ -152,19 +146,6 @@ def test_many_points_are_followed_closely_at_about_their_times(name, count, most
         assert np.abs(positions - one).max(axis=1).min() <= 0.0055
     assert (positions <= q.max(axis=0) + 1e-9).all()
     assert (positions >= q.min(axis=0) - 1e-9).all()
-
-
-@laws
-@given(st.integers(10, 60), st.integers(0, 2**32 - 1), st.floats(1e-5, 1.0),
-       st.floats(1e-3, 2.0))
-def test_random_paths_of_many_points_are_within_the_limits(count, seed, step, interval):
-    rng = np.random.default_rng(seed)
-    t = np.cumsum(rng.uniform(0.1, 1.0, count)) * interval
-    sent = path(t.tolist(), np.cumsum(rng.normal(0.0, step, (count, 2)), axis=0))
-    found, slowness = conditioned(sent)
-    assert slowness >= 1.0
-    assert_within_limits(found)
-    assert_starts_and_ends_at_rest(found, sent)
 
 
 @pytest.mark.parametrize(('count', 'is_exact'), [(9, True), (10, False)])

@@ -154,15 +154,6 @@ def test_after_an_imperceptible_motion_all_joints_arrive_at_the_time_of_the_goal
     assert at(one, 0.51 + 2.0**31).position == pytest.approx(goal)
 
 
-def test_a_goal_is_followed_again_after_one_without_limits():
-    one, limits = generator(), limits_of()
-    for t, goal, used in ((0.0, (0.5, 0.0), limits), (10.0, (0.2, 0.1), None),
-                          (20.0, (0.5, 0.0), limits)):
-        one.limits = used
-        one.start(set_point(goal, wait=1.0), ns(t), ZERO, ZERO)
-        np.testing.assert_allclose(at(one, t + 9.0).position, goal)
-
-
 # --- trajectories --------------------------------------------------------------------------------
 
 @laws

@@ -115,18 +115,6 @@ def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limi
     assert_within(everything, limits)
 
 
-@pytest.mark.parametrize('rate', [10, 100])
-def test_a_sine_of_positions_is_followed_smoothly(rate):
-    h, limits = 1.0 / rate, limits_of()
-    everything = stream(generator(), sine, h, 1.8, False)
-    assert_within(everything, limits)
-    found = everything.after(0.8)
-    most = stated_lag(h, AMPLITUDE * OMEGA, limits)
-    errors = [np.abs(found.q - np.array([sine(t - lag)[0] for t in found.t.tolist()])).max()
-              for lag in np.linspace(0.0, most, 20).tolist()]
-    assert min(errors) < 0.2 * AMPLITUDE
-
-
 @pytest.mark.parametrize(('rate', 'distance'), [(2, 2.0), (10, 0.3), (50, 2.0), (200, 0.02)])
 def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(rate, distance):
     goal, one = np.array((distance, -0.5 * distance)), generator()
@@ -138,12 +126,3 @@ def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(rate,
     assert not last.velocity.any()
     assert (found.q / goal).max() <= 1.0 + 1e-9
     assert (np.diff(found.q / goal, axis=0) >= -1e-9).all()
-
-
-@pytest.mark.parametrize('rate', [10, 200])
-def test_a_stream_that_stays_at_its_last_position_ends_there_with_little_overshoot(rate):
-    one = generator()
-    found = stream(one, lambda t: (ramp(min(t, 1.0))[0], ZERO), 1.0 / rate, 2.5, False)
-    goal = ramp(1.0)[0]
-    assert at(one, 2.5).position == pytest.approx(goal, abs=1e-12)
-    assert (found.q / goal).max() <= 1.05

@@ -3,6 +3,8 @@
 
 """Task space against MuJoCo and Drake, its laws at a rank loss, and its errors."""
 
+import re
+
 from engine_cases import Case, description, ENGINES, make_case, with_other_relations, with_payloads
 from engines import Array
 from hypothesis import given
@@ -12,9 +14,8 @@ import pytest
 from random_trees import laws, random_cases
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.task_space import TaskSpace, TaskSpaceState
 from robots import robot_urdf
 
@@ -105,19 +106,6 @@ def assert_equation_of_motion(state: TaskSpaceState, case: Case, q: Array, v: Ar
     assert_small(error, TOLERANCE, 'Lambda v + mu + p')
 
 
-@pytest.mark.parametrize('engine', ENGINES)
-def test_locked_joints_and_another_order(engine):
-    """A lift and an arm, without the gripper and the head, from the wrist to the base."""
-    joints = [*(f'arm_{i}_joint' for i in range(7, 0, -1)), 'torso_lift_joint']
-    case = make_case(engine, description('tiago_no_hand'), joints=joints)
-    task = TaskSpace(case.arm, 'arm_7_link', POINT)
-    for q, v, _, _ in case.states(3):
-        state = task.at(q, v)
-        assert_motion(state, (*case.reference.point_motion(q, v, 'arm_7_link', POINT),
-                              case.reference.mass_matrix(q)))
-        assert_equation_of_motion(state, case, q, v)
-
-
 @laws
 @given(case=random_cases)
 def test_laws_on_random_trees(case):
@@ -192,20 +180,6 @@ def test_every_distance_to_a_singularity():
         state.directions[15, 5]), 1.0, atol=1e-6)
 
 
-def test_planar_arm_in_closed_form():
-    """The end of the two-link arm: the force of gravity of a load at the end is its weight."""
-    arm = load_arm(robot_urdf('default'))
-    load = make_payload('link2', 1e-3, (0.0, 0.0, 0.8))
-    bare, loaded = RigidBody(arm), RigidBody(arm.with_payloads([load]))
-    q = (0.7, 0.4)
-    state = TaskSpace(arm, 'link2', (0.0, 0.0, 0.8)).at(q)
-    weight = state.dynamic_inverse.T @ (loaded.gravity(q) - bare.gravity(q))
-    lost = state.lost_directions
-    assert lost.shape == (4, 6)
-    expected = np.array([0.0, 0.0, 9.81e-3, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(weight, expected - lost.T @ lost @ expected, atol=1e-12)
-
-
 @pytest.mark.parametrize('n', [1, 2, 5])
 def test_fewer_than_six_joints(n):
     ones = [1.0] * n
@@ -262,20 +236,10 @@ def test_invalid_input_is_named():
             call()
 
 
-MASSLESS = """<robot name="massless">
-<link name="base"/>
-<link name="upper"><inertial><mass value="1"/><origin xyz="0 0 0.5"/>
-<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="lower"/>
-<joint name="joint1" type="continuous"><parent link="base"/><child link="upper"/>
-<axis xyz="0 1 0"/></joint>
-<joint name="joint2" type="continuous"><parent link="upper"/><child link="lower"/>
-<origin xyz="0 0 1"/><axis xyz="0 1 0"/></joint>
-</robot>"""
-
-
 def test_a_joint_without_mass_is_named():
-    task = TaskSpace(load_arm(MASSLESS), 'lower')
+    urdf = re.sub(r'(<link name="link2">.*?)<inertial>.*?</inertial>', r'\1', default_arm_urdf(),
+                  flags=re.DOTALL)
+    task = TaskSpace(load_arm(urdf), 'link2')
     assert task.at((0.0, 0.0)).jacobian.shape == (6, 2)
     with pytest.raises(InvalidInputError, match=r'at position \[0.0, 0.0\] is not positive def'):
         _ = task.batch(np.zeros((2, 2))).inertia

@@ -72,7 +72,6 @@ REFUSALS = [
      "joint_names has 'elbow' twice, expected each name once"),
     ({'times': ()}, 'points is empty, expected at least one point'),
     ({'times': (-0.5, 1.0)}, 'points[0].time_from_start is -0.5, expected a number in '),
-    ({'times': (1.0, 1e10)}, 'points[1].time_from_start is 1e+10, expected a number in '),
     ({'times': (0.0, math.nan)}, 'points[1].time_from_start is nan, expected a finite number'),
     ({'times': (0.0, 'soon')}, "points[1].time_from_start is 'soon', expected a finite number"),
     ({'times': (1.0, 1.0)}, 'points[1].time_from_start is 1.0 s, expected more than the 1.0 s of '
@@ -84,8 +83,6 @@ REFUSALS = [
     ({'q': ((0.1, 0.2), (0.3,))}, 'points[1].positions has 1 values, expected 2, one for each of '
                                   "['shoulder', 'elbow']"),
     ({'q': (0.1, 0.2)}, 'points[0].positions has an array of shape (), expected 2'),
-    ({'q': ((0.1, 0.2), (0.3, 'far'))},
-     "points[1].positions[1] (elbow) is 'far', expected a finite number"),
     ({'q': ((0.1, None), (0.3, 0.4))},
      f'points[0].positions[1] (elbow) is {None}, expected a finite number'),
     ({'times': (False, 1.0)}, 'points[0].time_from_start is False, expected a finite number'),
@@ -94,14 +91,12 @@ REFUSALS = [
      'points[0].positions[1] (elbow) is nan, expected a finite number'),
     ({'q': ((0.1, 0.2), (0.3, 1e308))},
      'points[1].positions[1] (elbow) is 1e+308, expected a number in [-1e+09, 1e+09]'),
-    ({'v': ((-2e9, 0.2), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -2e+09, expected'),
     ({'v': ((0.1, 0.2), (0.0, 0.3))},
      'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm '
      'has to be at rest'),
     ({'v': ()}, 'points[0].velocities is empty although accelerations are given, expected 2 '
      'values, one for'),
     ({'a': ((0.1, 0.2), (0.0,))}, 'points[1].accelerations has 1 values, expected 2'),
-    ({'a': ((0.1, 0.2), (0.0, math.nan))}, 'points[1].accelerations[1] (elbow) is nan'),
 ]
 
 

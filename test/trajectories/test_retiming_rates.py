@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 from retimed import distance_from_lines, sampled
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
@@ -17,7 +16,6 @@ from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.path import path_of
-from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics.trajectories.retiming import retime
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from robots import JOINTS, robot_urdf
@@ -108,25 +106,3 @@ def test_lower_rates_and_loads_take_longer():
     limited = duration(arm, 1.0)
     assert fastest < limited < duration(arm, 0.25)
     assert duration(loaded, 1.0) > limited
-
-
-def test_an_executable_motion_costs_a_bounded_time():
-    """The window of the mean costs time at the start and the end, and at narrow bends."""
-    arm = arm_of('ur10')
-    path = quintic_via_points(arm.joint_names, (0.0, 1.0), [
-        point.position for point in random_path(arm, 1, 2).points])
-    fastest = retime(ArmDynamics(arm), path).duration
-    limited = retime(ArmDynamics(arm), path, effort_rate_limits=rates_of(arm)).duration
-    assert limited - fastest < 0.35
-
-
-@pytest.mark.parametrize(('given', 'words'), [
-    ([1.0], 'effort_rate_limits has 1 values, expected 2'),
-    ([1.0, 0.0], "effort_rate_limits of 'joint2' is 0"),
-    (float('nan'), 'effort_rate_limits')])
-def test_a_wrong_rate_is_refused_by_name(given, words):
-    arm = load_arm(default_arm_urdf())
-    path = quintic_via_points(arm.joint_names, (0.0, 1.0), [[0.0, 0.0], [0.5, 0.5]])
-    with pytest.raises(InvalidInputError, match='effort_rate_limits') as error:
-        retime(ArmDynamics(arm), path, effort_rate_limits=given)  # type: ignore[arg-type]
-    assert words in str(error.value)

@@ -116,28 +116,6 @@ def test_one_quick_segment_among_thousands():
     assert times[2999] < result.worst_time < times[3000]
 
 
-def test_the_motion_before_the_first_point_is_no_part():
-    """The effort depends on the later position of the arm, which the request does not contain."""
-    at_once, later = (
-        efforts_along(DYNAMICS, trajectory(
-            [start, start + 1.0], [[3.0, 0.0], [2.0, 0.5]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2))
-        for start in (0.0, 0.01))
-    assert later.worst_ratio == pytest.approx(at_once.worst_ratio)
-    assert later.worst_time == pytest.approx(at_once.worst_time + 0.01)
-
-
-def test_the_rest_after_the_last_point_counts():
-    """The acceleration of the point is the one at which gravity needs no effort."""
-    q = np.array([np.pi / 2, 0.0])
-    falling = DYNAMICS.forward_dynamics(q, np.zeros(2), np.zeros(2))
-    path = trajectory(
-        [0.0, 0.1], [(q - 0.005 * falling).tolist(), q.tolist()],
-        [(0.1 * falling).tolist(), [0.0, 0.0]], [falling.tolist()] * 2)
-    result = efforts_along(DYNAMICS, path)
-    assert result.efforts[1] == pytest.approx(np.zeros(2), abs=1e-9)
-    assert result.worst_ratio >= (np.abs(DYNAMICS.rigid_body.gravity(q)) / LIMITS).max()
-
-
 @pytest.mark.parametrize(('path', 'motions'), [
     (trajectory([0.0], [[1.0, 0.5]]), [([1.0, 0.5], [0.0, 0.0], [0.0, 0.0])]),
     (trajectory([0.0, 0.5], [[0.4, 0.3], [1.0, -0.5]], [[0.1, 0.2], [0.0, 0.0]], [[3.0, 4.0]] * 2),
