@@ -5,7 +5,6 @@
 
 from collections.abc import Sequence
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 from free_motion_recording import learn_contact_levels as run_verb
@@ -18,20 +17,16 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import read_parameter_file
-from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.monitoring.contact_levels import (
     ContactDetector,
     ContactLevels,
     learn_contact_levels,
 )
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
-from robot_dynamics.pictures.stick_figure import tool_link
 from robots import arm_without_gripper
 from scipy import stats
-from unseen_motion import alarms, BANDWIDTH, difference, filtered, random_moves, RATE
-from wrong_arms import model_arm, true_arm, WrongModel
-from wrong_arms import RATE as LOOP_RATE
+from unseen_motion import alarms, difference, filtered, random_moves, RATE
+from wrong_arms import model_arm, true_arm
 
 ARMS = 'default', 'ur10', 'panda'
 EXACT_ARMS = {name: arm_without_gripper(name) for name in ARMS}
@@ -84,9 +79,8 @@ def alarm_rates(name: str, seed: int, hours: int, promises: Sequence[Promise]) -
 # ------------------------------------------------------------------------------ false alarms
 
 def test_false_alarms_on_unseen_motion_keep_the_promise():
-    """Twenty per hour, so that two hours of another motion are enough to count them."""
-    promise = Promise(TEN_MINUTES, 20.0)
-    rates = [alarm_rates(name, 5, 2, [promise])[0] for name in ARMS]
+    """Twenty per hour, so that an hour of another motion is enough to count them."""
+    rates = [alarm_rates(name, 5, 1, [Promise(TEN_MINUTES, 20.0)])[0] for name in ARMS]
     assert max(rates) <= SPREAD
     assert np.median(rates) >= 1.0 / SPREAD
 
@@ -127,23 +121,6 @@ def test_the_promise_is_an_upper_bound_for_known_tails(law, above):
     assert 0.9 < np.median(levels) < 1.15
 
 
-def test_the_fast_estimate_is_that_of_the_observer():
-    model = model_arm('ur10')
-    rng = np.random.default_rng(3)
-    arm = true_arm(model, rng)
-    motion = random_moves(model, 20.0, rng)
-    effort = difference(model, arm, motion, rng)
-    fast = filtered(effort)
-    dynamics = ArmDynamics(model)
-    measured = effort + np.array([
-        dynamics.unchecked.rigid_body.inverse_dynamics(*state) + model.friction.smooth_effort(
-            state[1], np.zeros(6)) for state in zip(*motion)])
-    observer = ExternalEffort(dynamics, BANDWIDTH)
-    found = [observer.update(1.0 / RATE, *state) for state in zip(*motion[:2], measured)]
-    error = np.array(found[1:]) - fast[1:]
-    assert (error[50:].std(axis=0) < 0.3 * fast[50:].std(axis=0)).all()
-
-
 def test_the_count_of_the_test_is_that_of_the_detector():
     rng = np.random.default_rng(1)
     levels = ContactLevels(np.array([2.0, 0.0]), np.array([0.5, 0.0]))
@@ -158,6 +135,13 @@ def test_the_count_of_the_test_is_that_of_the_detector():
         assert cause in str(contacts[0])
 
 
+def test_a_contact_ends_after_half_a_second_below_its_level():
+    detector = ContactDetector(ContactLevels(np.ones(1), np.zeros(1)), ('a',))
+    contacts = [detector.update(0.01, np.zeros(1), np.array([2.0 * (k in (5, 54, 103, 154))]))
+                for k in range(160)]
+    assert [k for k, contact in enumerate(contacts) if contact] == [5, 154]
+
+
 # ------------------------------------------------------------------------------ the delay
 
 def detection_delay(level: float, effort: float, bandwidth: float) -> float:
@@ -166,7 +150,7 @@ def detection_delay(level: float, effort: float, bandwidth: float) -> float:
     return -math.log1p(-ratio) / (2.0 * math.pi * bandwidth) if ratio < 1.0 else math.inf
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=25)
 @given(st.sampled_from(ARMS), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.0, 0.1, 0.5]),
        st.booleans(), st.floats(50.0, 1000.0), st.floats(1.0, 50.0), st.floats(1.02, 50.0))
 def test_a_constant_effort_is_found_within_the_delay(
@@ -199,8 +183,6 @@ def test_a_constant_effort_is_found_within_the_delay(
                    for observer, effort in zip(observers, (np.zeros(n), tau)))
         if k <= 0:
             continue
-        assert r - free == pytest.approx(
-            -np.expm1(-2.0 * np.pi * bandwidth * k * dt) * tau, abs=1e-6)
         worst = max(worst, -np.sign(tau[j]) * free[j])
         if detector.update(dt, v, r) is not None:
             break
@@ -215,105 +197,35 @@ def test_a_constant_effort_is_found_within_the_delay(
         assert k * dt >= delay - 1e-9
 
 
-class Push(NamedTuple):
-    """A detected push: the delay, and the bounds without and with the error of the estimate."""
-
-    delay: float
-    formula: float
-    with_error: float
-
-
-def pushed(name: str, seed: int) -> Push:
-    """
-    Push an arm in lock-step by twice its level while it moves or rests.
-
-    Its twin with the same noise is not pushed: the effort of the push adds to that of the twin.
-    """
-    model = model_arm(name)
-    frame, period = tool_link(model), 1.0 / LOOP_RATE
-    twins = [WrongModel(model, np.random.default_rng(seed)) for _ in range(2)]
-    seen = motion_of(model, twins[0].plant.arm, TEN_MINUTES, seed + 50)
-    observers = [ExternalEffort(ArmDynamics(model), BANDWIDTH) for _ in twins]
-    levels = learned(model, seen, 1.0)
-    detector, goal = ContactDetector(levels, model.joint_names), twins[0].goal()
-    for twin, observer in zip(twins, observers):
-        twin.follow(goal)
-        twin.rng = np.random.default_rng(seed)
-        for _ in range(round((0.6 + 0.5 * (seed % 4)) * LOOP_RATE)):
-            observer.update(period, *twin.step())
-    J = ExternalWrenchEstimator(ArmDynamics(model), observers[0], frame).jacobian(
-        twins[0].plant.q)
-    theta = levels.at(twins[0].plant.v)
-    F = np.random.default_rng(seed).normal(size=6)
-    joint = int(np.argmax(np.abs(J.T @ F) / theta))
-    F *= 2.0 * theta[joint] / np.abs(J.T @ F)[joint]
-    sign, tau = np.sign(J.T @ F)[joint], 2.0 * float(theta[joint])
-    wrench, thresholds = ExternalWrench(frame, F[:3], F[3:]), []
-    for _ in range(round(0.3 * LOOP_RATE)):
-        samples = twins[0].step([wrench]), twins[1].step()
-        r, error = (observer.update(period, *one) for observer, one in zip(observers, samples))
-        v = samples[0].v
-        level = float(levels.at(v)[joint])
-        thresholds.append(level - sign * error[joint])
-        if detector.update(period, v, r) is not None:
-            break
-    # 5 %: the effort of a wrench changes as the arm moves
-    bounds = ((level, tau), (max(thresholds), 0.95 * tau))
-    return Push(len(thresholds) * period, *(
-        detection_delay(one, effort, BANDWIDTH) + period for one, effort in bounds))
-
-
-@pytest.mark.parametrize('name', ARMS)
-def test_the_delay_on_arms_with_friction_and_noise(name):
-    """The error of the estimate adds to the push, and may delay the detection."""
-    pushes = [pushed(name, seed) for seed in range(4)]
-    assert all(push.delay <= push.with_error + 1e-9 for push in pushes)
-    check_median(name, pushes)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize('name', ARMS)
-def test_the_median_delay_of_many_pushes(name):
-    check_median(name, [pushed(name, seed) for seed in range(48)])
-
-
-def check_median(name: str, pushes: list[Push]) -> None:
-    """Compare the median delay with the formula, in which the estimate has no error."""
-    late = 1e3 * np.array([push.delay - push.formula for push in pushes])
-    print(f'{name}: {np.mean(late < 1e-6):.0%} of {len(late)} pushes within the formula, median '
-          f'{np.median(late):+.1f} ms, latest {late.max():+.1f} ms')
-    assert np.median(late) < 1e-6
-
-
 # ------------------------------------------------------------------------------ files, bad input
 
-@pytest.fixture(scope='module')
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp('contacts')
-    record_free_motion(folder)
-    return folder
-
-
-def test_the_verb_writes_a_parameter_file(recording, capsys):
+def test_the_verb_writes_a_parameter_file(tmp_path, capsys):
     """Without a node."""
-    path = recording / 'levels.yaml'
-    assert run_verb(recording, '-o', str(path)) == 0
+    record_free_motion(tmp_path)
+    path = tmp_path / 'levels.yaml'
+    assert run_verb(tmp_path, '-o', str(path)) == 0
     printed = capsys.readouterr().out
     assert 'extrapolated from 70 s' in printed
     assert '1 per hour is an upper bound, with slightly higher levels: record 3 h' in printed
-    text = path.read_text(encoding='utf-8')
-    assert 'extrapolated' in text
+    assert 'extrapolated' in path.read_text(encoding='utf-8')
     parameters = read_parameter_file(path)
     assert parameters['joints'] == ['joint1', 'joint2']
     assert 1.0 < min(parameters['contact.effort']) < max(parameters['contact.effort']) < 10.0
-    assert run_verb(recording, '-o', str(path)) == 2  # the file exists
-    assert run_verb(recording, '--alarms-per-hour', '0') == 2
+    assert run_verb(tmp_path, '-o', str(path)) == 2  # the file exists
+    assert run_verb(tmp_path, '--alarms-per-hour', '0') == 2
     assert 'alarms_per_hour is 0, expected a number > 0' in capsys.readouterr().err
 
 
 def test_bad_motions_are_rejected():
     t, v = np.arange(0.0, 100.0, 0.1), np.zeros((1000, 2))
-    with pytest.raises(InvalidInputError, match=r'lasts 10\.0 s, expected at least 60 s'):
-        learn_contact_levels(t[:100], v[:100], v[:100] + 1.0, ('a', 'b'))
+    with pytest.raises(InvalidInputError, match=r'lasts 59\.9 s, expected at least 60 s'):
+        learn_contact_levels(t[:599], v[:599], v[:599] + 1.0, ('a', 'b'))
     with pytest.raises(InvalidInputError, match="external effort at 'a' is 0 throughout"):
         learn_contact_levels(t, v, v, ('a', 'b'))
+
+
+def test_a_minute_is_enough_and_one_false_alarm_per_hour_is_the_promise():
+    v = np.random.default_rng(0).normal(size=(601, 1))
+    given = 0.1 * np.arange(601), np.abs(v), v, ('a',)
+    levels = [learn_contact_levels(*given, *rate).levels.effort for rate in ((), (1.0,), (2.0,))]
+    assert levels[0] == levels[1] > levels[2]

@@ -3,11 +3,11 @@
 
 """Rate, jitter and late events, compared with numpy on random times."""
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.event_timing import EventTiming, LATE, Timing
+from robot_dynamics.monitoring.event_timing import EventTiming, Timing
 
 WINDOW = 1.0
 START = 1000.0
@@ -22,6 +22,7 @@ def timing_of(times: np.ndarray) -> EventTiming:
     return timing
 
 
+@settings(max_examples=50)
 @given(intervals, intervals)
 def test_windows_do_not_mix(first, second):
     """An interval belongs to the window in which it ended."""
@@ -42,6 +43,7 @@ def test_windows_do_not_mix(first, second):
         last = [float(ends[-1])]
 
 
+@settings(max_examples=50)
 @given(st.lists(st.floats(1e-3, 0.1), min_size=2, max_size=30),
        st.lists(st.floats(1e-3, 0.3), min_size=1, max_size=30))
 def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, second):
@@ -53,8 +55,8 @@ def test_late_is_more_than_one_and_a_half_intervals_of_the_window_before(first, 
     for t in end + np.cumsum(second):
         timing.happened(float(t))
     between = np.diff(np.concatenate([[end], end + np.cumsum(second)]))
-    assume((np.abs(between - LATE * usual) > 1e-9).all())
-    assert timing.late == (between > LATE * usual).sum()
+    assume((np.abs(between - 1.5 * usual) > 1e-9).all())
+    assert timing.late == (between > 1.5 * usual).sum()
 
 
 def test_a_window_is_summed_up_when_it_is_over_and_not_before():
@@ -64,11 +66,5 @@ def test_a_window_is_summed_up_when_it_is_over_and_not_before():
     assert seen.rate == pytest.approx(98.0)
     assert timing.last_window(START + 1.5 * WINDOW) == seen == timing.timing
     assert timing.last_window(START + 2.0 * WINDOW) == Timing()  # no event since
-
-
-def test_after_a_pause_no_event_is_late_until_an_interval_is_known():
-    timing = timing_of(START + np.arange(1, 201) * 0.005)
-    timing.last_window(START + WINDOW)
-    timing.last_window(START + 2.0 * WINDOW)
     timing.happened(START + 3.0)
-    assert timing.late == 0
+    assert timing.late == 0  # until an interval is known

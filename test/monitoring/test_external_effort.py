@@ -12,7 +12,6 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_convention import (
     joint_from_measured,
-    MEASURED_EFFORTS,
     measured_from_joint,
 )
 from robot_dynamics.joints.friction import make_friction
@@ -48,17 +47,10 @@ def with_everything(arm: ArmModel) -> ArmModel:
 @pytest.mark.parametrize('gain_times_dt', [1e-9, 1e-3, 0.5, 2.0, 50.0, 1e6])
 def test_a_constant_effort_is_approached_as_by_a_first_order_filter(gain_times_dt):
     observer, effort = MomentumObserver(2, BANDWIDTH), np.array([3.0, -7.0])
-    dt = gain_times_dt / K
-    for k in range(1, 200):
-        estimate = observer.update(dt * effort, np.zeros(2), dt)
-        assert estimate == pytest.approx(effort * -math.expm1(-K * k * dt), rel=1e-9)
-
-
-def test_uneven_stamps_change_nothing():
-    observer, effort, t = MomentumObserver(1, BANDWIDTH), np.array([5.0]), 0.0
-    for dt in np.random.default_rng(1).exponential(0.01, 300).tolist():
+    t = 0.0
+    for dt in np.random.default_rng(1).exponential(gain_times_dt / K, 100).tolist():
         t += dt
-        estimate = observer.update(dt * (effort + 2.0), np.array([2.0 * dt]), dt)
+        estimate = observer.update(dt * (effort + 2.0), np.full(2, 2.0 * dt), dt)
         assert estimate == pytest.approx(effort * -math.expm1(-K * t), rel=1e-9)
 
 
@@ -119,24 +111,11 @@ def run(
 def test_a_push_is_followed_as_by_a_first_order_filter():
     """The mean external effort of each step is found; the error decreases with the step."""
     arm = with_everything(three_links())
-    errors = [np.abs(run(arm, arm, dt, 0.2).off).max() for dt in (4e-3, 2e-3, 1e-3)]
+    runs = [run(arm, arm, dt, 0.2) for dt in (4e-3, 2e-3, 1e-3)]
+    errors = [np.abs(one.off).max() for one in runs]
+    assert np.abs(runs[-1].estimates[:50]).max() < 1e-3  # before the push
     assert errors[-1] < 2e-3  # compared with a push of up to 20 N·m
     assert errors[0] > 3.5 * errors[1] > 12.0 * errors[2]
-
-
-def test_before_the_push_there_is_nothing():
-    arm = with_everything(three_links())
-    assert np.abs(run(arm, arm, 1e-3, 0.3, push_at=1.0).estimates).max() < 1e-3
-
-
-def test_friction_missing_in_the_model_is_estimated_as_external():
-    bare = three_links()
-    arm = bare.with_friction(make_friction(bare.joint_names, [1.5, 0.8, 0.3]))
-    seen = run(arm, arm, 1e-3, 0.2, push_at=1.0)
-    assert np.abs(seen.off).max() < 5e-3
-    unseen = run(arm, bare, 1e-3, 0.2, push_at=1.0)
-    assert np.abs(unseen.off + arm.friction.viscous * unseen.v).max() < 5e-3
-    assert np.abs(unseen.off).max() > 0.5
 
 
 def test_a_load_that_the_model_has_too_makes_no_step():
@@ -160,7 +139,8 @@ def test_a_restart_resets_the_estimate():
 
 # ------------------------------------------------------------------------------ the effort
 
-@pytest.mark.parametrize('kind', [kind for kind in MEASURED_EFFORTS if kind != 'none'])
+@pytest.mark.parametrize('kind', [
+    'joint_torque', 'joint_torque_without_gravity', 'motor_torque', 'motor_current'])
 def test_what_is_measured_gives_the_joint_effort_back(kind):
     motors = make_actuators(('a', 'b'), [0.1, 0.2], [50.0, -80.0], efficiency=[0.8, 0.9])
     random = np.random.default_rng(3)
@@ -168,9 +148,6 @@ def test_what_is_measured_gives_the_joint_effort_back(kind):
         effort, v, gravity = random.normal(size=(3, 2))
         measured = measured_from_joint(kind, effort, v, gravity, motors)
         assert joint_from_measured(kind, measured, v, gravity, motors) == pytest.approx(effort)
-
-
-def test_no_effort_cannot_be_converted():
     with pytest.raises(InvalidInputError, match="measured_effort is 'none'"):
         joint_from_measured('none', np.zeros(0), np.zeros(2), np.zeros(2), None)
 
@@ -188,7 +165,7 @@ def test_friction_of_gears_that_press_harder_under_load_is_no_environment():
     observer, dt = ExternalEffort(dynamics, BANDWIDTH), 1e-3
     frictionless = ExternalEffort(ArmDynamics(bare), BANDWIDTH)
     seen, unseen = [], []
-    for k in range(1000):
+    for k in range(500):
         q, v, _ = motion(k * dt)
         effort = dynamics.inverse_dynamics(*motion((k - 0.5) * dt))
         seen.append(observer.update(dt, q, v, effort))

@@ -8,29 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import JointFriction, make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.monitoring.gravity_check import (
     GravityCheck,
     GravityVerdict,
-    NO_EFFORT,
-    POSE,
-    STILL,
-    UNLOADED_WORDS,
     verdict_in_words,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.plant import InnerController
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
@@ -39,6 +27,7 @@ CONTINUOUS = np.array([True, False])
 G = np.array([-50.0, 10.0])
 PERIOD_NS = 5_000_000
 GRAVITY, LACKS = ('gravity',), 'joint_torque_without_gravity'
+STILL, POSE = 'waiting for the arm to stand still for 0.5 s', 'cannot decide in this pose: '
 
 
 def make_check(
@@ -73,7 +62,7 @@ def verdict_of(*arguments: Any, **options: Any) -> GravityVerdict:
 
 # --- the measured share --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('ratio', [-1.0, -0.4, 0.0, 0.5, 1.0, 1.7])
+@pytest.mark.parametrize('ratio', [-1.0, -0.51, -0.49, 0.0, 0.49, 0.51, 1.7])
 def test_the_ratio_of_gravity_is_exact(ratio):
     command = G + [3.0, -2.0]
     verdict = verdict_of(make_check(), command + ratio * G, command, seconds=4.0)
@@ -133,7 +122,7 @@ def test_a_continuous_joint_rests_where_its_position_wraps(joint, decides):
 
 # --- friction and noise --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('sign', [[1, 1], [1, -1], [-1, 1], [-1, -1]])
+@pytest.mark.parametrize('sign', [[1, 1], [1, -1]])
 @pytest.mark.parametrize('load', [0.0, 1 / 3])
 def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(sign, load):
     friction = make_friction(NAMES, [0.0], [12.0, 2.4])
@@ -145,18 +134,21 @@ def test_known_friction_and_a_load_raise_no_alarm_and_hide_none(sign, load):
     assert not verdict_of(make_check(friction=friction), 2.0 * G + held * np.sign(-G), G).agrees
 
 
-def test_a_joint_within_its_friction_is_not_asked():
-    friction = make_friction(NAMES, [0.0], [1.0, 4.0])
-    verdict = verdict_of(make_check(friction=friction), G + [0.0, 40.0], G)
-    assert verdict.used.tolist() == [True, False]
-    assert verdict.ratio == pytest.approx(0.0)
+@pytest.mark.parametrize(('friction', 'is_used'), [(2.4, True), (2.6, False)])
+def test_a_joint_is_used_if_its_gravity_is_four_times_its_friction(friction, is_used):
+    check = make_check(friction=make_friction(NAMES, [0.0], [1.0, friction]))
+    verdict = verdict_of(check, G + [0.0, 4.0], G)
+    assert verdict.used.tolist() == [True, is_used]
+    assert (verdict.ratio == pytest.approx(0.0)) != is_used
 
 
-@pytest.mark.parametrize('g', [[0.0, 0.0], [0.05, -0.09]])
-def test_in_a_pose_without_gravity_it_does_not_decide(g):
+@pytest.mark.parametrize(('g', 'decides'), [
+    ([0.0, 0.0], False), ([0.05, -0.09], False), ([0.05, -0.11], True)])
+def test_in_a_pose_without_gravity_it_does_not_decide(g, decides):
     check = make_check()
-    assert hold(check, [5.0, 5.0], g, 3.0, g=g) is None
-    assert check.waiting == POSE
+    verdict = hold(check, g, g, 3.0, g=g)
+    assert (verdict is not None) == decides
+    assert decides or check.waiting.startswith(POSE)
     assert verdict_of(check, G, G, start=20.0).agrees  # a better hold follows
 
 
@@ -165,7 +157,7 @@ def test_noise_is_averaged_and_hides_a_small_load():
     assert verdict.ratio == pytest.approx(1.0, abs=0.02)
     check = make_check()
     assert hold(check, G, G, 3.0, noise=30.0) is None
-    assert check.waiting in (POSE, STILL)
+    assert check.waiting.startswith((POSE, STILL))
 
 
 # --- the time of the check -----------------------------------------------------------------------
@@ -174,13 +166,14 @@ def test_it_takes_half_a_second_and_twenty_states():
     check = make_check()
     assert hold(check, G, G, 0.495) is None
     assert verdict_of(make_check(), G, G, 0.51).agrees
-    slow = make_check()
-    verdicts = [slow.add(k * 100_000_000, Q, ZERO, G, G, G) for k in range(20)]
-    assert [verdict is None for verdict in verdicts] == [True] * 19 + [False]
+    for period_ms, verdicts in ((100, 1), (245, 1), (255, 0)):  # a gap above 0.25 s restarts
+        slow = make_check()
+        found = [slow.add(k * period_ms * 1_000_000, Q, ZERO, G, G, G) for k in range(20)]
+        assert [verdict is None for verdict in found] == [True] * 19 + [not verdicts]
 
 
 @pytest.mark.parametrize('moves', [
-    {'v': np.array([0.0, 0.1])}, {'q': [0.8, 0.51], 'v': None}, {'start': 5.0},
+    {'v': np.array([0.0, 0.051])}, {'q': [0.8, 0.5026], 'v': None}, {'start': 5.0},
     {'command': None}])
 def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves):
     check, changed = make_check(), {'command': G, 'start': 10.4, **moves}
@@ -190,8 +183,11 @@ def test_motion_a_new_command_or_a_step_back_in_time_restarts(moves):
     assert hold(check, G, G, 0.4, start=10.8) is None
 
 
-def test_it_does_without_a_velocity():
-    assert verdict_of(make_check(), G, G, v=None).agrees
+def test_slow_motion_and_a_missing_velocity_are_rest():
+    for given in ({'v': np.array([0.0, 0.049])}, {'q': [0.8, 0.5024], 'v': None}):
+        check = make_check()
+        assert hold(check, G, G, 0.4) is None
+        assert verdict_of(check, G, G, 0.2, start=10.4, **given).agrees
 
 
 def test_a_step_within_the_window_is_not_averaged():
@@ -201,14 +197,17 @@ def test_a_step_within_the_window_is_not_averaged():
     assert hold(check, G, G, 0.27, start=10.25) is None
     assert check.waiting == STILL
     assert verdict_of(check, G, G, start=10.6).agrees
+    for step, decides in ((0.2, True), (0.3, False)):
+        check = make_check()
+        assert hold(check, (1.0 - step) * G, G, 0.25) is None
+        assert (hold(check, G, G, 0.27, start=10.25) is not None) == decides
 
 
-@pytest.mark.parametrize('late', [0.0, 0.03, 0.1])
-def test_late_efforts_in_a_window_are_ignored(late):
+def test_late_efforts_in_a_window_are_ignored():
     """The first states of a hold report the effort before the first command."""
     check = make_check()
-    assert hold(check, ZERO, G, late) is None
-    verdict = verdict_of(check, G, G, start=10.0 + late)
+    assert hold(check, ZERO, G, 0.1) is None
+    verdict = verdict_of(check, G, G, start=10.1)
     assert verdict.ratio == 0.0
     assert verdict.measured.tolist() == G.tolist()
 
@@ -218,16 +217,16 @@ def test_late_efforts_in_a_window_are_ignored(late):
 def test_an_arm_on_its_brakes_without_a_command_gives_no_verdict():
     for semantics in (EffortConvention(), EffortConvention(robot_compensates=GRAVITY)):
         check = make_check(semantics)
-        assert hold(check, ZERO, None, 30.0) is None
-        assert check.waiting == UNLOADED_WORDS
+        assert hold(check, 0.24 * G, None, 4.0) is None
+        assert check.waiting.startswith('cannot decide: the measured effort does not carry the')
+    assert verdict_of(make_check(EffortConvention()), 0.26 * G, None).ratio == pytest.approx(0.26)
 
 
 def test_under_a_command_brakes_get_three_seconds():
     check = make_check()
     assert hold(check, ZERO, G, 2.9) is None
     assert verdict_of(check, G, G, start=12.9, seconds=2.0).agrees
-    verdict = verdict_of(make_check(), ZERO, G, 4.0)
-    assert verdict.ratio == pytest.approx(-1.0)
+    assert verdict_of(make_check(), ZERO, G, 3.6).ratio == pytest.approx(-1.0)
 
 
 def test_joints_without_a_measurement_are_left_out():
@@ -237,7 +236,7 @@ def test_joints_without_a_measurement_are_left_out():
     assert verdict.ratio == pytest.approx(1.0)
     check = make_check()
     assert hold(check, [nan, nan], G, 3.0) is None
-    assert check.waiting == NO_EFFORT
+    assert check.waiting == 'no measured effort'
 
 
 # --- texts ---------------------------------------------------------------------------------------
@@ -262,65 +261,7 @@ def test_a_warning_has_the_numbers_and_the_parameter(semantics, effort, words):
     assert '\n' not in line
 
 
-# --- in closed loop ------------------------------------------------------------------------------
-
-def closed_loop(
-    arm: ArmModel, robot: tuple[str, ...], declared: EffortConvention,
-    reference: JointTrajectory | None = None, seconds: float = 4.0, load: float = 0.0,
-    q: Any = Q,
-) -> GravityVerdict | None:
-    """Return the verdict with a controller of the bare arm and a simulated robot."""
-    controller = Controller(
-        ARM.with_drive(arm.drive),
-        ControllerOptions(make_gains(NAMES), effort_convention=declared))
-    robot_side = InnerController(
-        arm, EffortConvention(declared.measured_effort, robot))
-    check = GravityCheck(declared, arm.friction, None, arm.is_continuous, arm.drive)
-    simulation = ArmSimulation(arm, q)
-    if load:
-        simulation.set_payloads([make_payload('tool0', load)])
-    simulation.release()
-    if reference is not None:
-        controller.update(1, *simulation.state)  # required before a trajectory
-        controller.follow(reference, 0)
-    command = None
-    for k in range(round(seconds * 200)):
-        state = simulation.state
-        measured = robot_side.measured(simulation.effort, *state, braked=False)
-        t = 1 + k * PERIOD_NS
-        output = controller.update(t, *state)
-        if k and (verdict := check.add(
-                t, *state, measured, command, output.robot_gravity)) is not None:
-            return verdict
-        command = output.command
-        simulation.step(
-            robot_side.with_own_compensation(command, *state), 1e-9 * PERIOD_NS)
-    return None
-
-
-DECLARED = (
-    EffortConvention(), EffortConvention(LACKS), EffortConvention(robot_compensates=GRAVITY),
-    EffortConvention(LACKS, GRAVITY))
-SET_POINT = make_trajectory(NAMES, [0.0], [Q], [], [], NAMES)
-STICKY = ARM.with_friction(make_friction(NAMES, [1.0], [6.0, 1.0], [10.0, 2.0]))
-
-
-@pytest.mark.parametrize('declared', DECLARED)
-@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
-@pytest.mark.parametrize('load', [0.0, 1.5])  # a third of g, and more at the second joint
-def test_a_robot_that_is_as_declared_raises_no_alarm(declared, arm, load):
-    verdict = closed_loop(arm, declared.robot_compensates, declared, SET_POINT, load=load)
-    assert verdict.agrees, verdict
-
-
 DRIVE = make_effort_calibration(NAMES, [0.4, 2.5], [8.0, -4.0], ARM.limits.effort)
-
-
-@pytest.mark.parametrize('declared', DECLARED)
-def test_drives_with_a_scale_and_an_offset_are_as_declared(declared):
-    verdict = closed_loop(
-        ARM.with_drive(DRIVE), declared.robot_compensates, declared, SET_POINT)
-    assert verdict.ratio == pytest.approx(declared.expected_ratio, abs=0.01)
 
 
 def test_another_controller_of_such_drives_is_found():
@@ -329,20 +270,3 @@ def test_another_controller_of_such_drives_is_found():
     assert verdict.ratio == pytest.approx(1.0, abs=1e-12)
     assert verdict.measured == pytest.approx(G)
     assert verdict.command.tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize('arm', [ARM, STICKY], ids=['smooth', 'sticky'])
-def test_gravity_twice_is_found_behind_a_set_point(arm):
-    """Feedback opposes the excess effort, which is visible in the command."""
-    verdict = closed_loop(arm, GRAVITY, EffortConvention(), SET_POINT)
-    assert verdict.ratio == pytest.approx(1.0, abs=0.05)
-    assert not verdict.agrees
-
-
-def test_there_is_no_verdict_while_the_arm_moves():
-    """The verdict follows after the motion, and is the same."""
-    motion = quintic_point_to_point(NAMES, Q, Q + [1.0, -1.0], 2.0)
-    for robot, agrees in (((), True), (GRAVITY, False)):
-        assert closed_loop(ARM, robot, EffortConvention(), motion, seconds=1.8) is None
-        verdict = closed_loop(ARM, robot, EffortConvention(), motion, seconds=4.0)
-        assert verdict.agrees == agrees

@@ -6,34 +6,25 @@
 import math
 
 from consistency_signals import (
-    consistency,
     FINE,
-    KINDS,
     N,
     no_alarm,
     RATES,
     regular,
     sampled,
-    SECOND,
     smooth_motion,
     States,
 )
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from recordings import NO_ROSBAG2, ROSBAG2
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.monitoring.motion_consistency import (
-    DELAYS,
-)
-from robot_dynamics.recordings.joint_series import JointSeries
 from robot_dynamics.recordings.reader import Recording
 
 UR10 = ROSBAG2.parent / 'ur10'
 RECORDINGS = [UR10, ROSBAG2 / 'mcap', ROSBAG2 / 'sqlite3_lock_step']
-
-laws = settings(max_examples=60)
 
 
 def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
@@ -53,7 +44,7 @@ def filtered(v: FloatArray, delay: float, order: int) -> FloatArray:
 
 # --- no false alarms -----------------------------------------------------------------------------
 
-@laws
+@settings(max_examples=25)
 @given(
     st.integers(0, 10**6), st.sampled_from(RATES), st.sampled_from((0.1, 1.0, 3.0)),
     st.sampled_from((0.0, 0.02, 0.2)), st.sampled_from((0.0, 0.005, 0.015)),
@@ -63,7 +54,7 @@ def test_consistent_motion_is_never_in_doubt(
 ):
     """Noise, filters, encoder resolution, wrong scale, jitter of the stamps, whole turns."""
     rng = np.random.default_rng(seed)
-    t, q, v = smooth_motion(rng, 4.0, speed)
+    t, q, v = smooth_motion(rng, 2.5, speed)
     times = regular(t, rate)
     times = np.sort(times + rng.uniform(0.0, 0.4 / rate, len(times)))
     states = sampled(t, q, filtered(v, delay, order), times)
@@ -73,7 +64,7 @@ def test_consistent_motion_is_never_in_doubt(
         states.stamps, measured, scale * states.v + rng.normal(0.0, noise, states.v.shape)))
 
 
-@laws
+@settings(max_examples=15)
 @given(st.integers(0, 10**6), st.floats(0.02, 0.2), st.sampled_from((0.0, 0.2)))
 def test_gaps_changes_of_the_rate_and_repeated_stamps(seed, gap, noise):
     rng = np.random.default_rng(seed)
@@ -87,93 +78,25 @@ def test_gaps_changes_of_the_rate_and_repeated_stamps(seed, gap, noise):
     no_alarm(states._replace(v=states.v + rng.normal(0.0, noise, states.v.shape)))
 
 
-@pytest.mark.parametrize('rate', RATES)
-@pytest.mark.parametrize(('before', 'after'), [(0.0, 1.0), (1.0, 0.0), (1.0, -0.7), (2.0, 0.0)])
-@pytest.mark.parametrize('delay', [0.0, 0.015])
-def test_impacts_are_no_contradiction(rate, before, after, delay):
+@pytest.mark.parametrize('rate', [30, 125, 500])
+@pytest.mark.parametrize(('before', 'after'), [(0.0, 1.0), (1.0, -0.7), (2.0, 0.0)])
+def test_impacts_are_no_contradiction(rate, before, after):
     """The velocity changes between two samples, at any phase of the sampling."""
-    t = np.arange(0.0, 4.0, FINE)
+    t = np.arange(0.0, 3.0, FINE)
     v = np.where(t < 2.0, before * np.minimum(t / 0.5, 1.0), after * np.exp(
         -(t - 2.0) / 0.2))[:, None] * np.ones(N)
     q = np.cumsum(FINE * v, axis=0)
-    v = filtered(v, delay, 1)
-    for phase in np.arange(5) / (5 * rate):
-        no_alarm(sampled(t, q, v, regular(t, rate) + phase))
-
-
-@laws
-@given(
-    st.sampled_from(RATES), st.floats(0.001, 0.2), st.floats(0.1, 2.0), st.floats(-3.0, 3.0),
-    st.floats(0.01, 0.3))
-def test_a_push_after_a_short_rest_is_no_contradiction(rate, rest, begin, speed, decay):
-    """
-    The samples repeat exactly at rest, so that the last one that differed is older.
-
-    In the last tenth of a period of 8 ms or more a push can be doubted: it moved the joint little.
-    """
-    t = np.arange(0.0, 3.0, FINE)
-    v = np.where(t < begin, -0.05, np.where(
-        t < begin + rest, 0.0, speed * np.exp(-(t - begin - rest) / decay)))[:, None] * np.ones(N)
-    q = np.concatenate((np.zeros((1, N)), np.cumsum(0.5 * FINE * (v[1:] + v[:-1]), axis=0)))
-    q[(t >= begin) & (t < begin + rest)] = q[np.argmax(t >= begin)]
-    assume(rate >= 250 or (begin + rest - FINE) * rate % 1.0 < 0.9 - 2.0 * FINE * rate)
-    no_alarm(sampled(t, q, v, regular(t, rate)))
-
-
-@pytest.mark.parametrize(('rate', 'repeats'), [(500, 2), (500, 4), (500, 5), (1000, 5), (100, 3)])
-def test_drivers_may_send_each_sample_several_times(rate, repeats):
-    t, q, v = smooth_motion(np.random.default_rng(0), 6.0, 2.0)
-    states = sampled(t, q, v, regular(t, rate))
-    rows = np.arange(len(states.q)) // repeats * repeats
-    no_alarm(States(states.stamps, states.q[rows], states.v[rows]), states.q)
-    # each joint in turn, as on a bus
-    rows = np.maximum((np.arange(len(rows))[:, None] + np.arange(N)) // repeats * repeats
-                      - np.arange(N), 0)
-    columns = np.arange(N)
-    no_alarm(States(states.stamps, states.q[rows, columns], states.v[rows, columns]), states.q)
-
-
-def recorded(path: object) -> JointSeries:
-    with Recording(path) as recording:  # type: ignore[arg-type]
-        return recording.joint_series(recording.joint_state_topic())
+    for delay, phase in ((0.0, 0.0), (0.0, 0.3), (0.0, 0.7), (0.015, 0.4)):
+        no_alarm(sampled(t, q, filtered(v, delay, 1), regular(t, rate) + phase / rate))
 
 
 @pytest.mark.skipif(not (ROSBAG2.is_dir() and UR10.is_dir()), reason=NO_ROSBAG2)
 @pytest.mark.parametrize('path', RECORDINGS, ids=lambda path: path.name)
 def test_recordings_are_consistent(path):
-    series, rng = recorded(path), np.random.default_rng(0)
-    n = len(series.joint_names)
-    for decimation in (1, 2, 4):
-        every = slice(None, None, decimation)
-        stamps, q, v = (x[every] for x in (series.stamps_ns, series.position, series.velocity))
-        no_alarm(States(stamps, q, v), n=n)
-        no_alarm(States(stamps, np.round(q, 4), v + rng.normal(0.0, 0.2, v.shape)), n=n)
-
-
-@pytest.mark.parametrize('rate', [125, 500])
-def test_the_filtered_noise_of_a_joint_at_rest_is_known_from_its_integral(rate):
-    """Successive samples are similar: their differences show a hundredth of the variance."""
-    rng, m = np.random.default_rng(0), 10 * rate
-    v = filtered(rng.normal(0.0, 1.0, (round(m / (FINE * rate)), N)), 0.02, 1)
-    v = 0.08 * v[::round(1.0 / (FINE * rate))] / v.std()
-    q = 0.7 + rng.normal(0.0, 1e-6, v.shape)
-    no_alarm(States(SECOND + np.arange(m) * SECOND // rate, q, v[:m]))
-
-
-@settings(max_examples=30)
-@given(st.sampled_from((30.0, 100.0, 500.0)), st.integers(0, 10**6))
-def test_a_velocity_may_be_the_true_one_of_any_time_up_to_40_ms_ago(rate, seed):
-    """Integrals between the displacements of these times have no error, others their distance."""
-    rng, one = np.random.default_rng(seed), consistency(KINDS[:1])
-    t = np.cumsum(rng.uniform(0.8, 1.2, 60)) / rate
-    q = np.cumsum(rng.normal(0.0, 0.01, 60))
-    one._begin(SECOND, q[:1], 0.0 * q[:1])
-    one._times[:60], one._positions[:60, 0], one._row = t, q, 59
-    first = np.sort(rng.integers(10 if rate < 500.0 else 25, 59, 7))
-    late = np.array([0.0, *DELAYS])[:, None]
-    moved = np.interp(t[-1] - late, t, q) - np.interp(t[first] - late, t, q)
-    low, high = moved.min(axis=0), moved.max(axis=0)
-    for integral, excess in (
-            (low + rng.uniform() * (high - low), 0.0), (low - 0.3, -0.3), (high + 0.2, 0.2)):
-        found = one._excess(first, integral[:, None], moved[:1].T)
-        assert found[:, 0] == pytest.approx(np.full(7, excess), abs=1e-12)
+    with Recording(path) as recording:
+        series = recording.joint_series(recording.joint_state_topic())
+    rng, n = np.random.default_rng(0), len(series.joint_names)
+    stamps, q, v = series.stamps_ns, series.position, series.velocity
+    no_alarm(States(stamps, q, v), n=n)
+    no_alarm(States(
+        stamps[::2], np.round(q[::2], 4), v[::2] + rng.normal(0.0, 0.2, v[::2].shape)), n=n)

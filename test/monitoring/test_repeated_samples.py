@@ -3,9 +3,6 @@
 
 """Samples that repeat: joints that are frozen, that stand, and drivers that are slow."""
 
-from collections.abc import Callable
-import math
-
 from consistency_signals import (
     alarms,
     at_rest,
@@ -15,29 +12,15 @@ from consistency_signals import (
     N,
     NAMES,
     no_alarm,
-    RATES,
     regular,
     row_of,
     sampled,
     SECOND,
     States,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.arrays import FloatArray
-from robot_dynamics.monitoring.motion_consistency import MotionConsistency, PRISMATIC
-from robot_dynamics.monitoring.repeated_samples import (
-    FLOOR,
-    LIVELY,
-    LONGEST_REPEATS,
-    REFERENCE,
-    RepeatedSamples,
-    REPEATS,
-    REST,
-    SLOW,
-)
+from robot_dynamics.monitoring.motion_consistency import MotionConsistency
 
 
 def freeze(
@@ -72,8 +55,7 @@ def freeze(
     return found, one
 
 
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-@pytest.mark.parametrize('joints', [[0], [1, 2], [0, 1, 2]])
+@pytest.mark.parametrize(('rate', 'joints'), [(100, [0]), (1000, [1, 2]), (500, [0, 1, 2])])
 def test_a_joint_that_freezes_in_motion_is_found(rate, joints):
     found, one = freeze(joints, 1.0, rate)
     assert found < 0.03
@@ -84,37 +66,18 @@ def test_a_joint_that_freezes_in_motion_is_found(rate, joints):
     assert (np.delete(one.repeats_since_ns, joints) < 0).all()
 
 
-@pytest.mark.parametrize('speed', [0.5, -2.0])
-@pytest.mark.parametrize('late', range(5))
-def test_the_beginning_of_a_repetition_in_uniform_motion_is_exact(speed, late):
-    """Also between stored states, which are 5 ms apart; the period is 1 ms."""
-    rows = np.stack([np.minimum(np.arange(600), 500 + late), np.arange(600)], axis=1)
-    one = consistency(KINDS[:1] * 2)  # the other joint moves on
-    row, _ = next(alarms(one, States(
-        np.arange(600) * SECOND // 1000, 1e-3 * speed * rows, speed * rows**0.0)))
-    assert one.repeats_since_ns[0] == pytest.approx(1e6 * (500 + late), abs=1e3)
-    assert row < 530 + late
-
-
 @pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
 @pytest.mark.parametrize('with_velocity', [True, False])
 def test_a_sample_that_repeats_at_rest_is_frozen_when_its_reference_moves(joints, with_velocity):
     found, one = freeze(joints, 1.0, 500, begin=0.5, with_velocity=with_velocity, continues=False)
     assert found is not None
     assert np.flatnonzero(one.frozen).tolist() == [0]  # its reference is the fastest
-    assert f'reference moved by {REFERENCE:.2g}'[:22] in one.reason
+    assert 'reference moved by 0.03' in one.reason
     found, _ = freeze(joints, 1.0, 500, begin=0.5, end=1.0, with_velocity=with_velocity)
     assert found is None
     if joints == [0, 1, 2]:
         found, _ = freeze(joints, 1.0, 500, 0.5, 9.0, with_velocity, with_reference=False)
         assert found is None
-
-
-@pytest.mark.parametrize('joints', [[0], [0, 1, 2]])
-def test_a_joint_is_no_longer_frozen_when_it_is_updated(joints):
-    found, one = freeze(joints, 1.0, 1000, end=1.8)
-    assert found is not None
-    assert one.is_consistent
 
 
 def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes():
@@ -130,7 +93,7 @@ def test_a_joint_that_is_frozen_at_rest_stays_frozen_until_its_sample_changes():
     assert not one.frozen.any()
 
 
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
+@pytest.mark.parametrize('rate', [100, 1000])
 def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate):
     """Nothing holds a joint without friction if its signal is lost at rest."""
     states = at_rest(np.random.default_rng(0), rate)
@@ -143,41 +106,13 @@ def test_a_joint_at_rest_whose_noise_ends_is_frozen(rate):
     assert "'joint1' have not changed for" in reason
 
 
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-@pytest.mark.parametrize('speed', [0.003, 0.01])
-def test_a_slow_joint_that_freezes_soon_after_its_start_is_found(speed, rate):
-    """It has hardly moved: only the smallest steps of its encoder show that it is alive."""
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    v = speed * np.clip((t - 1.0) / 0.02, 0.0, 1.0)[:, None] * np.ones(N)
-    q = np.cumsum(v / rate, axis=0)
-    k = int(1.12 * rate)
-    q[k:, 1], v[k:, 1] = q[k, 1], v[k, 1]
-    one = consistency()
-    row, _ = next(alarms(one, States(SECOND + np.round(1e9 * t).astype(np.int64), q, v)))
-    assert one.frozen.tolist() == [False, True, False]
-    assert 0.03 <= (row - k) / rate <= 0.05
-    assert np.abs(v * (row - k) / rate).max() < 1e-3
-
-
-@pytest.mark.parametrize('rate', [100, 500, 1000])
-@pytest.mark.parametrize('dtype', [np.float32, np.float64])
-def test_signals_that_settle_are_not_frozen(rate, dtype):
-    """An encoder with steps and its filtered difference: after slow motion they are constant."""
-    t = np.arange(0.0, 12.0, 1.0 / rate)
-    q = 1e-4 * np.round(1e4 * 0.03 * np.minimum(t, 4.0))[:, None] * np.ones(N)
-    v, share = np.zeros_like(q), 1.0 - np.exp(-100.0 / rate)
-    for k in range(1, len(t)):
-        v[k] = dtype(v[k - 1] + share * (rate * (q[k] - q[k - 1]) - v[k - 1]))
-    no_alarm(States(SECOND + np.round(1e9 * t).astype(np.int64), q, v), np.zeros_like(q))
-
-
-@pytest.mark.parametrize('rounding', [0.0, 1e-16])
-@pytest.mark.parametrize(('kind', 'share', 'stands'), [
-    ('revolute', 0.9, True), ('revolute', 1.1, False),
-    ('prismatic', 0.9 * PRISMATIC, True), ('prismatic', 1.1 * PRISMATIC, False)])
-def test_a_joint_stands_while_its_reference_is_near(rounding, kind, share, stands):
-    one, q, v = consistency((kind,) * N), np.full(N, 0.7), np.full(N, rounding)
-    reference = q + share * REFERENCE * np.clip(
+@pytest.mark.parametrize(('kind', 'moved', 'stands'), [
+    ('revolute', 0.027, True), ('revolute', 0.033, False),
+    ('prismatic', 0.009, True), ('prismatic', 0.011, False)])
+def test_a_joint_stands_while_its_reference_is_near(kind, moved, stands):
+    """Within 0.03 rad or 0.01 m; its velocity is zero with rounding."""
+    one, q, v = consistency((kind,) * N), np.full(N, 0.7), np.full(N, 1e-16)
+    reference = q + moved * np.clip(
         np.arange(1000) / 500.0, 0.0, 1.0)[:, None] * np.array([1.0, -1.0, 0.0])
     is_good = [one.update(k * SECOND // 500, q, v, row_of(reference, k)) for k in range(1000)]
     assert all(is_good) == stands
@@ -193,11 +128,10 @@ def test_a_joint_may_stick_as_far_as_dry_friction_can_hold_it():
     assert reference[is_good.index(False), 0] - q[0] == pytest.approx(0.15, abs=5e-3)
 
 
-@pytest.mark.parametrize('speed', [0.01, 0.05, 0.3])
-@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize(('speed', 'rate'), [(0.01, 500), (0.05, 125), (0.3, 1000)])
 def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed, rate):
     """The reference is ahead by 20 ms; positions by 1 mrad and velocities by 0.01 rad/s."""
-    t = np.arange(0.0, 6.0, FINE)
+    t = np.arange(0.0, 4.0, FINE)
     v = speed * np.sin(np.pi * np.maximum(t - 1.0, 0.0))[:, None] * np.ones(N)
     q = np.cumsum(FINE * v, axis=0)
     times = regular(t, rate)[:-1]
@@ -208,114 +142,21 @@ def test_coarse_encoders_repeat_samples_of_a_slow_joint(speed, rate):
 
 
 @pytest.mark.parametrize('speed', [0.2, 1.0])
-@pytest.mark.parametrize('usual', [0, 20, 40])
-def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual, speed):
-    """And until a joint with this velocity has left its floor; the period is 1 ms."""
+@pytest.mark.parametrize(('usual', 'allowed'), [(0, 0.01), (20, 0.04), (40, 0.08), (55, 0.11)])
+def test_a_driver_may_repeat_a_sample_twice_as_long_as_usual(usual, allowed, speed):
+    """And until a joint with this velocity, less 0.02 rad/s, has moved by 3 mrad; in ms."""
     v, every = speed * np.minimum(np.arange(2000) / 1000.0, 1.0)[:, None], max(usual, 1)
     begin = 1500 // every * every
     rows = np.minimum(np.arange(2000) // every * every, begin)
     row, reason = next(alarms(consistency(('revolute',)), States(
         np.arange(2000) * SECOND // 1000, 1e-3 * np.cumsum(v, axis=0)[rows], v[rows])))
-    expected = max(REPEATS, 2e-3 * usual) + FLOOR / (speed - SLOW)
+    expected = allowed + 0.003 / (speed - 0.02)
     assert -1e-6 < 1e-3 * (row - begin) - expected <= 0.007
     assert f'have not changed for {row - begin} ms: velocity {speed:.2g}, reference' in reason
 
 
-def test_a_slow_joint_is_frozen_when_its_reference_leaves_the_floor():
-    """Its driver usually repeats samples for 40 ms, and its velocity alone means nothing."""
-    rows = np.arange(2000)
-    q = 1e-5 * rows[:, None]
-    states = States(rows * SECOND // 1000, q[np.minimum(rows // 40 * 40, 1200)], q**0.0 * 0.01)
-    row, reason = next(alarms(consistency(('revolute',)), states, q))
-    moved = 1e-5 * (row - 1200)
-    assert FLOOR < moved < FLOOR + 3e-4
-    assert f'reference moved by {moved:.2g}' in reason
-
-
-@pytest.mark.parametrize('count', [LIVELY - 1, LIVELY])
-def test_a_slow_joint_lives_after_some_states_without_a_repetition(count):
-    """The states are 5 ms apart; of the first ten the last one is repeated once."""
-    rows = np.array([*range(10), *range(9, 9 + count), *[9 + count] * 30])[:, None]
+def test_a_driver_that_repeats_samples_for_more_than_60_ms_is_not_known():
+    rows = np.arange(1000) // 65 * 65
     row, _ = next(alarms(consistency(('revolute',)), States(
-        np.arange(len(rows)) * SECOND // 200, 5e-5 * rows, np.full(rows.shape, 0.01))), (0, ''))
-    assert (row > 0) == (count >= LIVELY)
-
-
-@pytest.mark.filterwarnings('error')
-def test_a_joint_may_stand_move_and_stand_again():
-    """At each end of the motion, its reference counts from there."""
-    t = np.arange(0.0, 3.0, 1.0 / 500.0)
-    v = np.where((t > 0.5) & (t < 1.0), 0.5, 0.0) + np.where((t > 1.5) & (t < 2.5), -1.0, 0.0)
-    q = np.cumsum(v / 500.0)
-    for n in (1, 2):  # alone, and with another joint that always stands
-        states = (np.stack([x, 0.0 * x], axis=1)[:, :n] for x in (q, v))
-        no_alarm(found := States(SECOND + np.round(1e9 * t).astype(np.int64), *states), found.q, n)
-
-
-@pytest.mark.parametrize(('checks', 'stands'), [('-##-##-#-', True), ('-##-###--', False)])
-@pytest.mark.parametrize('n', [1, 2])
-def test_a_reference_must_leave_a_standing_joint_in_three_checks_in_a_row(checks, stands, n):
-    """Checks are 5 ms apart; the sample of a second joint that stands changes or repeats."""
-    for change in (0.0, 1e-6):
-        one, q = consistency(('revolute',) * n), np.zeros(n)
-        reference = np.array([2.0 * REFERENCE if x == '#' else 0.0 for x in '----' + checks])
-        marks = [one.update(5_000_000 * k, q + change * k * np.arange(n), np.zeros(n), row_of(
-            reference[:, None] * (np.arange(n) == 0), k)) for k in range(len(reference))]
-        assert all(marks) == stands
-        assert all(marks[:4 + checks.rindex('#')])
-
-
-def steps_of(size: float, n: int = 1) -> Callable[[], FloatArray]:
-    return lambda: np.full(n, size)
-
-
-@given(
-    st.floats(1e-5, 1.0), st.floats(1e-3, 0.1).filter(lambda x: abs(x - LONGEST_REPEATS) > 1e-6),
-    st.sampled_from([1.0, 0.25]))
-def test_the_usual_duration_of_repetitions_is_learnt_in_motion(speed, duration, unit):
-    """Samples repeat at rest anyway, and a driver does not repeat them for long."""
-    one, q = RepeatedSamples(('a',), np.array([unit]), None), np.zeros(1)
-    for stamp, same in ((0, True), (round(1e9 * duration), False)):
-        one.follow(stamp, np.array([same]), np.zeros(1, int), q, np.array([-speed]),
-                   lambda: None, steps_of(math.inf))
-    learnt = speed * duration > REST * unit and duration <= LONGEST_REPEATS
-    assert one.duration == pytest.approx(learnt * duration, abs=1e-9)
-
-
-@given(st.lists(st.tuples(
-    st.booleans(), st.floats(-0.1, 0.1), st.floats(-0.04, 0.04), st.floats(1e-4, 1e-2)),
-    max_size=60), st.sampled_from([0.0, 1e-7, 1e-2, 1.0]))
-def test_only_the_size_of_a_joint_in_its_unit_matters(states, size):
-    """Units are powers of two: the marks are equal, not almost equal."""
-    marks = []
-    for unit in (1.0, 0.25):
-        one = RepeatedSamples(('a',), np.array([unit]), None)
-        for k, (changes, v, reference, step) in enumerate(states):
-            one.follow(
-                5_000_000 * k, np.array([not changes]), np.array([5_000_000 * (k - 1)]),
-                np.zeros(1), np.array([unit * size * v]),
-                row_of(np.array([[unit * reference]]), 0), steps_of(unit * step))
-            one.lively += LIVELY * changes
-            marks.append((bool(one.frozen[0]), float(one.duration[0])))
-    assert marks[:len(states)] == marks[len(states):]
-
-
-def test_a_lively_joint_is_frozen_when_it_has_left_the_steps_of_its_encoder():
-    """One joint would have moved by two steps after 100 ms, one by four; one is not lively."""
-    one, v = RepeatedSamples(tuple('abc'), np.ones(3), None), np.array([0.01, 0.02, 0.02])
-    one.lively[:2] = LIVELY
-    for stamp in range(0, 105_000_000, 5_000_000):
-        one.follow(stamp, np.ones(3, bool), np.zeros(3, int), np.zeros(3), v, lambda: None,
-                   steps_of(5e-4, 3))
-    assert one.frozen.tolist() == [False, True, False]
-
-
-def test_the_steps_of_an_encoder_are_those_of_its_joint():
-    """Positions change by 0.5 mrad or not at all; another joint has finer ones."""
-    rows, rng = np.arange(400), np.random.default_rng(0)
-    q = np.stack([5e-4 * (rows // 2 % 2), 1e-6 * rng.standard_normal(400)], axis=1)
-    v = np.stack([np.full(400, 0.01), 1e-6 * rows], axis=1)
-    v[:200, 0] += 1e-6 * rows[:200]
-    q[200:, 0] = q[200, 0]
-    row, _ = next(alarms(consistency(KINDS[:1] * 2), States(rows * SECOND // 200, q, v)))
-    assert row - 200 == pytest.approx(1e3 * 3.0 * 5e-4 / 0.01 / 5.0, abs=1.0)
+        np.arange(1000) * SECOND // 1000, 1e-3 * rows[:, None], np.ones((1000, 1)))))
+    assert row < 65

@@ -5,25 +5,17 @@
 
 from typing import Any
 
-from hypothesis import given
-from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.state_plausibility import (
-    ImplausibleStateError,
-    JUMP,
-    SAME_CLOCK,
-    SIMULATED_BEFORE,
-    StateVerdict,
-)
-from watched_states import MAX_AGE, nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError, StateVerdict
+from watched_states import nanoseconds, NOW, PERIOD, Q, SECOND, started, Watched
 
 # --- the age of a state --------------------------------------------------------------------------
 
 @pytest.mark.parametrize('is_first', [True, False])
 @pytest.mark.parametrize(('age', 'reason'), [
     (0.199, ''), (0.201, 'too old'), (-0.199, ''), (-0.201, 'from the future'),
-    (10.0, 'too old'), (-50.0, 'from the future'), (SAME_CLOCK - 1.0, 'too old')])
+    (10.0, 'too old'), (-50.0, 'from the future'), (3599.0, 'too old')])
 def test_a_state_is_of_now(is_first, age, reason):
     one = (Watched if is_first else started)(crowd=True)
     t = 0.5
@@ -43,47 +35,25 @@ def test_a_state_rejected_for_its_age_has_no_side_effect():
     assert one.judge(0.01, q=Q) == StateVerdict(True, 0.01)
 
 
-def test_any_age_goes_where_there_is_no_limit():
+def test_the_limit_of_age_may_change_and_0_is_none():
     one = started(max_age=0.0)
     assert one.judge(1.0, 20.0).is_new
-
-
-def test_the_limit_of_age_may_change():
-    one = started()
     one.watch.max_age = 1.0
-    assert one.judge(0.01, 0.8).is_new
+    assert one.judge(20.01, 20.9).is_new
     one.watch.max_age = 0.1
-    assert one.refusal(0.6, 0.9).reason == 'too old'
+    assert one.refusal(20.6, 20.91).reason == 'too old'
 
 
 # --- other clocks --------------------------------------------------------------------------------
 
-STORY = st.lists(st.tuples(
-    st.floats(-0.5, 40.0) | st.sampled_from([0.0, PERIOD]),  # increment of the stamp
-    st.floats(0.0, 40.0) | st.sampled_from([PERIOD]),  # increment of the clock
-    st.sampled_from([0.0, 0.01, 1.0])), max_size=8)
-
-
-def fates_of(one: Watched, story: list[tuple[float, float, float]], crowd: bool) -> list[object]:
-    """Return the result for each state of a story: the judgement, or the reason of rejection."""
-    one.crowd = crowd
-    stamp = clock = 0.0
-    fates: list[object] = []
-    for by_stamp, by_clock, way in story:
+@pytest.mark.parametrize('begin', [100.0, 1e9 - 1000.0])
+@pytest.mark.parametrize('crowd', [False, True])
+def test_simulated_time_has_no_age(begin, crowd):
+    """Stamps before 2001, 1e9 s after 1970, are of a simulation, which may pause or be slow."""
+    one, stamp, clock = started(offset=begin - NOW / SECOND, crowd=crowd), 0.0, 0.0
+    for by_stamp, by_clock in ((0.002, 0.002), (0.002, 20.0), (0.1, 0.0), (0.0, 5.0), (5.0, 25.0)):
         stamp, clock = stamp + by_stamp, clock + by_clock
-        try:
-            fates.append(one.judge(stamp, clock, Q + [way, 0.0]))
-        except ImplausibleStateError as error:
-            fates.append(str(error))
-    return fates
-
-
-@given(
-    STORY, st.floats(100.0 - NOW / SECOND, SIMULATED_BEFORE - NOW / SECOND - 1000.0),
-    st.booleans())
-def test_simulated_time_has_no_age(story, offset, crowd):
-    fates = fates_of(Watched(offset=offset), story, crowd)
-    assert not [fate for fate in fates if 'old' in str(fate) or 'future' in str(fate)]
+        assert one.judge(stamp, clock).is_new == (by_stamp > 0.0)
 
 
 def test_simulated_time_may_run_slowly_but_does_not_jump():
@@ -94,14 +64,14 @@ def test_simulated_time_may_run_slowly_but_does_not_jump():
     assert one.judge(5.0, 49.002) == StateVerdict(True, None, 'stamp jumped ahead')
 
 
-@pytest.mark.parametrize(('max_age', 'largest'), [(MAX_AGE, MAX_AGE), (3.0, 3.0), (0.0, JUMP)])
+@pytest.mark.parametrize(('max_age', 'largest'), [(0.2, 0.2), (3.0, 3.0), (0.0, 1.0)])
 def test_simulated_time_may_run_ahead_of_the_clock_by_the_largest_age(max_age, largest):
     for excess, restart in ((0.99 * largest, ''), (1.01 * largest, 'stamp jumped ahead')):
         one = started(max_age=max_age, offset=-NOW / SECOND + 100.0)
         assert one.judge(0.1 + excess, 0.1).restart == restart
 
 
-@pytest.mark.parametrize('offset', [2.0 * SAME_CLOCK, -2.0 * SAME_CLOCK, 1e8])
+@pytest.mark.parametrize('offset', [3620.0, -3601.0, 1e8])
 def test_the_clock_of_another_computer_keeps_its_offset(offset):
     one = started(offset=offset)
     assert one.judge(1.0, 1.19).is_new
@@ -114,6 +84,15 @@ def test_the_clock_of_another_computer_keeps_its_offset(offset):
         assert one.judge(1.0005 * t, t).is_new
     one.watch.has_age = lambda: False
     assert one.judge(1.0005 * t + PERIOD, t + 10.0).is_new
+
+
+def test_the_offset_of_a_clock_is_followed_by_a_thousandth_of_the_time():
+    """A clock that is 0.2 % fast is 0.2 s off what is followed after 200 s."""
+    one, t = started(offset=1e8), 0.0
+    while t < 190.0:
+        t += 0.5
+        one.judge(1.002 * t, t)
+    assert one.refusal(1.002 * 215.0, 215.0).reason == 'from the future'
 
 
 @pytest.mark.parametrize('clock', [1.0, 1.1])

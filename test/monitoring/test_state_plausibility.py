@@ -4,38 +4,24 @@
 """The check that a measured state can follow the previous one: distances, source, resets."""
 
 
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.state_plausibility import (
-    CONFIRMATIONS,
-    CONTRADICTION,
-    LONGEST_GAP,
-    PLAY,
-    SPEED_FACTOR,
-    StatePlausibility,
-    StateVerdict,
-)
-from watched_states import (
-    LIMIT,
-    MAX_AGE,
-    NAMES,
-    nanoseconds,
-    NOW,
-    PERIOD,
-    Q,
-    started,
-    Watched,
-)
+from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from watched_states import LIMIT, PERIOD, Q, started, Watched
+
+LONGEST_GAP = 30.0  # [s] without a state, after which any state is a first one
+CONFIRMATIONS = 5  # states that must follow one that does not follow the old ones
 
 # --- accepted states -----------------------------------------------------------------------------
 
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.0005, 0.02), min_size=1, max_size=30), st.floats(0.0, 0.99))
 def test_states_that_move_as_fast_as_they_may_follow_each_other(steps, fraction):
     one, t, q = started(crowd=True), 0.0, Q.copy()
     for dt in steps:
-        t, q = t + dt, q + fraction * SPEED_FACTOR * LIMIT * dt
+        t, q = t + dt, q + fraction * 1.5 * LIMIT * dt
         judgement = one.judge(t, q=q)
         assert judgement.is_new
         assert judgement.dt == pytest.approx(dt, abs=2e-9)
@@ -51,10 +37,10 @@ def test_a_repeated_stamp_is_no_new_state_for_any_content():
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 @pytest.mark.parametrize(('dt', 'v', 'longest'), [
-    (0.01, None, PLAY + SPEED_FACTOR * 2.0 * 0.01),
-    (0.5, None, PLAY + SPEED_FACTOR * 2.0 * 0.5),
-    (0.01, [0.0, 0.0], PLAY + SPEED_FACTOR * 2.0 * 0.01),
-    (0.01, [-30.0, 0.0], PLAY + SPEED_FACTOR * 30.0 * 0.01),  # at a reported speed above the limit
+    (0.01, None, 0.05 + 1.5 * 2.0 * 0.01),  # 50 mrad, and 1.5 times the velocity limit
+    (0.5, None, 0.05 + 1.5 * 2.0 * 0.5),
+    (0.01, [0.0, 0.0], 0.05 + 1.5 * 2.0 * 0.01),
+    (0.01, [-30.0, 0.0], 0.05 + 1.5 * 30.0 * 0.01),  # at a reported speed above the limit
 ])
 def test_a_way_longer_than_the_speed_allows_is_a_jump(sign, dt, v, longest):
     for factor, jumps in ((0.999, False), (1.001, True)):
@@ -83,7 +69,7 @@ def test_beyond_all_speeds_nothing_overflows(speed, restart):
 @pytest.mark.parametrize('turns', [-3, -1, 1, 7])
 def test_a_whole_turn_is_no_way_for_a_joint_without_an_end(turns):
     one = started()
-    assert not one.judge(PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + PLAY]).restart
+    assert not one.judge(PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 0.05]).restart
     assert one.judge(2 * PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 1.0]).restart == 'jump'
     assert started().judge(PERIOD, q=Q + [2.0 * np.pi * turns, 0.0]).restart == 'jump'
 
@@ -123,8 +109,8 @@ def test_an_idle_publisher_is_no_conflict(clock_steps):
 
 
 @pytest.mark.parametrize(('good_states', 'is_conflict'), [
-    (CONTRADICTION - 1, True), (CONTRADICTION, False)])
-def test_a_contradiction_is_over_after_enough_good_states(good_states, is_conflict):
+    (99, True), (100, False)])
+def test_a_contradiction_is_over_after_a_hundred_good_states(good_states, is_conflict):
     one = started(crowd=True)
     one.refusal(-0.1, PERIOD)
     for k in range(1, good_states + 1):
@@ -153,29 +139,10 @@ def test_states_that_do_not_follow_each_other_are_not_confirmed(place):
         assert one.refusal(stamp, k * PERIOD, q).reason == 'jump'
 
 
-def test_a_stray_state_does_not_count_as_a_confirmation():
-    one = started(crowd=True)
-    one.refusal(PERIOD, q=Q + [9.0, 0.0])
-    for k in range(2, CONFIRMATIONS + 2):
-        assert one.refusal(k * PERIOD, q=Q + [1.0, 0.0]).reason == 'jump'
-    assert one.judge((CONFIRMATIONS + 2) * PERIOD, q=Q + [1.0, 0.0]).restart == 'jump'
-
-
 def test_the_joint_that_jumped_is_named():
     one = started(crowd=True)
     assert "position of 'wrist' is 0.6, 1 away from that of 0.002 s before" in str(
         one.refusal(PERIOD, q=Q + [0.0, 1.0]))
-
-
-def test_the_crowd_is_not_counted_while_all_is_well():
-    watch = StatePlausibility(NAMES, LIMIT, MAX_AGE, np.array([False, True]))
-
-    def must_not_be_asked() -> bool:
-        raise AssertionError
-
-    for k in range(3):
-        t = NOW + k * nanoseconds(PERIOD)
-        watch.judge(t, t, Q, None, must_not_be_asked)
 
 
 # --- resets --------------------------------------------------------------------------------------
@@ -184,11 +151,7 @@ def test_the_crowd_is_not_counted_while_all_is_well():
 def test_after_a_long_pause_any_state_is_a_first_state(crowd):
     one = started(crowd=crowd)
     assert one.judge(LONGEST_GAP + 0.1, q=Q + 1.0) == StateVerdict(True, None, 'first state')
-
-
-def test_after_a_shorter_one_it_is_not():
-    one = started()
-    assert one.judge(LONGEST_GAP - 0.1).dt == pytest.approx(LONGEST_GAP - 0.1)
+    assert started().judge(LONGEST_GAP - 0.1).dt == pytest.approx(LONGEST_GAP - 0.1)
 
 
 def test_refused_states_do_not_keep_the_memory_alive():
@@ -200,6 +163,7 @@ def test_refused_states_do_not_keep_the_memory_alive():
     assert one.judge(-69.5, 30.5) == StateVerdict(True, None, 'first state')
 
 
+@settings(max_examples=50)
 @given(st.floats(-1e5, 1e5))
 def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump):
     """The jump of the clock never causes a rejection, nor a step back in time."""

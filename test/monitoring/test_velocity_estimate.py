@@ -5,16 +5,15 @@
 
 import math
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gains.gain_scaling import CROSSOVER, DELAY_LAG, LOOP_DELAY
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.monitoring.velocity_estimate import SPAN, VelocityEstimate
+from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.planar.urdf import default_arm_urdf
 
 SECOND = 1_000_000_000
@@ -22,12 +21,12 @@ ARM = load_arm(default_arm_urdf())
 RATES = (30, 100, 125, 250, 500, 1000)
 
 
-
 def span_of(rate: int) -> float:
-    """Return the span of the difference [s]: whole periods, at least SPAN."""
-    return math.ceil(SPAN * rate - 1e-9) / rate
+    """Return the span of the difference [s]: whole periods, at least 10 ms."""
+    return math.ceil(0.01 * rate - 1e-9) / rate
 
 
+@settings(max_examples=50)
 @given(st.sampled_from(RATES), st.floats(-3.0, 3.0), st.floats(-9.0, 9.0))
 def test_it_is_late_by_half_of_its_span(rate, v0, a):
     """For constant acceleration the estimate is the velocity at the time t − delay."""
@@ -42,7 +41,7 @@ def test_it_is_late_by_half_of_its_span(rate, v0, a):
         assert found[0] == pytest.approx(v0 + a * (t - estimate.delay), abs=1e-5)
 
 
-@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize('rate', [30, 1000])
 def test_its_noise_is_that_of_two_positions_over_the_span(rate):
     estimate, sigma = VelocityEstimate(np.zeros(4, dtype=bool)), 1e-4
     rng = np.random.default_rng(0)
@@ -52,18 +51,11 @@ def test_its_noise_is_that_of_two_positions_over_the_span(rate):
     assert noise == pytest.approx(math.sqrt(2.0) * sigma / span_of(rate), rel=0.05)
 
 
-def test_a_joint_without_an_end_may_jump_by_a_turn():
+def test_only_a_joint_without_an_end_may_jump_by_a_turn():
     estimate = VelocityEstimate(np.array([True, False]))
     for k, q in enumerate((3.13, 3.14, -3.133185307, -3.123185307)):
-        found = estimate.update(k * SECOND // 100, np.array([q, 0.01 * k]))
-        assert k == 0 or found == pytest.approx(np.array([1.0, 1.0]), abs=1e-6)
-
-
-def test_a_joint_with_an_end_may_move_by_more_than_half_a_turn():
-    estimate = VelocityEstimate(np.array([True, False]))
-    estimate.update(0, np.zeros(2))
-    found = estimate.update(SECOND // 100, np.array([4.0, 4.0]))
-    assert found == pytest.approx(100.0 * np.array([4.0 - 2.0 * math.pi, 4.0]))
+        found = estimate.update(k * SECOND // 100, np.array([q, 4.0 * k]))
+        assert k == 0 or found == pytest.approx(np.array([1.0, 400.0]), abs=1e-6)
 
 
 def test_an_equal_stamp_repeats_the_estimate():
@@ -75,19 +67,11 @@ def test_an_equal_stamp_repeats_the_estimate():
     assert estimate.update(SECOND // 50, np.array([0.05])) == pytest.approx(np.array([3.0]))
 
 
-def test_after_half_a_second_the_difference_is_no_velocity():
-    for gap, is_velocity in ((SECOND // 2, True), (SECOND // 2 + 1, False)):
-        estimate = VelocityEstimate(np.array([False]))
-        estimate.update(SECOND, np.array([0.0]))
-        found = estimate.update(SECOND + gap, np.array([1.0]))
-        assert (found is not None) == is_velocity
-
-
-def test_a_pause_or_a_step_back_in_time_resets_the_estimate():
+def test_a_pause_of_more_than_half_a_second_or_a_step_back_in_time_resets_the_estimate():
     estimate = VelocityEstimate(np.array([False]))
-    for stamp in (0, SECOND // 100):
-        estimate.update(stamp, np.array([0.0]))
-    assert estimate.update(SECOND, np.array([5.0])) is None
+    estimate.update(0, np.array([0.0]))
+    assert estimate.update(SECOND // 2, np.array([1.0])) == pytest.approx(np.array([2.0]))
+    assert estimate.update(SECOND + 1, np.array([5.0])) is None
     assert estimate.update(SECOND // 2, np.array([7.0])) is None
     assert estimate.update(SECOND // 2, np.array([8.0])) is None  # an equal stamp
     estimate.restart()
@@ -100,16 +84,13 @@ def controller(**changes: object) -> Controller:
         **changes))
 
 
-def states(one: Controller, rate: int, velocities: bool, noise: float = 0.0) -> list[object]:
-    rng, outputs = np.random.default_rng(0), []
+def states(one: Controller, rate: int, velocities: bool) -> None:
     for k in range(400):
-        q = np.full(2, 0.2) + rng.normal(0.0, noise, 2)
-        outputs.append(one.update(
-            SECOND + SECOND * k // rate, q, np.zeros(2) if velocities else None))
-    return outputs
+        one.update(SECOND + SECOND * k // rate, np.full(2, 0.2),
+                   np.zeros(2) if velocities else None)
 
 
-@pytest.mark.parametrize('rate', RATES)
+@pytest.mark.parametrize('rate', [30, 250, 1000])
 def test_the_gains_follow_the_delay(rate):
     measured, estimated = controller(), controller(estimates_velocity=True)
     states(measured, rate, True)
@@ -117,23 +98,11 @@ def test_the_gains_follow_the_delay(rate):
     omega = math.sqrt(make_gains(ARM.joint_names).kp.max())
 
     def scale(delay: float) -> float:
-        return min(1.0, DELAY_LAG / (CROSSOVER * omega * (0.5 / rate + LOOP_DELAY + delay)))
+        """Return the factor with which 8 ms, half a period and the delay take 0.5 rad."""
+        crossover = math.sqrt(2.0 + math.sqrt(5.0)) * omega
+        return min(1.0, 0.5 / (crossover * (0.5 / rate + 0.008 + delay)))
 
     assert measured.gains.least == pytest.approx(scale(0.0), rel=0.11)
     assert estimated.gains.least == pytest.approx(scale(0.5 * span_of(rate)), rel=0.11)
     assert 'estimated velocities' in str(estimated.gains)
     assert estimated.gains.least <= measured.gains.least
-
-
-def test_noise_of_the_positions_lowers_the_gains():
-    quiet, noisy = controller(estimates_velocity=True), controller(estimates_velocity=True)
-    states(quiet, 500, False)
-    states(noisy, 500, False, noise=3e-3)
-    assert noisy.gains.least < 0.8 * quiet.gains.least
-
-
-def test_measured_velocities_may_be_demanded():
-    outputs = states(controller(), 500, False)
-    assert all(output.velocity is None for output in outputs)
-    outputs = states(controller(estimates_velocity=True), 500, False)
-    assert [output.velocity is None for output in outputs] == [True] + [False] * 399

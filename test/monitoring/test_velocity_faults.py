@@ -6,11 +6,9 @@
 from collections.abc import Callable
 import itertools
 import math
-import re
 
 from consistency_signals import (
     alarms,
-    at_rest,
     consistency,
     FINE,
     KINDS,
@@ -20,13 +18,10 @@ from consistency_signals import (
     SECOND,
     States,
 )
-from hypothesis import given, settings
-from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.monitoring import motion_consistency
-from robot_dynamics.monitoring.repeated_samples import FLOOR
+from robot_dynamics.monitoring.motion_consistency import MotionConsistency
 
 # --- detection -----------------------------------------------------------------------------------
 
@@ -41,7 +36,7 @@ FAULTS: dict[str, tuple[Callable[[FloatArray], FloatArray], str]] = {
 
 def faulty(
     fault: str, speed: float, rate: int, noise: float, seed: int, begin: float = 1.5,
-) -> tuple[float, float, motion_consistency.MotionConsistency]:
+) -> tuple[float, float, MotionConsistency]:
     """Return duration and displacement of the first joint until its fault is found."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, 4.0, FINE)
     v = speed * np.clip((t - 1.0) / 0.4, 0.0, 1.0)[:, None] * np.array([1.0, -0.5, 0.3])
@@ -59,12 +54,11 @@ def faulty(
 
 
 @pytest.mark.parametrize(('noise', 'sign', 'zeros'), [(0.0, 0.005, 0.012), (0.2, 0.010, 0.025)])
-@pytest.mark.parametrize('speed', [0.5, 1.0, 2.0])
-@pytest.mark.parametrize('rate', [250, 500, 1000])
+@pytest.mark.parametrize(('speed', 'rate'), [(0.5, 250), (1.0, 500), (2.0, 1000)])
 def test_faults_are_found_within_a_small_displacement(noise, sign, zeros, speed, rate):
     """The displacement [rad] at constant speed, plus that of one period."""
     for seed, (fault, allowed) in itertools.product(
-            range(5), {'wrong sign': sign, 'degrees': sign, 'zeros': zeros}.items()):
+            range(2), {'wrong sign': sign, 'degrees': sign, 'zeros': zeros}.items()):
         allowed *= 1.0 if noise == 0.0 else max(1.0, 1.0 / speed) * math.sqrt(500.0 / rate) + 0.5
         _, moved, one = faulty(fault, speed, rate, noise, seed)
         assert moved <= allowed + 1.01 * speed / rate, fault
@@ -72,92 +66,33 @@ def test_faults_are_found_within_a_small_displacement(noise, sign, zeros, speed,
         assert not one.frozen.any()
 
 
-@pytest.mark.parametrize('speed', [0.15, 0.3, 0.6, 1.0])
-@pytest.mark.parametrize('acceleration', [3.0, 6.0])
-def test_the_step_of_a_velocity_that_becomes_wrong_is_not_its_noise(acceleration, speed):
-    """At 30 Hz each state counts: the second one decides, while the arm is driven away."""
-    t, begin = np.arange(0.0, 3.0, 1.0 / 30.0), 60
-    driven = np.maximum(t - t[begin], 0.0)
-    v = speed + acceleration * driven
-    states = States(SECOND + np.rint(1e9 * t).astype(np.int64), *(
-        x[:, None] * np.array([1.0, 0.0, 0.0]) for x in (
-            speed * t + 0.5 * acceleration * driven**2, np.where(t < t[begin], v, -v))))
-    row, reason = next(alarms(consistency(), states))
-    assert row == begin + 1
-    assert 'wrong sign' in reason
-
-
 @pytest.mark.parametrize('fault', FAULTS)
-@pytest.mark.parametrize('rate', [100, 500])
-def test_the_cause_is_named_in_motion_from_rest(fault, rate):
-    _, moved, one = faulty(fault, 1.0, rate, 0.0, 0, begin=0.0)
+def test_the_cause_is_named_in_motion_from_rest(fault):
+    duration, moved, _ = faulty(fault, 1.0, 100, 0.0, 0)
+    assert max(duration, moved) < 0.1
+    _, moved, one = faulty(fault, 1.0, 100, 0.0, 0, begin=0.0)
     assert moved < 0.25
     assert one.doubtful.tolist() == [True, False, False]
     assert "velocity of 'joint1' is " in one.reason
     assert FAULTS[fault][1] in one.reason
 
 
-def test_velocities_that_become_zero_have_no_noise():
-    """An oscillation that the noise before could explain is found in half a period."""
-    rng, t = np.random.default_rng(0), np.arange(0.0, 5.0, 1.0 / 500.0)
-    swing = 0.01 * np.sin(20.0 * t)[:, None] * (t >= 3.0)[:, None] * np.array([1.0, -1.0, 0.0])
-    v = rng.normal(0.0, 0.2, (len(t), N)) * (t < 3.0)[:, None]
-    row, reason = next(alarms(consistency(), States(
-        SECOND + np.round(1e9 * t).astype(np.int64), swing, v)))
-    assert 3.0 < t[row] < 3.0 + np.pi / 20.0
-    assert 'zero or missing' in reason
+@pytest.mark.parametrize(('rate', 'speed', 'begins'), [
+    (100, 0.31, True), (1000, 0.31, True), (100, 0.3, False), (500, 3.0, False)])
+def test_zeros_are_found_soon_in_motion_and_after_a_start(rate, speed, begins):
+    """
+    A joint with a low velocity limit must not accelerate for long.
 
-
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-def test_velocities_that_become_zero_in_motion_are_found_soon(rate):
-    """A joint with a low velocity limit must not accelerate for long."""
-    t = np.arange(0.0, 2.5, FINE)
-    q = np.tile(0.31 * t[:, None], (1, len(KINDS)))
-    v = np.where(t[:, None] < 2.0, np.full_like(q, 0.31), 0.0)
-    states = sampled(t, q, v, regular(t, rate))
-    row, _ = next(alarms(consistency(), states))
-    assert 0.0 < 1e-9 * (states.stamps[row] - SECOND) - 2.0 < 0.02 + 1.5 / rate
-
-
-@pytest.mark.parametrize('rate', [100, 250, 500])
-@pytest.mark.parametrize('speed', [0.3, 1.0, 3.0])
-def test_a_joint_that_starts_although_its_velocity_remains_zero_is_found_soon(speed, rate):
-    """It has left the floor for longer than a filter would delay the first velocity."""
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    q = speed * np.maximum(t - 1.0, 0.0)[:, None]
+    After a start it has left 3 mrad for longer than a filter would delay the first velocity.
+    """
+    t = np.arange(0.0, 2.5, 1.0 / rate)
+    q = speed * (t if begins else np.maximum(t - 2.0, 0.0))[:, None]
+    v = np.where((t < 2.0)[:, None] & begins, speed, 0.0 * q)
     row, _ = next(alarms(consistency(KINDS[:1]), States(
-        SECOND + np.round(1e9 * t).astype(np.int64), q, 0.0 * q)))
-    assert 0.02 < t[row] - 1.0 < 0.02 + FLOOR / speed + motion_consistency.STEP + 2.01 / rate
-
-
-@pytest.mark.parametrize('fault', ['double', 'half'])
-@pytest.mark.parametrize('rate', [100, 250, 500, 1000])
-def test_a_wrong_scale_is_found(fault, rate):
-    duration, moved, _ = faulty(fault, 1.0, rate, 0.0, 0)
-    assert duration < 0.1
-    assert moved < 0.1
-
-
-@settings(max_examples=40)
-@given(
-    st.sampled_from(list(FAULTS)), st.sampled_from((30, 100, 500)), st.sampled_from((0.05, 0.5)),
-    st.sampled_from((0.0, 0.02, 0.2, 1.0)), st.sampled_from((0.05, 1.0)), st.integers(0, 10**6))
-def test_only_the_size_of_a_motion_in_the_unit_of_its_joint_matters(
-    fault, rate, speed, noise, begin, seed,
-):
-    """With a power of two for a unit the marks are equal, not almost equal."""
-    t, rng = np.arange(0.0, 1.5, 1.0 / rate), np.random.default_rng(seed)
-    q = speed * np.maximum(t - 0.5, 0.0)
-    v = speed * (t > 0.5)
-    v = np.where(t < begin, v, FAULTS[fault][0](v)) + rng.normal(0.0, noise, len(t))
-    marks = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(motion_consistency, 'PRISMATIC', 0.25)
-        for unit, kind in ((1.0, 'revolute'), (0.25, 'prismatic')):
-            one = consistency((kind,))
-            marks.append([one.update(
-                k * SECOND // rate, unit * q[k:k + 1], unit * v[k:k + 1]) for k in range(len(t))])
-    assert marks[0] == marks[1]
+        SECOND + np.round(1e9 * t).astype(np.int64), q, v)))
+    found = t[row] - 2.0
+    assert 0.0 < found < (0.02 if begins else 0.025 + 0.003 / speed) + 2.01 / rate
+    assert begins or found > 0.02
 
 
 @pytest.mark.filterwarnings('ignore:overflow', 'ignore:invalid value')
@@ -169,16 +104,6 @@ def test_velocities_beyond_all_numbers_are_in_doubt(value):
             [value if 50 <= k < 53 else 5e-3, 5e-3, 5e-3]))
     assert one.doubtful.tolist() == [True, False, False]
     assert one.reason
-
-
-def test_the_velocity_of_a_joint_that_does_not_move_can_be_wrong():
-    states = at_rest(np.random.default_rng(0), 500)
-    states.q[:] = 0.2
-    states.v[1000:, 0] += 3.0
-    one = consistency()
-    _, reason = next(alarms(one, states, np.zeros_like(states.q)))
-    assert one.doubtful.tolist() == [True] + [False] * (N - 1)
-    assert 'the position does not move' in reason
 
 
 # --- marks ------------------------------------------------------------------------------------
@@ -200,27 +125,26 @@ def test_a_doubt_lasts_until_the_velocity_agrees_in_motion():
     assert one.doubtful.tolist() == [True, False, False]
     assert moving(one, 1.0, 5.0, 0.0, 1.0) == 5.0
     agreed = moving(one, 6.0, 9.0, 1.0, 1.0)
-    assert motion_consistency.AGREEMENT < agreed - 6.0 < motion_consistency.AGREEMENT + 0.3
+    assert 1.0 < agreed - 6.0 < 1.3
     assert one.is_consistent
 
 
-def test_after_a_gap_the_positions_may_be_anywhere():
-    for gap in (motion_consistency.PAUSE + 0.01, -0.5):
-        one = consistency()
-        moving(one, 1.0, 2.0, 0.5, 1.0)
-        for k in range(500):
-            stamp = SECOND + round((2.0 + gap) * SECOND) + k * SECOND // 500
-            assert one.update(stamp, np.array([7.0 + 1e-3 * k, 0.0, 0.0]), np.array(
-                [0.5, 0.0, 0.0]))
+@pytest.mark.parametrize('gap', [0.105, -0.5])
+def test_after_a_gap_of_100_ms_the_positions_may_be_anywhere(gap):
+    one = consistency()
+    moving(one, 1.0, 2.0, 0.5, 1.0)
+    for k in range(100):
+        stamp = SECOND + round((1.998 + gap) * SECOND) + k * SECOND // 500
+        assert one.update(
+            stamp, np.array([7.0 + 1e-3 * k, 0.0, 0.0]), np.array([0.5, 0.0, 0.0]))
 
 
 def test_states_without_velocities_are_never_in_doubt():
     one = consistency()
     assert one.is_consistent is True
-    for k in range(1000):
+    for k in range(500):
         q = np.full(N, 2e-3 * k)
         assert one.update(k * SECOND // 500, q, None if k % 400 < 200 else np.ones(N))
-    assert FLOOR > 0.0
 
 
 # --- the cause that the reason names -------------------------------------------------------------
@@ -233,31 +157,10 @@ def first_reason(q: FloatArray, v: FloatArray, rate: float) -> str:
     return reason
 
 
-@pytest.mark.parametrize('rate', [100.0, 500.0])
-def test_a_velocity_that_becomes_zero_is_named_although_it_was_true_before(rate):
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    v = np.where(t < 1.0, 1.0, 0.0)
-    assert 'velocity is zero or missing' in first_reason(1.0 * t, v, rate)
-
-
-@pytest.mark.parametrize('rate', [100.0, 500.0])
 @pytest.mark.parametrize(('factor', 'cause'), [
     (-1.0, 'wrong sign'), (2.5, ' times the displacement'), (0.0, 'zero or missing')])
-def test_the_cause_is_named_in_motion_that_reverses(rate, factor, cause):
-    t, omega = np.arange(0.0, 2.0, 1.0 / rate), 2.0 * np.pi * 6.0
+def test_the_cause_is_named_in_motion_that_reverses(factor, cause):
+    t, omega = np.arange(0.0, 2.0, 0.002), 2.0 * np.pi * 6.0
     q, v = 0.02 * np.sin(omega * t), 0.02 * omega * np.cos(omega * t)
     true = t < 1.0 + 1.0 / 24.0  # a reversal
-    reason = first_reason(q, np.where(true, v, factor * v), rate)
-    assert cause in reason
-
-
-@pytest.mark.parametrize('rate', [100.0, 500.0])
-def test_the_window_with_the_largest_contradiction_is_described(rate):
-    """A small error of a slow joint needs a long one: 0.15 W > 0.003 + 0.02 W + 0.3 · 0.25 W."""
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    reason = first_reason(0.1 * t, np.where(t < 1.0, 0.1, 0.25), rate)
-    found = re.search('moved by ([0-9.]+) in ([0-9]+) ms: 2.[45] times', reason)
-    assert found
-    moved, window = map(float, found.groups())
-    assert 0.003 / 0.055 < 1e-3 * window < 0.1
-    assert moved == pytest.approx(1e-4 * window, rel=0.1)
+    assert cause in first_reason(q, np.where(true, v, factor * v), 500.0)

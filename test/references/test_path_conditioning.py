@@ -18,12 +18,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.references.motion_limits import MotionLimits, WorkspaceInertia
-from robot_dynamics.references.path_conditioning import (
-    feasible_trajectory,
-    MANY_POINTS,
-    PATH_TOLERANCE,
-    SLOWEST,
-)
+from robot_dynamics.references.path_conditioning import feasible_trajectory
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
@@ -35,7 +30,7 @@ ARM = load_arm(default_arm_urdf())
 TOLERANCE = 1.0001
 """Largest ratio to a limit at the points and between them."""
 
-laws = settings(max_examples=40)
+laws = settings(max_examples=20)
 angles = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=2).map(np.array)
 
 
@@ -114,12 +109,6 @@ def test_a_path_of_positions_is_followed_within_the_limits(sent):
         assert (q <= np.maximum(q[0], q[-1]) + 1e-9).all()
 
 
-def test_a_slow_path_of_positions_is_not_slowed_down():
-    found, slowness = conditioned(path([1.0, 5.0, 9.0], [[0.0, 0.0], [0.2, 0.1], [0.3, 0.3]]))
-    assert slowness == 1.0
-    assert [p.time_from_start for p in found.points] == [1.0, 5.0, 9.0]
-
-
 # --- paths of many points without velocities -----------------------------------------------------
 
 def sampled(name: str, count: int) -> JointTrajectory:
@@ -141,9 +130,9 @@ def sampled(name: str, count: int) -> JointTrajectory:
 
 
 @pytest.mark.parametrize(('name', 'count', 'most'), [
-    ('line', 25, 1.2), ('line', 1000, 1.2), ('rest to rest', 20, 1.1),
-    ('rest to rest', 1000, 1.01), ('sine', 60, 1.3), ('sine', 1000, 1.3), ('noisy', 1000, 1.1),
-    ('rounded', 1000, 1.1), ('corner', 100, 1.3), ('zigzag', 40, 10.0)])
+    ('line', 25, 1.2), ('rest to rest', 20, 1.1), ('rest to rest', 300, 1.01),
+    ('sine', 300, 1.3), ('noisy', 300, 1.1), ('rounded', 300, 1.1), ('corner', 100, 1.3),
+    ('zigzag', 40, 10.0)])
 def test_many_points_are_followed_closely_at_about_their_times(name, count, most):
     sent = sampled(name, count)
     found, slowness = conditioned(sent)
@@ -154,29 +143,18 @@ def test_many_points_are_followed_closely_at_about_their_times(name, count, most
     positions = (powers @ TrajectorySegments(found).coefficients).reshape(-1, 2)
     q = np.array([point.position for point in sent.points])
     for one in q:
-        assert np.abs(positions - one).max(axis=1).min() <= 1.1 * PATH_TOLERANCE
+        assert np.abs(positions - one).max(axis=1).min() <= 0.0055
     assert (positions <= q.max(axis=0) + 1e-9).all()
     assert (positions >= q.min(axis=0) - 1e-9).all()
 
 
-@laws
-@given(st.integers(MANY_POINTS, 60), st.integers(0, 2**32 - 1), st.floats(1e-5, 1.0),
-       st.floats(1e-3, 2.0))
-def test_random_paths_of_many_points_are_within_the_limits(count, seed, step, interval):
-    rng = np.random.default_rng(seed)
-    t = np.cumsum(rng.uniform(0.1, 1.0, count)) * interval
-    sent = path(t.tolist(), np.cumsum(rng.normal(0.0, step, (count, 2)), axis=0))
-    found, slowness = conditioned(sent)
-    assert slowness >= 1.0
-    assert_within_limits(found)
-    assert_starts_and_ends_at_rest(found, sent)
-
-
-def test_few_points_are_passed_exactly():
-    sent = sampled('line', MANY_POINTS - 1)
+@pytest.mark.parametrize(('count', 'is_exact'), [(9, True), (10, False)])
+def test_up_to_nine_points_are_passed_exactly(count, is_exact):
+    q = np.cumsum(np.random.default_rng(1).uniform(-0.01, 0.01, (10, 2)), axis=0)
+    sent = path((0.09 * np.arange(count)).tolist(), q[:count])
     found, _ = conditioned(sent)
-    assert [p.position.tolist() for p in found.points] == [
-        p.position.tolist() for p in sent.points]
+    assert ([p.position.tolist() for p in found.points] == [
+        p.position.tolist() for p in sent.points]) == is_exact
 
 
 # --- trajectories with velocities ----------------------------------------------------------------
@@ -254,8 +232,15 @@ def test_a_lower_effort_scale_leaves_less():
         conditioned(sent, effort_limit_fraction=0.99 * ratio)
 
 
-def test_what_no_speed_makes_feasible_is_rejected():
+def test_what_is_not_feasible_at_a_hundredth_of_the_speed_is_rejected():
     sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.3, 0.1], 2.0)
     with pytest.raises(TrajectoryError, match='not feasible at any speed'):
         conditioned(sent, effort_limit_fraction=0.01, slows_down=True)
-    assert SLOWEST >= 10.0
+    way = 10.0 / 1.875  # [rad] that a quintic covers in 1 s at the velocity limit
+    for factor in (95.0, 105.0):
+        sent = quintic_point_to_point(NAMES, [0.0, 0.0], [0.0, way], 1.0 / factor)
+        if factor < 100.0:
+            assert conditioned(sent, slows_down=True)[1] == pytest.approx(factor, rel=0.05)
+        else:
+            with pytest.raises(TrajectoryError, match='not feasible at any speed'):
+                conditioned(sent, slows_down=True)

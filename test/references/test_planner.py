@@ -6,13 +6,20 @@
 from collections.abc import Iterator
 import math
 import random
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from jerk_motion import evaluate
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.references.jerk_profile import Bounds, Extremes, extremes, stop
+from robot_dynamics.references.jerk_profile import (
+    Bounds,
+    duration,
+    Extremes,
+    extremes,
+    stop,
+    to_rest,
+)
 from robot_dynamics.references.joint_planner import Target
 from robot_dynamics.references.motion_limits import MotionLimits
 from robot_dynamics.references.planner import (
@@ -23,10 +30,8 @@ from robot_dynamics.references.planner import (
     plan_with_target,
     without_creep,
 )
-from robot_dynamics.trajectories.interpolation import evaluate as evaluate_segment
 from robot_dynamics.trajectories.interpolation import Reference
 
-SECOND = 1_000_000_000
 FOLLOW_TIME = 0.1
 BOX = 2.0
 """Largest size of starts and goals [rad]."""
@@ -35,7 +40,7 @@ HULL = 1e-8
 RATIO = 1.001
 
 counts = pytest.mark.parametrize(
-    'count', [1_000, pytest.param(100_000, marks=pytest.mark.soak)])
+    'count', [150, pytest.param(100_000, marks=pytest.mark.soak)])
 
 
 class Case(NamedTuple):
@@ -202,6 +207,10 @@ def check_limits(joint: JointCase) -> None:
     assert found.a_max <= RATIO * max(bounds.a_max, a)
     assert found.a_min >= RATIO * min(bounds.a_min, a)
     assert all(abs(j) <= RATIO * bounds.jerk for _, j in joint.case.plan.phases[joint.j])
+    stops = [joint.stop(each) for each in (joint.full, joint.whole)]
+    if joint.case.kind != 'path' and any(
+            joint.is_inside(each.q_min, each.q_max, 0.0) for each in stops):
+        assert joint.is_inside(found.q_min, found.q_max), joint.case.kind
 
 
 def check_end(case: Case) -> None:
@@ -213,85 +222,16 @@ def check_end(case: Case) -> None:
         assert end.acceleration == pytest.approx(0.0 * end.position, abs=1e-7), case.kind
 
 
-@pytest.mark.parametrize('count', [300, pytest.param(10_000, marks=pytest.mark.soak)])
-def test_segments_follow_the_phases_without_steps(count):
-    since_ns = 1_790_000_000 * SECOND
-    for case in cases(count):
-        plan, now_ns, limits = case.plan, since_ns, case.limits.whole
-        sizes = np.concatenate((np.ones_like(limits.velocity), limits.velocity,
-                                limits.acceleration))
-        while (now_ns - since_ns) / SECOND < plan.duration - 1e-9:
-            segment = plan.segment(since_ns, now_ns)
-            assert segment.since_ns <= now_ns < segment.end_ns
-            for end_ns in (segment.since_ns, segment.end_ns):
-                found = np.concatenate(evaluate_segment(
-                    segment.coefficients, segment.phase(end_ns)))
-                t = (end_ns - since_ns) / SECOND
-                expected = np.array([
-                    evaluate(plan.phases[joint.j], t, *joint.state)
-                    for joint in case.joints()]).T.ravel()
-                assert (np.abs(found - expected) <= 1e-7 * sizes).all()
-            now_ns = segment.end_ns
-
-
-# --- ruckig as oracle ----------------------------------------------------------------------------
-
-@pytest.fixture(scope='module')
-def ruckig() -> Any:
-    return pytest.importorskip('ruckig', reason='the oracle has wheels for x86-64 only')
-
-
-def oracle_plan(ruckig: Any, case: Case, limits: MotionLimits, goal: FloatArray | None) -> Any:
-    """Return the plan of `ruckig` to rest at a goal, each joint alone, or the earliest stop."""
-    n = len(case.start.position)
-    one, plan = ruckig.InputParameter(n), ruckig.Trajectory(n)
-    one.synchronization = ruckig.Synchronization.No
-    one.current_position, one.current_velocity, one.current_acceleration = (
-        x.tolist() for x in case.start)
-    one.max_velocity, one.max_acceleration, one.max_jerk = (
-        x.tolist() for x in (limits.velocity, limits.acceleration, limits.jerk))
-    if goal is None:
-        one.control_interface = ruckig.ControlInterface.Velocity
-    else:
-        one.target_position = goal.tolist()
-    ruckig.Ruckig(n).calculate(one, plan)
-    return plan
-
-
 @counts
-def test_no_joint_leaves_its_position_limits_if_the_oracle_can_stop_within_them(ruckig, count):
-    """Targets and paths may be beyond the limits, but joints follow them up to the limits only."""
-    for case in cases(count):
-        if case.kind == 'path':
-            continue
-        stops = [oracle_plan(ruckig, case, limits, None).position_extrema
-                 for limits in (case.limits, case.limits.whole)]
-        for joint in case.joints():
-            if any(joint.is_inside(x[joint.j].min, x[joint.j].max, 0.0) for x in stops):
-                assert joint.is_inside(joint.found.q_min, joint.found.q_max), case.kind
-
-
-@counts
-def test_durations_are_close_to_those_of_the_oracle(ruckig, count):
+def test_a_plan_takes_little_longer_than_the_slowest_joint_alone(count):
+    """`test_jerk_profile.py` compares the motion of one joint with another library."""
     ratios = []
     for case in cases(count, scaled=False):
-        if case.kind == 'goal' and can_brake(case):
-            T = oracle_plan(ruckig, case, case.limits, case.goals[0]).duration
+        if case.kind == 'goal' and all(
+                joint.earliest_stop()[1] is joint.full for joint in case.joints()):
+            T = max(duration(to_rest(float(case.goals[0, joint.j]) - joint.state[0],
+                                     *joint.state[1:], joint.full)) for joint in case.joints())
             ratios.append(case.plan.duration / T if T > 0.0 else 1.0)
-    assert len(ratios) > count / 8
+    assert len(ratios) > count / 10
     assert np.median(ratios) <= 1.3
     assert max(ratios) <= 2.0
-
-
-def can_brake(case: Case) -> bool:
-    """Return whether all joints can stop with the limits with which the oracle plans."""
-    return all(joint.earliest_stop()[1] is joint.full for joint in case.joints())
-
-
-@pytest.mark.parametrize('arrival', [5e-324, 1e-300, 1e-12, 1e-9])
-def test_an_arrival_at_once_is_the_earliest_one(arrival):
-    ones = np.ones(1)
-    limits = MotionLimits(-10.0 * ones, 10.0 * ones, ones, 5.0 * ones, 90.0 * ones)
-    start = Reference(0.0 * ones, 0.9 * ones, 0.0 * ones)
-    plan, earliest = (plan_to_goal(start, -ones, limits, T) for T in (arrival, 0.0))
-    assert plan.duration == pytest.approx(earliest.duration)

@@ -6,7 +6,6 @@
 import numpy as np
 import pytest
 from robot_dynamics.references.motion_limits import MotionLimits
-from robot_dynamics.references.reference_generator import HORIZON, PERIODS
 from sampled_references import (
     AMPLITUDE,
     at,
@@ -31,7 +30,7 @@ CORRECTION = 0.05
 
 # --- streams with velocities ---------------------------------------------------------------------
 
-@pytest.mark.parametrize('rate', [50, 100, 500, 1000])
+@pytest.mark.parametrize('rate', [50, 500])
 def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate):
     h = 1.0 / rate
     found = stream(generator(), sine, h, 0.8, True).after(0.4)
@@ -48,7 +47,7 @@ def test_a_stream_with_velocities_is_followed_with_one_period_of_delay(rate):
     assert found.jerk < 4.0 * largest_jerk
 
 
-@pytest.mark.parametrize('rate', [50, 100, 500, 1000])
+@pytest.mark.parametrize('rate', [50, 500])
 def test_a_stream_with_accelerations_is_followed_more_closely(rate):
     h, one = 1.0 / rate, generator()
     for i in range(round(0.6 / h)):
@@ -61,8 +60,7 @@ def test_a_stream_with_accelerations_is_followed_more_closely(rate):
     assert np.abs(found.a + OMEGA**2 * exact).max() < 0.1 * largest_jerk * CORRECTION
 
 
-@pytest.mark.parametrize('rate', [50, 500])
-@pytest.mark.parametrize('end', [0.5, 0.9, 1.1])
+@pytest.mark.parametrize(('rate', 'end'), [(50, 0.5), (200, 0.9)])
 def test_the_end_of_a_stream_with_velocities_is_a_planned_stop(rate, end):
     one, limits = generator(), limits_of()
     stream(one, sine, 1.0 / rate, end, True)
@@ -86,10 +84,10 @@ def stated_lag(h: float, speed: float, limits: MotionLimits) -> float:
     """
     Return the largest lag [s] behind a ramp of this speed.
 
-    The plan of each period ends at rest. Its duration T is the horizon, or twice that of the
-    earliest stop. The lag is 2/3 of T, and one period.
+    The plan of each period ends at rest. Its duration T is 0.1 s, four periods, or twice that of
+    the earliest stop. The lag is 2/3 of T, and one period.
     """
-    return float(2.0 / 3.0 * max(HORIZON, PERIODS * h, 2.0 * stop_time(speed, limits)) + h)
+    return float(2.0 / 3.0 * max(0.1, 4.0 * h, 2.0 * stop_time(speed, limits)) + h)
 
 
 def stop_time(speed: float, limits: MotionLimits) -> float:
@@ -104,7 +102,7 @@ def assert_within(found: Samples, limits: MotionLimits) -> None:
 
 
 @pytest.mark.parametrize('limits', [limits_of(), limits_of(a=100.0, j=10_000.0)])
-@pytest.mark.parametrize('rate', [10, 30, 50, 100, 500, 1000])
+@pytest.mark.parametrize('rate', [10, 50, 500])
 def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limits):
     """It is that of the horizon where the limits do not matter."""
     h = 1.0 / rate
@@ -117,20 +115,7 @@ def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limi
     assert_within(everything, limits)
 
 
-@pytest.mark.parametrize('rate', [10, 30, 100, 1000])
-def test_a_sine_of_positions_is_followed_smoothly(rate):
-    h, limits = 1.0 / rate, limits_of()
-    everything = stream(generator(), sine, h, 1.8, False)
-    assert_within(everything, limits)
-    found = everything.after(0.8)
-    most = stated_lag(h, AMPLITUDE * OMEGA, limits)
-    errors = [np.abs(found.q - np.array([sine(t - lag)[0] for t in found.t.tolist()])).max()
-              for lag in np.linspace(0.0, most, 20).tolist()]
-    assert min(errors) < 0.2 * AMPLITUDE
-
-
-@pytest.mark.parametrize('rate', [2, 10, 50, 500])
-@pytest.mark.parametrize('distance', [0.02, 0.3, 2.0])
+@pytest.mark.parametrize(('rate', 'distance'), [(2, 2.0), (10, 0.3), (50, 2.0), (200, 0.02)])
 def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(rate, distance):
     goal, one = np.array((distance, -0.5 * distance)), generator()
     end = 1.5 + 2.0 * distance
@@ -141,12 +126,3 @@ def test_a_set_point_that_is_repeated_is_reached_exactly_without_overshoot(rate,
     assert not last.velocity.any()
     assert (found.q / goal).max() <= 1.0 + 1e-9
     assert (np.diff(found.q / goal, axis=0) >= -1e-9).all()
-
-
-@pytest.mark.parametrize('rate', [10, 50, 500])
-def test_a_stream_that_stays_at_its_last_position_ends_there_with_little_overshoot(rate):
-    one = generator()
-    found = stream(one, lambda t: (ramp(min(t, 1.0))[0], ZERO), 1.0 / rate, 2.5, False)
-    goal = ramp(1.0)[0]
-    assert at(one, 2.5).position == pytest.approx(goal, abs=1e-12)
-    assert (found.q / goal).max() <= 1.05

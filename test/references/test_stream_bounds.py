@@ -27,7 +27,7 @@ RATIO = 1.001
 CONTINUOUS = 1e-7
 """Largest step of velocity and acceleration, in fractions of their limits, and of position."""
 
-counts = pytest.mark.parametrize('count', [30, pytest.param(1_000, marks=pytest.mark.soak)])
+counts = pytest.mark.parametrize('count', [6, pytest.param(1_000, marks=pytest.mark.soak)])
 
 
 class SetPoint(NamedTuple):

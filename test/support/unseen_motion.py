@@ -5,9 +5,8 @@
 Hours of the external effort that an observer finds on an arm without contact, fast.
 
 The effort of the arm differs from that of the model by masses, friction with presliding, and
-noise. The observer passes this difference through its filter of first order, exactly
-(`test_the_fast_estimate_is_that_of_the_observer`); the difference of the rigid bodies, which is
-smooth, is interpolated.
+noise. The observer passes this difference through its filter of first order
+(`test_external_effort.py`); the difference of the rigid bodies, which is smooth, is interpolated.
 """
 
 from typing import NamedTuple

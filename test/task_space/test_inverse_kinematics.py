@@ -13,9 +13,11 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.task_space import TaskSpace
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics, last_link, rotation_vector
-from robot_dynamics.task_space.inverse_kinematics import ANGLE, DISTANCE, joints_at
+from robot_dynamics.task_space.inverse_kinematics import joints_at
 
-ROBOTS = ('default', 'ur5', 'panda', 'xarm7', 'z1', 'so100')
+ROBOTS = ['default', 'ur5', 'panda', *(
+    pytest.param(name, marks=pytest.mark.soak) for name in ('xarm7', 'z1', 'so100'))]
+DISTANCE, ANGLE = 1e-4, 1e-3  # [m], [rad] up to which a pose is reached
 
 
 def bounds(arm: ArmModel) -> tuple[np.ndarray, np.ndarray]:
@@ -27,7 +29,7 @@ def test_pose_and_jacobian_are_those_of_task_space(robot):
     arm = smooth_arm(robot)
     link = last_link(arm)
     kinematics, task = FrameKinematics(arm, link), TaskSpace(arm, link)
-    for q in np.random.default_rng(0).uniform(*bounds(arm), (20, arm.joint_count)):
+    for q in np.random.default_rng(0).uniform(*bounds(arm), (5, arm.joint_count)):
         state = task.at(q)
         p, R, J = kinematics.jacobian(q)
         assert p == pytest.approx(state.translation)
@@ -37,7 +39,7 @@ def test_pose_and_jacobian_are_those_of_task_space(robot):
 
 
 @pytest.mark.parametrize('robot', ROBOTS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 100_000))
 def test_a_pose_nearby_is_reached_within_the_limits(robot, seed):
     arm, rng = smooth_arm(robot), np.random.default_rng(seed)
@@ -55,14 +57,14 @@ def test_no_joint_makes_more_than_half_a_turn():
     arm = smooth_arm('ur5')  # its joints have two turns
     kinematics, rng = FrameKinematics(arm, last_link(arm)), np.random.default_rng(5)
     found = 0
-    for start, goal in rng.uniform(-3.0, 3.0, (40, 2, 6)):
+    for start, goal in rng.uniform(-3.0, 3.0, (15, 2, 6)):
         try:
             q = joints_at(arm, kinematics, start, *kinematics.pose(goal))
         except InvalidInputError:
             continue
         found += 1
         assert np.abs(q - start).max() <= np.pi + 1e-9
-    assert found > 20
+    assert found > 7
 
 
 def test_two_joints_reach_a_translation_with_any_rotation():
@@ -73,7 +75,7 @@ def test_two_joints_reach_a_translation_with_any_rotation():
     assert kinematics.pose(q)[0] == pytest.approx(p, abs=DISTANCE)
 
 
-@pytest.mark.parametrize('robot', ['ur5', 'panda', 'default'])
+@pytest.mark.parametrize('robot', ['panda', 'default'])
 def test_a_pose_out_of_reach_is_refused_with_its_distance(robot):
     arm = smooth_arm(robot)
     kinematics = FrameKinematics(arm, last_link(arm))

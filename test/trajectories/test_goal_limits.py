@@ -19,12 +19,10 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.goal_limits import (
     check_points,
     motion_excesses,
-    START_TOLERANCE,
     with_clipped_positions,
     with_clipped_velocity,
 )
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.segments import TrajectorySegments
 
 NAMES = ('joint1', 'joint2')
 UNLIMITED = load_arm(default_arm_urdf())
@@ -32,7 +30,7 @@ ARM = replace(UNLIMITED, limits=replace(
     UNLIMITED.limits, lower=np.array([-1.0, -2.0]), upper=np.array([1.5, 2.0])))
 """Velocity limits of 10 rad/s."""
 
-laws = settings(max_examples=50)
+laws = settings(max_examples=30)
 values = st.lists(st.floats(-60.0, 60.0), min_size=4, max_size=4)
 
 
@@ -61,10 +59,10 @@ def test_a_point_beyond_a_limit_is_named(sent, words):
 
 
 def test_the_start_of_a_trajectory_may_be_where_the_arm_stands():
-    start = 1.5 + 0.9 * START_TOLERANCE
+    start = 1.5 + 0.0086  # [rad] within half a degree
     check_points(ARM, trajectory([start, 0.0], [1.0, 0.0]))
     for sent in (trajectory([start, 0.0]), trajectory([1.0, 0.0], [start, 0.0]),
-                 trajectory([1.5 + 1.1 * START_TOLERANCE, 0.0], [1.0, 0.0])):
+                 trajectory([1.5 + 0.0088, 0.0], [1.0, 0.0])):
         with pytest.raises(TrajectoryError, match='joint1'):
             check_points(ARM, sent)
 
@@ -105,53 +103,20 @@ def test_a_set_point_with_lowered_velocity_passes(numbers):
 
 
 def test_a_motion_is_judged_between_its_points():
-    # the cubic through both points: 0.75 rad beyond them half-way, at ±3 rad/s
-    beyond = trajectory([1.2, 0.0], [1.2, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
-    line, = motion_excesses(ARM, beyond)
-    assert line.startswith("position of 'joint1' is 1.6")
-    assert line.endswith('outside its limits [-1, 1.5]')
     fast = make_trajectory(NAMES, [0.0, 0.1], [[0.0, 0.0], [0.0, 1.5]], (), (), NAMES)
     assert motion_excesses(ARM, fast) == [
         "velocity of 'joint2' is 15 at 0 s, outside its limits [-10, 10]"]
-    assert motion_excesses(ARM, trajectory([0.0, 0.0], [1.0, 1.0])) == []
+    # from 0 at 3 rad/s to rest at 1.5 rad within 1 s: q = 3 s − 1.5 s², exactly at the limit
+    at_limit = trajectory([0.0, 0.0], [1.5, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
+    assert motion_excesses(ARM, at_limit) == []
 
 
 def test_the_extrema_of_a_motion_are_exact():
-    # From 0 at 3 rad/s to rest at 1.5 rad within 1 s: q = 3 s − 1.5 s² exactly at the limit
-    at_limit = trajectory([0.0, 0.0], [1.5, 0.0], velocities=[[3.0, 0.0], [0.0, 0.0]])
-    assert motion_excesses(ARM, at_limit) == []
-    # The cubic 12 s (1 − s)² has its maximum 16/9 at s = 1/3.
+    """The cubic 12 s (1 − s)² has its maximum 16/9 at s = 1/3."""
     beyond = trajectory([0.0, 0.0], [0.0, 0.0], velocities=[[12.0, 0.0], [0.0, 0.0]])
     assert motion_excesses(ARM, beyond) == [
         "position of 'joint1' is 1.77778 at 0.333333 s, outside its limits [-1, 1.5]",
         "velocity of 'joint1' is 12 at 0 s, outside its limits [-10, 10]"]
-
-
-def test_the_verdict_on_random_motions_is_that_of_dense_samples():
-    rng = np.random.default_rng(0)
-    powers, tolerance = np.vander(np.linspace(0.0, 1.0, 2000), 6, increasing=True), 1e-6
-    verdicts = np.zeros((2, 2), dtype=int)
-    for i in range(4000):
-        points = int(rng.integers(2, 4))
-        fields = [rng.normal(size=(points, 2)) for _ in range(3)]
-        fields[1][-1] = 0.0
-        given = fields[:1 + i % 3] + [()] * (2 - i % 3)
-        sent = make_trajectory(NAMES, np.cumsum(rng.uniform(0.2, 2.0, points)), *given, NAMES)
-        segments = TrajectorySegments(sent)
-        is_velocity = bool(rng.integers(2))
-        c = segments.velocity_coefficients if is_velocity else segments.coefficients
-        worst = np.abs(powers[:, :c.shape[1]] @ c).max()
-        limit = worst * (1.0 + rng.choice([-1.0, 1.0]) * 10.0**rng.uniform(-5.0, -1.0))
-        most, infinite = np.full(2, limit), np.full(2, np.inf)
-        q_most, v_most = (infinite, most) if is_velocity else (most, infinite)
-        arm = replace(ARM, limits=replace(
-            ARM.limits, lower=-q_most, upper=q_most, velocity=v_most))
-        is_beyond = bool(worst - limit > tolerance * (limit if is_velocity else 1.0))
-        verdict = bool(motion_excesses(arm, sent))
-        verdicts[int(is_beyond), int(verdict)] += 1
-    assert verdicts[0, 1] == verdicts[1, 0] == 0
-    assert verdicts.min(axis=1).tolist() == [0, 0]
-    assert verdicts.max(axis=1).min() > 1500
 
 
 # --- the controller ------------------------------------------------------------------------------

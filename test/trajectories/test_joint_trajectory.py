@@ -40,26 +40,22 @@ def test_the_order_of_the_joints_in_a_message_does_not_matter(order, fields, spa
 
 
 def test_rows_come_as_a_message_holds_them():
+    mine = np.array((0.3, 0.4))
     path = trajectory(
         (1.0, 2.0, 3.0),
-        [array.array('d', (0.1, 0.2)), np.array((0.3, 0.4)), (1, 2)],
+        [array.array('d', (0.1, 0.2)), mine, (1, 2)],
         [array.array('d', (1.0, 2.0)), array.array('d'), (0.0, 0.0)],
         [None, (), []],
         names=('elbow', 'shoulder'))
+    mine[:] = 9.0
     assert [p.time_from_start for p in path.points] == [1.0, 2.0, 3.0]
+    np.testing.assert_array_equal(path.points[1].position, (0.4, 0.3))
     np.testing.assert_array_equal(path.points[0].position, (0.2, 0.1))
     np.testing.assert_array_equal(path.points[0].velocity, (2.0, 1.0))
     assert path.points[1].velocity is None
     assert all(p.acceleration is None for p in path.points)
     assert path.duration == 3.0
     assert not path.is_set_point
-
-
-def test_the_senders_arrays_stay_the_senders():
-    q = np.array([[0.1, 0.2], [0.3, 0.4]])
-    path = trajectory((1.0, 2.0), q)
-    q[:] = 9.0
-    np.testing.assert_array_equal(path.points[1].position, (0.3, 0.4))
 
 
 GOOD = {
@@ -76,25 +72,17 @@ REFUSALS = [
      "joint_names has 'elbow' twice, expected each name once"),
     ({'times': ()}, 'points is empty, expected at least one point'),
     ({'times': (-0.5, 1.0)}, 'points[0].time_from_start is -0.5, expected a number in '),
-    ({'times': (1.0, 1e10)}, 'points[1].time_from_start is 1e+10, expected a number in '),
     ({'times': (0.0, math.nan)}, 'points[1].time_from_start is nan, expected a finite number'),
-    ({'times': (0.0, math.inf)}, 'points[1].time_from_start is inf, expected a finite number'),
     ({'times': (0.0, 'soon')}, "points[1].time_from_start is 'soon', expected a finite number"),
     ({'times': (1.0, 1.0)}, 'points[1].time_from_start is 1.0 s, expected more than the 1.0 s of '
                             'points[0], by 1 ns or more'),
-    ({'times': (2.0, 1.5)}, 'points[1].time_from_start is 1.5 s, expected more than the 2.0 s'),
     ({'times': (1.0, 1.0 + 2e-10)}, 'points[1].time_from_start is 1.0000000002 s'),
     ({'q': ()}, 'points[0].positions is empty, expected 2 values, one for each of '
                 "['shoulder', 'elbow']: a point needs its positions"),
-    ({'q': ((0.1, 0.2), ())}, 'points[1].positions is empty, expected 2 values'),
     ({'q': ((0.1, 0.2),)}, 'positions has 1 rows, expected 2, one for each point'),
     ({'q': ((0.1, 0.2), (0.3,))}, 'points[1].positions has 1 values, expected 2, one for each of '
                                   "['shoulder', 'elbow']"),
     ({'q': (0.1, 0.2)}, 'points[0].positions has an array of shape (), expected 2'),
-    ({'q': ((0.1, 0.2), (0.3, 'far'))},
-     "points[1].positions[1] (elbow) is 'far', expected a finite number"),
-    ({'q': ((0.1, 0.2), (0.3, '0.4'))},
-     "points[1].positions[1] (elbow) is '0.4', expected a finite number"),
     ({'q': ((0.1, None), (0.3, 0.4))},
      f'points[0].positions[1] (elbow) is {None}, expected a finite number'),
     ({'times': (False, 1.0)}, 'points[0].time_from_start is False, expected a finite number'),
@@ -103,17 +91,12 @@ REFUSALS = [
      'points[0].positions[1] (elbow) is nan, expected a finite number'),
     ({'q': ((0.1, 0.2), (0.3, 1e308))},
      'points[1].positions[1] (elbow) is 1e+308, expected a number in [-1e+09, 1e+09]'),
-    ({'v': ((-2e9, 0.2), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -2e+09, expected'),
-    ({'v': ((0.1, 0.2, 0.3), (0.0, 0.0))}, 'points[0].velocities has 3 values, expected 2'),
-    ({'v': ((-math.inf, 0.0), (0.0, 0.0))}, 'points[0].velocities[0] (shoulder) is -inf'),
-    ({'v': ((0.1, 0.2),) * 3}, 'velocities has 3 rows, expected 2, one for each point'),
     ({'v': ((0.1, 0.2), (0.0, 0.3))},
      'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm '
      'has to be at rest'),
     ({'v': ()}, 'points[0].velocities is empty although accelerations are given, expected 2 '
      'values, one for'),
     ({'a': ((0.1, 0.2), (0.0,))}, 'points[1].accelerations has 1 values, expected 2'),
-    ({'a': ((0.1, 0.2), (0.0, math.nan))}, 'points[1].accelerations[1] (elbow) is nan'),
 ]
 
 

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from random_trees import random_urdf
 from retimed import (
     distance_from_lines,
     frictionless,
@@ -43,14 +42,13 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic
 from robot_dynamics.trajectories.segments import TrajectorySegments
 from robots import arm_without_gripper
 
-laws = settings(max_examples=25)
 PLANAR = ArmDynamics(load_arm(default_arm_urdf()))
 CORNER = [[0.0, 0.0], [0.8, 0.5], [0.2, 1.0]]
 TWO = CORNER[:2]
 
 
 def distance_from(request: JointTrajectory, result: JointTrajectory) -> float:
-    path = sampled(request, max(9, 40_000 // len(request.points)))[0]
+    path = sampled(request, max(9, 20_000 // len(request.points)))[0]
     return distance_from_lines(path, sampled(result, 4)[0][::7])
 
 
@@ -95,9 +93,15 @@ def check(dynamics: ArmDynamics, request: JointTrajectory, share: float = 1.0) -
     return result
 
 
-@pytest.mark.parametrize('kind', ['none', 'viscous', 'stribeck', 'motors'])
-@pytest.mark.parametrize('name', ['panda', 'z1', 'kinova', 'tiago_no_hand'])
-@settings(max_examples=4, deadline=None)
+PAIRS = [('panda', 'stribeck'), ('z1', 'motors')]
+"""Robots and friction, those with all quantities that can limit a motion."""
+
+
+@pytest.mark.parametrize(('name', 'kind'), [*PAIRS, *(
+    pytest.param(name, kind, marks=pytest.mark.soak)
+    for name in ('panda', 'z1', 'kinova', 'tiago_no_hand')
+    for kind in ('none', 'viscous', 'stribeck', 'motors') if (name, kind) not in PAIRS)])
+@settings(max_examples=2)
 @given(st.integers(0, 2**32), st.sampled_from(['quintics', 'cubics', 'rests']))
 def test_limits_hold_on_robots(name, kind, seed, form):
     rng = np.random.default_rng(seed)
@@ -112,32 +116,6 @@ def test_limits_hold_on_robots(name, kind, seed, form):
         assert 'due to gravity' in str(error)  # noqa: PT017
     else:
         assert np.percentile(result.limit_ratio, 50) > 0.98
-
-
-@laws
-@given(st.integers(0, 2**32), st.sampled_from(['quintics', 'cubics', 'rests']))
-def test_limits_hold_on_random_arms(seed, form):
-    rng = np.random.default_rng(seed)
-    arm = load_arm(random_urdf(rng))
-    n = arm.joint_count
-    q = rng.uniform(-1.0, 1.0, (3, n))
-    gravity = np.abs(ArmDynamics(frictionless(arm)).gravity_batch(rng.uniform(-3, 3, (50, n))))
-    effort = 1.5 * gravity.max(axis=0) + 1.0
-    arm = replace(arm, limits=replace(arm.limits, effort=effort, velocity=np.full(n, OPEN)))
-    arm = with_friction_and_motors(
-        arm, str(rng.choice(['none', 'viscous', 'stribeck'])), 0.2 * effort)
-    try:
-        check(ArmDynamics(arm), request_of(form, arm, q))
-    except TrajectoryError as error:
-        assert 'due to gravity' in str(error)  # noqa: PT017
-
-
-def test_a_payload_takes_time():
-    arm = frictionless(arm_without_gripper('panda'))
-    path = quintic_via_points(arm.joint_names, [0, 1, 2], poses(arm, 3, np.random.default_rng(0)))
-    loaded = arm.with_payloads([make_payload(arm.link_names[-1], 2.0, (0.0, 0.0, 0.1))])
-    without, with_load = (check(ArmDynamics(one), path) for one in (arm, loaded))
-    assert with_load.duration > 1.001 * without.duration
 
 
 def test_a_joint_that_rests_has_no_friction():
@@ -167,7 +145,7 @@ def test_corners_are_rejected():
 
 def test_corners_are_rounded_within_the_tolerance_and_larger_ones_are_quicker():
     path, duration = planar(range(3), CORNER), OPEN
-    for tolerance in (0.001, 0.02, 0.1):
+    for tolerance in (0.02, 0.1):
         result = retime(PLANAR, path, corner_tolerance=tolerance)
         q = sampled(result.trajectory)[0]
         miss = np.linalg.norm(q - np.array(CORNER[1]), axis=1).min()
@@ -178,44 +156,17 @@ def test_corners_are_rounded_within_the_tolerance_and_larger_ones_are_quicker():
         duration = result.duration
 
 
-def test_a_dense_path_is_that_of_its_curve():
-    curve = quintic_via_points(PLANAR.arm.joint_names, [0, 1, 2], CORNER)
-    dense = TrajectorySegments(curve).sample(
-        np.repeat([0, 1], 400), np.tile(np.linspace(0.0, 1.0, 400), 2)).position
-    dense = np.delete(dense, 400, axis=0)
-    path = planar(np.arange(799.0), dense)
-    result = retime(PLANAR, path)
-    assert result.duration == pytest.approx(retime(PLANAR, curve).duration, rel=1e-3)
-    assert distance_from(curve, result.trajectory) < 1e-4
-
-
 def test_a_dense_path_with_a_corner():
     t = np.linspace(0.0, 2.0, 301)
     q = np.stack([np.interp(t, [0, 1, 2], column) for column in np.transpose(CORNER)], axis=1)
     path = planar(t, q)
     with pytest.raises(TrajectoryError, match=re.escape('points[150].positions is a corner')):
         retime(PLANAR, path)
-    result = retime(PLANAR, path, corner_tolerance=0.02)
-    sparse = planar(range(3), CORNER)
-    assert result.duration == pytest.approx(
-        retime(PLANAR, sparse, corner_tolerance=0.02).duration, rel=1e-3)
-
-
-def test_repeated_points_and_pauses_do_not_matter():
-    once = retime(PLANAR, planar())
-    twice = retime(PLANAR, planar(range(4), np.repeat(TWO, 2, axis=0)))
-    assert twice.duration == pytest.approx(once.duration, rel=1e-6)
-
-
-def test_noise_within_the_tolerance_does_not_matter():
-    t = np.linspace(0.0, 2.0, 1000)
-    curve = np.stack([np.sin(t), np.cos(t)], axis=1)
-    noisy = curve + 1e-4 * np.random.default_rng(0).normal(size=curve.shape)
-    smooth, noise = (retime(PLANAR, planar(t, q),
-                            corner_tolerance=0.005) for q in (curve, noisy))
-    assert noise.duration == pytest.approx(smooth.duration, rel=0.01)
-    q = sampled(noise.trajectory)[0]
-    assert max(np.linalg.norm(q - one, axis=1).min() for one in noisy[::20]) <= 0.005
+    dense, sparse, repeated = (
+        retime(PLANAR, one, corner_tolerance=0.02).duration for one in (
+            path, planar(range(3), CORNER), planar(range(6), np.repeat(CORNER, 2, axis=0))))
+    assert dense == pytest.approx(sparse, rel=1e-3)
+    assert repeated == pytest.approx(sparse, rel=1e-6)
 
 
 def test_a_path_rests_where_it_turns_back():
@@ -230,10 +181,15 @@ def test_a_path_rests_where_it_turns_back():
 
 # --- uniform slow-downs --------------------------------------------------------------------------
 
-@pytest.mark.parametrize('duration', [0.2, 0.5])
+@pytest.mark.parametrize('duration', [0.2, 0.5, 5.0])
 def test_the_slow_down_is_the_smallest(duration):
     path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], duration)
     result = slowed_down(PLANAR, path)
+    if duration == 5.0:  # feasible
+        assert result.ratio == 1.0
+        assert np.array_equal(*([point.position for point in one.points] for one in (
+            path, result.trajectory)))
+        return
     reaches = max(result.limit_ratio.max(),
                   efforts_along(PLANAR, result.trajectory).worst_ratio,
                   np.max(np.abs(sampled(result.trajectory, 999)[1]) / PLANAR.arm.limits.velocity))
@@ -241,24 +197,16 @@ def test_the_slow_down_is_the_smallest(duration):
     assert result.duration == pytest.approx(result.ratio * duration)
 
 
-def test_a_feasible_trajectory_is_not_changed():
-    path = quintic_point_to_point(PLANAR.arm.joint_names, [0.0, 0.0], [1.0, 0.5], 5.0)
-    result = slowed_down(PLANAR, path)
-    assert result.ratio == 1.0
-    for before, after in zip(path.points, result.trajectory.points, strict=True):
-        assert np.array_equal(before.position, after.position)
-
-
 # --- rejected requests ---------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('request_', 'options', 'words'), [
     (planar, {'method': 'quick'}, "method is 'quick', expected one of ['fastest', 'slow_down']"),
     (planar, {'corner_tolerance': -1.0}, 'corner_tolerance is -1'),
-    (planar, {'corner_tolerance': np.nan}, 'corner_tolerance is nan'),
-    (planar, {'effort_limit_fraction': 0.0}, 'effort_limit_fraction is 0'),
     (planar, {'effort_limit_fraction': 1.5}, 'effort_limit_fraction is 1.5'),
     (planar, {'acceleration_limits': [1.0]}, 'acceleration_limits has 1 values, expected 2'),
     (planar, {'acceleration_limits': [1.0, 0.0]}, "acceleration_limits of 'joint2' is 0"),
+    (planar, {'effort_rate_limits': [1.0]}, 'effort_rate_limits has 1 values, expected 2'),
+    (planar, {'effort_rate_limits': [1.0, 0.0]}, "effort_rate_limits of 'joint2' is 0"),
     (planar, {'method': 'slow_down'}, 'points[0].velocities is empty, expected velocities'),
     (lambda: planar([0.0], TWO[:1]), {}, 'points has 1 point, expected at least 2'),
     (lambda: planar([0, 1], TWO[:1] * 2), {}, 'points are all at the same position [0.0, 0.0]'),

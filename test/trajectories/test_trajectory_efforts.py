@@ -27,15 +27,6 @@ def trajectory(
     return make_trajectory(NAMES, times, q, v or (), a or (), NAMES)
 
 
-def test_efforts_are_those_of_the_points_own_motion():
-    path = quintic_via_points(NAMES, (0.0, 0.7, 1.5), [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]])
-    result = efforts_along(DYNAMICS, path)
-    assert result.efforts.shape == (3, 2)
-    for point, effort in zip(path.points, result.efforts):
-        assert effort == pytest.approx(DYNAMICS.inverse_dynamics(
-            point.position, point.velocity, point.acceleration))
-
-
 def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
     """Return times, position, velocity and acceleration at `count` samples of each segment."""
     BPoly = pytest.importorskip('scipy.interpolate').BPoly
@@ -79,13 +70,12 @@ def random_path(random: np.random.Generator, points: int, fields: int) -> JointT
 
 
 @pytest.mark.parametrize('fields', [1, 2, 3, 4])
-@pytest.mark.parametrize('points', [2, 3, 8])
-@pytest.mark.parametrize('dry', [0.0, 5.0])
+@pytest.mark.parametrize(('points', 'dry'), [(3, 0.0), (3, 5.0), (8, 5.0)])
 def test_the_worst_place_is_that_of_the_whole_motion(fields, points, dry):
     random = np.random.default_rng(10 * points + fields)
     dynamics = ArmDynamics(DYNAMICS.arm.with_friction(
         make_friction(NAMES, [1.0, 0.5], [dry, 0.5 * dry])))
-    for _ in range(10):
+    for _ in range(4):
         path = random_path(random, points, fields)
         result = efforts_along(dynamics, path)
         t, ratios = dense_ratios(dynamics, path)
@@ -105,7 +95,7 @@ def test_the_worst_place_is_that_of_the_whole_motion(fields, points, dry):
 def test_many_turns_in_one_segment():
     """The effort of gravity has 60 maxima during the motion, of which one is the largest."""
     path = quintic_point_to_point(NAMES, [0.0, 0.0], [200.0, 37.0], 400.0)
-    _, ratios = dense_ratios(DYNAMICS, path, 400_000)
+    _, ratios = dense_ratios(DYNAMICS, path, 100_000)
     assert efforts_along(DYNAMICS, path).worst_ratio == pytest.approx(
         ratios['effort'].max(), rel=1e-5)
 
@@ -126,35 +116,15 @@ def test_one_quick_segment_among_thousands():
     assert times[2999] < result.worst_time < times[3000]
 
 
-def test_the_motion_before_the_first_point_is_no_part():
-    """The effort depends on the later position of the arm, which the request does not contain."""
-    at_once, later = (
-        efforts_along(DYNAMICS, trajectory(
-            [start, start + 1.0], [[3.0, 0.0], [2.0, 0.5]], [[0.0, 0.0]] * 2, [[0.0, 0.0]] * 2))
-        for start in (0.0, 0.01))
-    assert later.worst_ratio == pytest.approx(at_once.worst_ratio)
-    assert later.worst_time == pytest.approx(at_once.worst_time + 0.01)
-
-
-def test_the_rest_after_the_last_point_counts():
-    """The acceleration of the point is the one at which gravity needs no effort."""
-    q = np.array([np.pi / 2, 0.0])
-    falling = DYNAMICS.forward_dynamics(q, np.zeros(2), np.zeros(2))
-    path = trajectory(
-        [0.0, 0.1], [(q - 0.005 * falling).tolist(), q.tolist()],
-        [(0.1 * falling).tolist(), [0.0, 0.0]], [falling.tolist()] * 2)
-    result = efforts_along(DYNAMICS, path)
-    assert result.efforts[1] == pytest.approx(np.zeros(2), abs=1e-9)
-    assert result.worst_ratio >= (np.abs(DYNAMICS.rigid_body.gravity(q)) / LIMITS).max()
-
-
 @pytest.mark.parametrize(('path', 'motions'), [
     (trajectory([0.0], [[1.0, 0.5]]), [([1.0, 0.5], [0.0, 0.0], [0.0, 0.0])]),
+    (trajectory([0.0, 0.5], [[0.4, 0.3], [1.0, -0.5]], [[0.1, 0.2], [0.0, 0.0]], [[3.0, 4.0]] * 2),
+     [([0.4, 0.3], [0.1, 0.2], [3.0, 4.0]), ([1.0, -0.5], [0.0, 0.0], [3.0, 4.0])]),
     (trajectory([0.0, 0.5], [[0.0, 0.3], [1.0, -0.5]]),
      [([0.0, 0.3], [2.0, -1.6], [0.0, 0.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
     (trajectory([0.0, 0.5], [[0.0, 0.0], [1.0, -0.5]], [[0.0, 0.0]] * 2),
      [([0.0, 0.0], [0.0, 0.0], [24.0, -12.0]), ([1.0, -0.5], [0.0, 0.0], [0.0, 0.0])]),
-], ids=['held point', 'line', 'cubic'])
+], ids=['held point', 'quintic', 'line', 'cubic'])
 def test_a_point_has_the_motion_of_its_interpolation(path, motions):
     """A cubic begins with 6 (q1 - q0) / T²; after the last point the reference is at rest."""
     expected = [DYNAMICS.inverse_dynamics(*motion) for motion in motions]
@@ -190,7 +160,7 @@ def test_what_motors_lack_counts_too(changes, limit, feasible):
     actuators = make_actuators(NAMES, **{**AMPLE, **changes})
     dynamics = ArmDynamics(DYNAMICS.arm.with_actuators(actuators))
     result = efforts_along(dynamics, PATH)
-    t, ratios = dense_ratios(dynamics, PATH, 20_000)
+    t, ratios = dense_ratios(dynamics, PATH, 8_000)
     worst = max(rows.max() for rows in ratios.values())
     i, j = np.argwhere(ratios[limit] == worst)[0]
     assert (result.worst_limit, result.feasible) == (limit, feasible)
