@@ -9,12 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits, LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
 
 N = 2
 LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0
 
-laws = settings(max_examples=300)
+LONGEST_STEP = 0.05
+"""[s] for which an effort may change at the rate limit since the last one."""
+
+laws = settings(max_examples=100)
 
 
 def guard(
