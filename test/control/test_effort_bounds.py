@@ -22,7 +22,7 @@ LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
 """An effort beyond all bounds."""
 
-laws = settings(max_examples=300)
+laws = settings(max_examples=80)
 
 
 def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
