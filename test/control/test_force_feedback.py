@@ -8,7 +8,6 @@ import pytest
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
 
 DT = 0.002
-STILL = np.zeros(1)
 
 
 def feedback() -> ForceFeedback:

@@ -60,19 +60,6 @@ def test_a_heavy_joint_or_one_that_its_compensation_brakes_keeps_all_of_it():
     assert share.share.tolist() == [1.0, 1.0]
 
 
-def test_the_share_of_a_joint_that_stays_behind_grows_again():
-    share, e = FrictionShare(LIMIT), np.array([0.0275, 0.0225])  # the width at rest is 0.025 rad
-    take(share, 1.0, 1.1 * FAST)
-    assert share.share == pytest.approx([0.75, 0.75])
-    assert not take(share, 1.1, ZERO, e=e)
-    assert share.share == pytest.approx([0.75 + 0.5 * DT, 0.75])
-    take(share, 1.2, np.full(2, 0.055), e=e)  # it catches up
-    assert share.share == pytest.approx([0.75 + 0.5 * DT, 0.75])
-    for _ in range(1000):
-        take(share, 1.3, np.full(2, 0.045), e=e)
-    assert share.share == pytest.approx([1.0, 0.75])
-
-
 ROTOR, MASS, TRUE = 0.0158, 5e-4, 0.39
 """[kg·m²], [kg·m²] and [N·m] of a wrist of which the loop does not know the rotor."""
 

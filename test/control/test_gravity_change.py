@@ -111,17 +111,6 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_change():
                 break
 
 
-def test_a_load_and_gravity_change_at_the_same_time():
-    one, done = controller(), []
-    one.update(0, Q, np.zeros(6))
-    one.set_payloads([LOAD], 1.0, done.append)
-    one.set_gravity(np.array(WALL), 20.0)
-    for k in range(1, 1000):
-        output = one.update(k * STEP_NS, Q, np.zeros(6))
-    assert done == [(LOAD,)]
-    assert output.gravity_compensation == pytest.approx(gravity_torque(WALL, [LOAD]), abs=1e-12)
-
-
 def test_a_robot_that_compensates_along_its_own_gravity():
     """The command and the effort of the robot add up to the gravity torque."""
     one = controller(robot_gravity=FLOOR)

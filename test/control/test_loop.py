@@ -8,7 +8,7 @@ The arms have no friction, which would hide drift and damp oscillations.
 """
 
 from lock_step_loop import directions, FIRST_STAMP, LockStep, MS
-from loop_motions import arm_named, AT_REST, in_motion, loaded, place, Q, rests
+from loop_motions import arm_named, in_motion, loaded, place, Q, rests
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
@@ -75,14 +75,6 @@ def test_an_arm_that_moves_at_the_start_is_stopped(name, rate, speed):
     assert np.abs(trace.q - place(name)).max() < 0.4 * abs(speed)
     assert rests(trace)
     assert one.loop.supervisor.fault is None
-
-
-@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
-def test_other_commands_do_not_hold(command):
-    one = LockStep(arm_named('default'), q=Q, command=command)
-    trace = one.run(0.2)
-    assert one.loop.reference is None
-    assert np.isnan(trace.effort).all() == (command == 'none')
 
 
 # --- faults --------------------------------------------------------------------------------------
@@ -222,29 +214,6 @@ def test_states_that_restart_end_the_reference_and_the_arm_is_held():
     assert one.loop.goals.interruption == 'joint states restarted: jump'
     assert rests(trace)
     assert np.abs(trace.q - trace.q[0]).max() < 0.5
-
-
-@pytest.mark.parametrize('shift', [-20_000, 20_000])
-def test_stamps_that_jump_restart_the_states_too(shift):
-    one = in_motion()
-    for _ in range(1000):
-        stamp = FIRST_STAMP + (one.k + shift) * MS
-        effort = one.loop.answer(stamp, one.q, one.v, stamp, FIRST_STAMP + one.k * MS).effort
-        for _ in range(2):
-            one._move(effort)
-            one.k += 1
-    assert one.loop.restarts.total() <= 1
-    assert np.abs(one.v).max() < AT_REST
-
-
-def test_a_repeated_state_gets_the_last_effort_again():
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.1)
-    stamp = FIRST_STAMP + one.k * MS
-    first = one.loop.answer(stamp, Q, 0.0 * Q)
-    again = one.loop.answer(stamp, Q, 0.0 * Q)
-    assert again.effort is first.effort
-    assert not again.verdict.is_new
 
 
 def test_two_publishers_that_contradict_each_other_are_a_fault():

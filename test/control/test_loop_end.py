@@ -10,7 +10,6 @@ from loop_motions import arm_named, in_motion, Q, rests, with_command
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 
@@ -124,26 +123,3 @@ def test_the_end_of_the_command_can_be_cancelled_during_the_stop():
     one.follow(Q)
     assert one.run(3.0).q[-1] == pytest.approx(Q, abs=1e-3)
 
-
-def test_after_the_end_the_command_begins_again_with_a_hold():
-    one = in_motion()
-    with_command(one, 'none')
-    one.run(4.0)
-    one.v = np.zeros(2)  # brakes
-    one.q = Q.copy()
-    one._effort = None
-    with_command(one, 'computed_torque')
-    trace = one.run(1.0)
-    assert one.loop.supervisor.mode is Mode.RUNNING
-    assert np.abs(trace.q - Q).max() < 1e-3
-
-
-def test_a_fault_during_the_stop_damps_the_arm_until_it_rests():
-    one = in_motion('ur10')
-    one.loop.deactivate(one.now)
-    one.run(0.02)
-    one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
-    trace = one.run(4.5)
-    ramp = trace.mode.index(Mode.STOPPING)
-    assert trace.speed[ramp] < 0.05
-    assert one.loop.supervisor.mode is Mode.INACTIVE

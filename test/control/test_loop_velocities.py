@@ -91,20 +91,6 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name, j, rate):
     assert 23.0 <= 1e-3 * rate * trace.mode.index(Mode.RUNNING) <= 40.0
 
 
-def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint():
-    """The feedback of a joint that sticks asks for accelerations that do not happen."""
-    one = LockStep(arm_named('default'), q=Q, rate=500.0)
-    one.push = lambda t: np.array([-20.0, 0.0]) * np.clip(one.v[0] / 0.01, -1.0, 1.0)
-    one.run(0.1)
-    one.follow(Q + 0.6 * directions(2))
-    one.run(0.2)
-    one.sensor = frozen(1)
-    trace = one.run(0.8)
-    assert one.loop.supervisor.fault.name == 'frozen_joint'
-    print(f'at most {trace.speed.max():.2g} rad/s')
-    assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
-
-
 def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)

@@ -59,17 +59,6 @@ def test_white_noise_lowers_them_rarely_and_by_one_step():
     assert np.count_nonzero(found < 1.0) <= 2
 
 
-def test_an_oscillation_of_two_frequencies_lowers_the_gains():
-    """It looks like noise, but there was less before."""
-    rng, t = np.random.default_rng(250), 2.0 * np.pi * np.arange(0.0, 3.0, 0.004)
-    for _ in range(5):
-        frequency, ratio = rng.uniform(14.0, 20.0), rng.uniform(1.5, 2.2)
-        signal = np.sin(frequency * t) + np.sin(ratio * frequency * t)
-        signal[:250] = 0.0
-        signal += 0.05 * rng.standard_normal(len(t))
-        assert scales(rng.uniform(0.01, 3.0) * signal, 250).min() < 1.0
-
-
 @pytest.mark.parametrize('share', [0.18, 0.3])
 def test_only_joints_that_oscillate_are_lowered_and_their_frequency_is_known(share):
     """That of the third decays slowly: alone it would not be lowered, but with a fifth it is."""
@@ -95,10 +84,3 @@ def test_a_small_oscillation_that_does_not_depend_on_the_gains_restores_them(siz
         later = scales(size * np.concatenate((wave, 6.0 * wave)), 500)[len(t):]
         assert later[500] < 1.0  # a larger one counts
 
-
-@pytest.mark.parametrize(('size', 'lowers'), [(0.09, False), (0.11, True)])
-def test_a_ripple_of_a_twentieth_of_the_reference_is_no_oscillation_of_the_loop(size, lowers):
-    guard = OscillationGuard(1)
-    for t in np.arange(0.0, 1.0, 0.002).tolist():
-        guard.take(t, np.array([size * np.sin(2.0 * np.pi * 25.0 * t)]), 2.0)
-    assert (guard.scale[0] < 1.0) == lowers

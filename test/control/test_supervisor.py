@@ -170,14 +170,6 @@ def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
     assert answer(one, START + 2.2, PUSH) == HOLD.tolist()
 
 
-def test_after_a_reset_the_usual_number_of_good_states_is_required():
-    one = running()
-    one.fail(START, Fault('broken', 'words', latched=True, recovery=3))
-    states(one, 9)
-    one.reset()
-    assert states(one, 12, 10) == [Mode.FAULT, Mode.FAULT, Mode.RUNNING]
-
-
 @pytest.mark.parametrize(('fault', 'words'), [
     (LATCHED, 'broken persists: something is wrong'),
     (TROUBLE, 'ends automatically after 1 valid joint states')])
@@ -298,12 +290,3 @@ def fails(one: CommandSupervisor, now: float, name: str) -> float:
     assert one.mode is Mode.RUNNING
     return now
 
-
-def test_a_latched_fault_is_reset_before_one_that_recurs():
-    one = running()
-    for k in range(3):
-        fails(one, START + 2 * k * PERIOD, 'overspeed')
-    one.fail(START + 6 * PERIOD, LATCHED)
-    answer(one, START + 7 * PERIOD)
-    assert one.reset()[1].startswith('reset broken')
-    assert one.reset()[1].startswith('reset overspeed')

@@ -7,7 +7,7 @@ from functools import cache
 import math
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
@@ -22,10 +22,7 @@ from robot_dynamics.control.trajectory_goal import (
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.retiming import retime
 
 WAY = 0.3
 """[rad] of the motions."""
@@ -105,24 +102,6 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench):
     assert bench.run(0.1).speed.max() < 1e-3
 
 
-def test_a_load_that_the_model_lacks_violates_a_goal_tolerance():
-    arm = smooth_arm('default')
-    loaded = arm.with_payloads([make_payload(
-        'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
-    bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3))
-    bench.run(1.0)
-    trajectory = plan(bench)
-    goal = bench.loop.execute(trajectory, 0, tight(
-        bench, path=np.full(2, np.inf), goal=np.full(2, 1e-3), goal_time=0.5))
-    bench.run(1.9)
-    assert goal.result is None
-    bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
-    code, message, _ = goal.result
-    assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
-    assert message.startswith('goal tolerance, 0.5 s after the end: ')
-    assert bench.loop.controller.trajectory is not None  # the goal is held all the same
-
-
 def test_without_a_goal_time_the_goal_waits_for_any_time(bench):
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal=np.full(2, 1e-15), goal_time=math.inf))
@@ -154,18 +133,6 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(name, share):
     assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
 
 
-@pytest.mark.parametrize('name', ['default', 'panda'])
-def test_slow_states_and_commands_delay_the_rest_little(name):
-    bench = held(smooth_arm(name), rate=125.0, delay=8)
-    for share in (0.2, 0.5, 0.8):
-        bench.run(0.5)
-        goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
-        bench.run(share)
-        bench.run(cancel(bench, goal) + 0.05)
-        assert goal.result.is_canceled
-        assert np.abs(bench.v).max() < 0.05
-
-
 @cache
 def stopping() -> LockStep:
     """Return an arm in a planned stop."""
@@ -180,6 +147,8 @@ def stopping() -> LockStep:
 @given(
     rate=st.floats(30.0, 1000.0), speed=st.floats(0.0, 0.1), phase=st.floats(0.0, 0.02),
     vibrates=st.booleans())
+@example(500.0, 0.0245, 0.0, False)
+@example(500.0, 0.0255, 0.0, False)
 def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     rate, speed, phase, vibrates,
 ):
@@ -240,16 +209,6 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
     assert words in message
 
 
-def test_the_fault_of_the_following_error_is_a_violation_of_the_path():
-    bench = held(smooth_arm('default'), following_error=[0.01, 0.01])
-    goal = bench.loop.execute(plan(bench))
-    bench.push = lambda t: np.array([0.0, 8.0])
-    bench.run(1.0)
-    code, message, _ = goal.result
-    assert code is ResultCode.PATH_TOLERANCE_VIOLATED
-    assert message.startswith('fault following_error')
-
-
 @pytest.mark.parametrize(('name', 'code'), [
     ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
     ('position_limit', ResultCode.INVALID_GOAL)])
@@ -278,9 +237,14 @@ def test_a_plan_that_would_be_slowed_down_is_refused(bench):
     q, names = bench.q, bench.arm.joint_names
     first = bench.loop.execute(plan(bench))
     bench.run(0.1)
-    path = make_trajectory(names, [0.0, 0.01], [q, q + WAY * directions(len(q))])
+
+    def path(seconds: float) -> JointTrajectory:
+        return make_trajectory(names, [0.0, seconds], [q, q + WAY * directions(len(q))])
+
+    fastest = 0.01 * bench.loop.controller.prepare(path(0.01))[1]
     with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
-        bench.loop.execute(path)
+        bench.loop.execute(path(fastest / 1.01))
+    assert bench.loop.controller.prepare(path(1.001 * fastest))[1] < 1.001
     bench.run(1.9)
     assert first.result.code is ResultCode.SUCCESSFUL
 
@@ -359,26 +323,3 @@ def test_preempted_plans_keep_the_limits():
     assert {goal.result.code for goal in goals[:-1]} <= {
         ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
 
-
-@pytest.mark.parametrize(('name', 'longest'), [('xarm7', 0.65), ('panda', 0.5)])
-def test_a_fast_plan_that_is_cancelled_stops_soon(name, longest):
-    """With limits for the whole workspace the stops take up to 0.89 and 0.87 s."""
-    arm = smooth_arm(name)
-    dynamics, middle_q = ArmDynamics(arm), middle(arm, 0.3)
-    rng = np.random.default_rng(2)
-    for _ in range(2):
-        way = rng.uniform(-0.8, 0.8, arm.joint_count)
-        ends = [np.clip(q, arm.limits.lower + 0.05, arm.limits.upper - 0.05)
-                for q in (middle_q - way, middle_q + way)]
-        fast = retime(dynamics, make_trajectory(arm.joint_names, [0.0, 1.0], ends),
-                      effort_limit_fraction=0.8,
-                      effort_rate_limits=8.0 * arm.limits.effort).trajectory
-        bench = held(arm, q=ends[0])
-        goal = bench.loop.execute(fast)
-        bench.run(0.5 * fast.duration)
-        assert cancel(bench, goal) < longest
-        trace = bench.run(1.0)
-        assert goal.result.is_canceled
-        assert (trace.q >= arm.limits.lower).all()
-        assert (trace.q <= arm.limits.upper).all()
-        assert (np.abs(trace.v) <= 1.05 * arm.limits.velocity).all()
