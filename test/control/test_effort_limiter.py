@@ -169,7 +169,7 @@ def test_the_margin_begins_where_it_says(q, held):
     assert away.effort.tolist() == [-push, -push]
 
 
-@laws
+@settings(max_examples=30)
 @given(st.lists(st.builds(
     Step, *(vectors(1e300) for _ in range(4)), st.floats(-1e300, 1e300)), max_size=10))
 def test_finite_efforts_stay_finite(steps):

@@ -64,8 +64,8 @@ def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case, j):
 
 
 @pytest.mark.parametrize('case', [
-    Case('default', 1000, 2, 3e-3, 1.2), Case('panda', 100, 20, 1e-3, 1.2, True),
-    pytest.param(Case('z1', 500, 4, 5e-3, 1.2), marks=pytest.mark.soak)],
+    Case('default', 100, 20, 3e-3, 1.2),
+    pytest.param(Case('panda', 100, 20, 1e-3, 1.2, True), marks=pytest.mark.soak)],
     ids=lambda case: case.arm)
 def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(case):
     one = guided(case, 0.8)
@@ -77,10 +77,9 @@ def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(case):
     assert one.loop.supervisor.fault_count == 0
 
 
-@pytest.mark.parametrize('name', ['z1'])
-def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name):
+def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad():
     """The error is an unknown load, whose gravity takes 60 % of the dry friction of a joint."""
-    arm, case = smooth_arm(name), Case(name, 500, 4, 1e-3)
+    name, arm, case = 'z1', smooth_arm('z1'), Case('z1', 500, 4, 1e-3)
     q = middle(arm)
     last = arm.pinocchio_model.getJointId(arm.joint_names[-1])
     link = next(name for name in arm.link_names if arm.link_frame(name).parentJoint == last)
@@ -91,7 +90,7 @@ def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name):
     per_kg = np.abs(ArmDynamics(with_load(1.0)).gravity(q) - ArmDynamics(arm).gravity(q))
     mass = 0.6 / float((per_kg / COULOMB[name]).max())
     one = BristledArm(arm, case, command='hand_guiding', true_arm=with_load(mass))
-    one.run(5.0)
+    one.run(3.0)
     assert np.abs(one.q - q).max() < 5e-3
     assert one.loop.supervisor.fault_count == 0
 

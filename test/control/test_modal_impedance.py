@@ -20,11 +20,10 @@ commands = pytest.mark.parametrize('command', OPTIONS)
 
 
 @commands
-@pytest.mark.parametrize('name', ['panda'])
-def test_a_motion_has_no_error(name, command):
+def test_a_motion_has_no_error(command):
     """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
     one, (along, at_end) = LockStep(
-        smooth_arm(name), rate=1000.0, command=command), LARGEST_ERROR[command]
+        smooth_arm('panda'), rate=1000.0, command=command), LARGEST_ERROR[command]
     one.run(0.5)
     goal = one.q + 0.3
     one.follow(goal, 2.0)
