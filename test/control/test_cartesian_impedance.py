@@ -194,7 +194,8 @@ def largest_rise(energy: np.ndarray) -> float:
     return float((energy - np.minimum.accumulate(energy)).max())
 
 
-@pytest.mark.parametrize(('robot', 'stiffness'), [('panda', 1e6), ('z1', 1e4)])
+@pytest.mark.parametrize(('robot', 'stiffness'), [
+    ('panda', 1e6), pytest.param('z1', 1e4, marks=pytest.mark.soak)])
 def test_contact_with_a_wall_never_gains_energy(robot, stiffness):
     """States at 1 kHz. The spring is not exactly conservative, because it depends on the pose."""
     one = CartesianArm(robot, 1000, 0, rotors=False)
