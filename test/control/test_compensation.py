@@ -40,7 +40,7 @@ class Run(NamedTuple):
 
 
 def run(
-    known_fraction: float, seconds: float = 6.0, still: float = 0.0, velocity_noise: float = 0.0,
+    known_fraction: float, seconds: float = 4.0, still: float = 0.0, velocity_noise: float = 0.0,
     position_noise: float = 0.0,
 ) -> Run:
     """Run the default arm with friction in closed loop: a motion, then a reference at rest."""
@@ -95,9 +95,3 @@ def test_compensation_at_rest_does_not_chatter():
     assert min(sign_changes(naive)) > 400
     assert not noisy.velocity[REST].any()  # the arm stays at rest
 
-
-def test_noise_as_large_as_the_error_at_rest_turns_the_compensation_but_not_the_arm():
-    noisy = run(1.0, seconds=3.0, still=2.0, position_noise=1e-4, velocity_noise=2e-3)
-    assert sign_changes(noisy.friction[REST])[0] > 100
-    assert (np.abs(noisy.friction[REST]) < 0.6 * np.array(FRICTION['static'])).all()
-    assert not noisy.velocity[REST].any()

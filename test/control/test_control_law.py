@@ -5,7 +5,7 @@
 
 import math
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -17,7 +17,6 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robot_dynamics.validation import LARGEST_VALUE
 from robots import robot_urdf
 
 NAMES = ('shoulder', 'elbow', 'wrist')
@@ -25,6 +24,7 @@ NAMES = ('shoulder', 'elbow', 'wrist')
 SECOND = 1_000_000_000
 
 positive = st.floats(1e-3, 1e3)
+few = settings(max_examples=50)
 
 
 def tracked(
@@ -36,12 +36,9 @@ def tracked(
     return feedback.track(ActiveTrajectory(trajectory, 0, 0, reference), 1, q, v)
 
 
-def at_rest(q: np.ndarray) -> Reference:
-    return Reference(q, np.zeros(len(q)), np.zeros(len(q)))
-
-
 # --- gains ---------------------------------------------------------------------------------------
 
+@few
 @given(st.lists(positive, min_size=3, max_size=3), st.lists(positive, min_size=3, max_size=3))
 def test_gains_place_the_poles_of_each_joint(omega, zeta):
     gains = make_gains(NAMES, omega, zeta)
@@ -53,8 +50,8 @@ def test_gains_place_the_poles_of_each_joint(omega, zeta):
 
 def test_default_gains_are_critically_damped():
     gains = make_gains(NAMES)
-    assert (gains.kd**2 == 4.0 * gains.kp).all()
-    assert (gains.kp > 0.0).all()
+    assert gains.kp.tolist() == [400.0] * 3
+    assert gains.kd.tolist() == [40.0] * 3
 
 
 def test_kp_and_kd_take_precedence_separately():
@@ -85,8 +82,7 @@ def test_a_position_gain_without_damping_is_refused(given):
     ([1.0, 2.0, -1e-9], 'expected no value below 0'),
     ([float('nan')], 'is nan, expected a finite number'),
     ([1.0, float('inf'), 1.0], r'\[1\] \(elbow\) is inf'),
-    ([2.0 * LARGEST_VALUE], r' is 2e\+09, expected'),
-    ([1.0, 2.0 * LARGEST_VALUE, 1.0], r' is 2e\+09, expected'),
+    ([1.0, 1.1e9, 1.0], r' is 1.1e\+09, expected'),
 ])
 def test_bad_gains_are_refused_by_name(field, value, words):
     with pytest.raises(InvalidInputError, match=rf'^gains\.{field}.*{words}'):
@@ -94,18 +90,14 @@ def test_bad_gains_are_refused_by_name(field, value, words):
 
 
 def test_the_least_damping_of_a_position_gain_is_accepted():
-    assert make_gains(NAMES, kp=[LARGEST_VALUE], kd=[1.0]).ratio.tolist() == [LARGEST_VALUE] * 3
+    assert make_gains(NAMES, kp=[1e9], kd=[1.0]).ratio.tolist() == [1e9] * 3
     with pytest.raises(InvalidInputError, match='expected damping'):
-        make_gains(NAMES, kp=[LARGEST_VALUE], kd=[0.999])
-
-
-def test_no_natural_frequency_is_refused():
-    with pytest.raises(InvalidInputError, match=r'gains\.natural_frequency has 0 values'):
-        make_gains(NAMES, [])
+        make_gains(NAMES, kp=[1e9], kd=[0.999])
 
 
 # --- the position error --------------------------------------------------------------------------
 
+@few
 @given(st.floats(-1e4, 1e4))
 def test_wrapped_angles_are_whole_turns_away_and_within_half_a_turn(angle):
     wrapped = float(wrap_to_pi(np.array([angle]))[0])
@@ -124,27 +116,6 @@ def test_only_continuous_joints_take_the_shortest_angular_distance():
     assert q.tolist() == [-3.0, -3.0, -30.0]
 
 
-def test_a_fraction_of_the_bandwidth_keeps_damping_limits_and_turns():
-    full = ErrorFeedback(
-        make_gains(NAMES, [5.0, 10.0, 20.0], [0.5, 1.0, 2.0]),
-        ('revolute', 'continuous', 'prismatic'), np.array([0.1, 0.2, 0.3]))
-    scaled, expected = full.scaled(0.4), make_gains(NAMES, [2.0, 4.0, 8.0], [0.5, 1.0, 2.0])
-    assert scaled.gains.kp == pytest.approx(expected.kp)
-    assert scaled.gains.kd == pytest.approx(expected.kd)
-    assert scaled.gains.ratio == pytest.approx(0.4 * full.gains.ratio)
-    reference, q = np.array([3.0, 3.0, 0.0]), np.array([3.0, -3.0, 0.0])
-    assert scaled.position_error(reference, q) == pytest.approx([0.0, 6.0 - 2.0 * np.pi, 0.0])
-    for error in ([0.1, 0.2, -0.3], [0.11, 0.0, 0.0], [0.0, -0.21, 0.0], [0.0, 0.0, 0.31]):
-        exceeds_limit = bool((np.abs(error) > [0.1, 0.2, 0.3]).any())
-        for one in (scaled, full):
-            found = tracked(one, at_rest(np.array(error)), np.zeros(3), np.zeros(3))
-            assert found.exceeds_limit == exceeds_limit
-    each = full.scaled(np.array([0.2, 0.5, 1.0])).gains
-    expected = make_gains(NAMES, [1.0, 5.0, 20.0], [0.5, 1.0, 2.0])
-    assert each.kp == pytest.approx(expected.kp)
-    assert each.kd == pytest.approx(expected.kd)
-
-
 def test_the_error_that_is_largest_relative_to_its_limit_is_named():
     feedback = ErrorFeedback(
         make_gains(NAMES), ('revolute', 'continuous', 'prismatic'), np.array([1.0, 0.1, 2.0]))
@@ -152,11 +123,6 @@ def test_the_error_that_is_largest_relative_to_its_limit_is_named():
     assert words == (
         "position of 'elbow' is 0.183 from its reference, expected at most 0.1 "
         '(following_error_limit)')
-
-
-def test_no_limit_of_the_error_by_default():
-    feedback = ErrorFeedback(make_gains(NAMES), ('revolute',) * 3)
-    assert not tracked(feedback, at_rest(np.full(3, 1e9)), np.zeros(3), np.zeros(3)).exceeds_limit
 
 
 # --- along a trajectory --------------------------------------------------------------------------
@@ -172,6 +138,7 @@ def segment_of(n: int, kind: str, rng: np.random.Generator) -> ActiveTrajectory:
     return ActiveTrajectory(trajectory, SECOND, SECOND, Reference(*np.zeros((3, n))))
 
 
+@few
 @given(
     n=st.integers(1, 14), kind=st.sampled_from(['linear', 'cubic', 'quintic']),
     joint=st.sampled_from(['revolute', 'continuous', 'prismatic']), seed=st.integers(0, 2**32 - 1),
@@ -245,7 +212,7 @@ def test_error_obeys_its_differential_equation(name, zeta):
     arm, omega = load_arm(robot_urdf(name)), 8.0
     dynamics, rng = ArmDynamics(arm), np.random.default_rng(0)
     feedback = ErrorFeedback(make_gains(arm.joint_names, [omega], [zeta]), arm.joint_kinds)
-    for _ in range(50):
+    for _ in range(10):
         q, v, *reference = rng.uniform(-1.0, 1.0, (5, arm.joint_count))
         effort = dynamics.inverse_dynamics(
             q, v, tracked(feedback, Reference(*reference), q, v).acceleration)

@@ -17,7 +17,6 @@ from controller_bench import (
     NOW,
     options,
     Q,
-    SECOND,
     set_point,
     V,
     ZERO,
@@ -119,27 +118,6 @@ def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale):
 
 
 # --- terms ---------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize('law', ['computed_torque', 'gravity_compensation'])
-def test_feedback_under_a_push_is_part_of_the_inertial_term(law):
-    """The reference rests at Q; the arm is pushed away from it, also in a stop (~/stop)."""
-    controller = make_controller(command=law)
-    rest = ZERO
-    controller.update(NOW, Q, rest)
-    if law == 'computed_torque':
-        controller.follow(set_point(Q.tolist()), 0)
-    else:
-        controller.stop()
-    still = controller.update(NOW + SECOND // 10, Q, rest).terms
-    assert still.inertial == pytest.approx(rest, abs=1e-9)
-    error, rate = np.array([0.001, -0.002]), np.array([-0.01, 0.02])
-    output = controller.update(NOW + SECOND // 5, Q - error, -rate)
-    pushed = output.terms
-    M = ArmDynamics(controller.arm).rigid_body.mass_matrix(Q - error)
-    assert pushed.inertial == pytest.approx(M @ (400.0 * error + 40.0 * rate))
-    assert output.command == pytest.approx(
-        pushed.inertial + pushed.coriolis + pushed.gravity + pushed.friction + pushed.external)
-
 
 # --- threads -------------------------------------------------------------------------------------
 

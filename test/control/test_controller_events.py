@@ -6,7 +6,7 @@
 from controller_bench import ARM, LIMIT, LOAD, make_controller, NAMES, NOW, Q, SECOND, V, ZERO
 import numpy as np
 import pytest
-from robot_dynamics.control.braking import braked, FAULT_DAMPING
+from robot_dynamics.control.braking import braked
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import default_options
@@ -139,9 +139,9 @@ def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds
         assert reference.position == pytest.approx(Q + 0.1)
 
 
-@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation', 'none'])
-@pytest.mark.parametrize('holds', [True, False])
-def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(holds, command):
+@pytest.mark.parametrize(('command', 'holds'), [
+    ('computed_torque', True), ('computed_torque', False), ('gravity_compensation', True)])
+def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(command, holds):
     """The second one gives it its velocity."""
     one = make(stops_and_holds=holds, command=command)
     assert one.update(NOW, Q, None).reference is None
@@ -186,18 +186,6 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
     assert velocities[2] == 0.0
 
 
-def test_a_trajectory_that_is_too_fast_is_slowed_down_by_the_reported_factor():
-    one = make(slows_down=True)
-    one.update(NOW, Q, ZERO)
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 20.0), 0)
-    assert one.followed.slowness == 1.0
-    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 0.2), 0)
-    assert one.followed.slowness > 2.0
-    arrival = NOW + round(0.2e9 * one.followed.slowness)
-    reference = one.update(arrival + 100 * MS, Q, ZERO).reference
-    assert reference.position == pytest.approx([1.6, 0.1])
-
-
 # --- states and time -----------------------------------------------------------------------------
 
 def test_after_a_restart_the_next_state_is_a_first_one():
@@ -210,29 +198,6 @@ def test_after_a_restart_the_next_state_is_a_first_one():
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     assert one.update(NOW + 40 * MS, Q - 3.0, None).velocity is None
     assert one.update(NOW + 50 * MS, Q - 3.0, None).velocity == pytest.approx([0.0, 0.0])
-
-
-def test_after_a_restart_a_single_pause_does_not_lower_the_gains():
-    one = make(scales_gains=True)
-    for k in range(20):
-        one.update(NOW + 2 * k * MS, Q, ZERO)
-    one.restart_states()
-    for ms in (-5000, -4200, -4198):  # other stamps, and a pause of 0.8 s
-        one.update(NOW + ms * MS, Q, ZERO)
-        assert one.gains.least == 1.0
-    for ms in (-3200, -2200):  # two in a row are the period
-        one.update(NOW + ms * MS, Q, ZERO)
-    assert one.gains.least < 0.1
-
-
-def test_a_motion_continues_when_the_stamps_decrease():
-    one, other, shift = moving(), moving(), 30 * SECOND
-    one.followed.shift_time(shift)
-    for ms in (1010, 1500, 2500):
-        shifted = one.update(NOW + ms * MS - shift, Q, V).reference
-        usual = other.update(NOW + ms * MS, Q, V).reference
-        for ours, theirs in zip(shifted, usual):
-            assert ours == pytest.approx(theirs)
 
 
 # --- terms and words -----------------------------------------------------------------------------
@@ -264,7 +229,7 @@ def test_terms_that_are_not_finite_are_not_reported():
 
 def damping(v: np.ndarray, loads: tuple[object, ...] = (), q: np.ndarray = Q) -> np.ndarray:
     body = ArmDynamics(ARM.with_payloads(list(loads))).rigid_body  # type: ignore[arg-type]
-    return np.asarray(FAULT_DAMPING * body.mass_matrix(q) @ (GAINS.kd * v))
+    return np.asarray(0.5 * body.mass_matrix(q) @ (GAINS.kd * v))
 
 
 @pytest.mark.parametrize('loads', [(), (LOAD,)])
@@ -278,16 +243,6 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads):
     assert float(v @ (damped - hold)) < 0.0  # it takes energy away
     assert braked(one, Q, ZERO, hold).tolist() == hold.tolist()
     assert braked(one, Q, None, hold) is hold
-
-
-def test_damping_in_a_fault_has_the_bandwidth_that_slow_states_allow():
-    one = make(scales_gains=True)
-    for k in range(20):
-        one.update(NOW + 50 * k * MS, Q, ZERO)
-    assert one.gains.least < 0.5
-    hold, ahead, body = -np.ones(2), Q + one.gains.lag * V, ArmDynamics(ARM).rigid_body
-    assert braked(one, Q, V, hold) == pytest.approx(
-        hold + body.gravity(ahead) - body.gravity(Q) - one.gains.least * damping(V, q=ahead))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -28,7 +28,7 @@ FRICTION = ARM.with_friction(make_friction(NAMES, [2.0], [3.0]))
 Q, V, ZERO = np.array([0.8, 0.5]), np.array([0.5, -0.3]), np.zeros(2)
 NOW = 1_000_000_000
 
-laws = settings(max_examples=60)
+laws = settings(max_examples=40)
 scales = st.tuples(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
 offsets = st.tuples(st.floats(-30.0, 30.0), st.floats(-12.0, 12.0))
 angles = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)

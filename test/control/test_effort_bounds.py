@@ -22,7 +22,7 @@ LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
 """An effort beyond all bounds."""
 
-laws = settings(max_examples=300)
+laws = settings(max_examples=80)
 
 
 def vectors(size: float) -> st.SearchStrategy[np.ndarray]:
@@ -85,22 +85,6 @@ def test_a_scaled_limit_extends_to_what_holds_the_arm(hold, low, high):
     assert bounds.bounded(np.array([-FAR]), NOTHING)[0].tolist() == [-10.0]
 
 
-def test_the_stricter_of_scale_and_gravity_applies():
-    bounds, hold = EffortBounds(np.array([10.0, 10.0]), 0.5), np.zeros(2)
-    robot = compensating(np.array([2.0, 8.0]))
-    assert bounds.bounded(np.full(2, FAR), robot, hold)[0].tolist() == [5.0, 2.0]
-    robot = compensating(np.array([-2.0, -8.0]))
-    assert bounds.bounded(np.full(2, -FAR), robot, hold)[0].tolist() == [-5.0, -2.0]
-
-
-def test_the_scaled_limits():
-    bounds = EffortBounds(LIMIT, 0.25)
-    assert bounds.scaled.tolist() == [2.5, 10.0, np.inf]
-    assert bounds.no_joint.tolist() == [False] * 3
-    assert not bounds.no_joint.flags.writeable
-    assert LIMIT.tolist() == [10.0, 40.0, np.inf]  # unchanged
-
-
 @given(st.lists(
     st.tuples(*(st.floats(width=32) for _ in range(3))), min_size=1, max_size=30),
     st.sampled_from([0.0, 0.25, 1.0]))
@@ -112,11 +96,6 @@ def test_efforts_within_the_scaled_limits_are_clear(efforts, scale):
             math.isfinite(x) and abs(x) <= limit for x, limit in zip(effort, bounds.scaled))
         with np.errstate(invalid='ignore'):
             assert bounds.is_clear(np.array(effort)) == is_within
-
-
-def test_without_limits_every_finite_effort_is_clear():
-    assert EffortBounds(np.full(2, np.inf), 0.0).is_clear(np.array([1e300, -1e300]))
-    assert EffortBounds(np.zeros(0)).is_clear(np.zeros(0))
 
 
 @pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ('gravity', 'friction')])

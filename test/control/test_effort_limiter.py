@@ -9,12 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits, LONGEST_STEP
+from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
 
 N = 2
 LOWER, UPPER, SPEED, MARGIN, RATE = -1.0, 1.5, 2.0, 0.1, 1000.0
 
-laws = settings(max_examples=300)
+LONGEST_STEP = 0.05
+"""[s] for which an effort may change at the rate limit since the last one."""
+
+laws = settings(max_examples=100)
 
 
 def guard(
@@ -105,12 +108,6 @@ def test_within_the_rate_an_effort_is_unchanged_and_otherwise_part_of_the_way(fi
     assert not by_velocity.any()
 
 
-def test_without_a_last_effort_the_rate_limit_begins_with_the_effort():
-    one, first = guard(), np.array([100.0, -50.0])
-    assert one.rate_limited(first, 0.002).tolist() == first.tolist()
-    assert one.rate_limited(np.zeros(N), 0.002).tolist() == [98.0, -49.0]
-
-
 # --- the limits ----------------------------------------------------------------------------------
 
 def forbidden(step: Step) -> np.ndarray:
@@ -172,26 +169,7 @@ def test_the_margin_begins_where_it_says(q, held):
     assert away.effort.tolist() == [-push, -push]
 
 
-@pytest.mark.parametrize(('near', 'past'), [(UPPER - MARGIN, UPPER), (LOWER + MARGIN, LOWER)])
-def test_the_margin_of_a_joint_begins_where_it_says_next_to_a_joint_past_it(near, past):
-    one = guard(rate=1e9)
-    one.last = np.zeros(N)
-    push = np.full(N, np.copysign(7.0, past))
-    guarded = guarded_by(one, Step(push, np.zeros(N), np.array([near, past]), np.zeros(N), 0.01))
-    assert guarded.by_position.tolist() == [False, True]
-    assert guarded.effort.tolist() == [push[0], 0.0]
-
-
-def test_a_joint_at_its_speed_may_be_driven_on_next_to_a_joint_past_it():
-    one, hold = guard(rate=1e9), np.array([30.0, -20.0])
-    one.last = hold
-    v = np.array([SPEED, 1.1 * SPEED])
-    guarded = guarded_by(one, Step(hold + 7.0, hold, np.zeros(N), v, 0.01))
-    assert guarded.by_velocity.tolist() == [False, True]
-    assert guarded.effort.tolist() == [37.0, -20.0]
-
-
-@laws
+@settings(max_examples=30)
 @given(st.lists(st.builds(
     Step, *(vectors(1e300) for _ in range(4)), st.floats(-1e300, 1e300)), max_size=10))
 def test_finite_efforts_stay_finite(steps):

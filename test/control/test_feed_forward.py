@@ -3,7 +3,7 @@
 
 """The commands to drives: the efforts of the reference alone, in motion, at rest and in faults."""
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
@@ -138,6 +138,7 @@ def test_what_the_robot_compensates_is_not_commanded():
 numbers = st.floats(-50.0, 50.0)
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(numbers, numbers, st.floats(0.0, 500.0)), min_size=1, max_size=7))
 def test_the_offset_is_the_effort_of_the_drive_within_the_position_limits(joints):
     position, effort, stiffness = map(np.array, zip(*joints))

@@ -54,15 +54,15 @@ class FlexibleArm(LockStep):
         self.speeds.append(float(np.abs(u).max()))
 
 
-@pytest.mark.parametrize('stiffness', [5e3, 14e3])
-@pytest.mark.parametrize(('rate', 'delay'), [(125, 0), (125, 8), (500, 4)])
+@pytest.mark.parametrize(('rate', 'delay', 'stiffness'), [(125, 8, 5e3), (500, 4, 14e3)])
 def test_wrists_with_flexible_gearboxes_come_to_rest(stiffness, rate, delay, seen):
     loop = check_rest([RIGID] * 3 + [stiffness] * 3, rate, delay, seen)
     assert rate < 500 or str(loop.controller.laws.adaptation) == ''
 
 
-@pytest.mark.parametrize('size', [0.2, 0.35, 0.5])
-@pytest.mark.parametrize(('rate', 'delay', 'stiffness'), [(125, 0, 14e3), (500, 4, 40e3)])
+@pytest.mark.parametrize(('rate', 'delay', 'stiffness', 'size'), [
+    (500, 4, 40e3, 0.35), *(pytest.param(125, 0, 14e3, size, marks=pytest.mark.soak)
+                            for size in (0.2, 0.35, 0.5))])
 def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(rate, delay, stiffness, size, seen):
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
     loop = check_rest([stiffness] * 6, rate, delay, seen, 0.01, 8.0, size)

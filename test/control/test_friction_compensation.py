@@ -6,7 +6,6 @@
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.laws.friction_compensation import FRICTION_MODES
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
@@ -35,7 +34,8 @@ def test_around_rest_friction_of_the_reference_has_no_step():
     speed = 1e-5
     q = STILL - speed * GAINS.kd / GAINS.kp  # the velocity v_r at which it is compensated
     reference, measured, none = (
-        np.abs(compensated(mode, q, np.full(2, speed))) for mode in FRICTION_MODES)
+        np.abs(compensated(mode, q, np.full(2, speed)))
+        for mode in ('reference', 'measured', 'none'))
     assert (reference < 0.01 * COULOMB).all()
     assert (measured >= COULOMB).all()
     assert none.tolist() == [0.0, 0.0]

@@ -11,15 +11,11 @@ from dataclasses import replace
 from typing import Any
 
 from bristled_arm import BristledArm, Case, COULOMB
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
-from robot_dynamics.control.laws.guiding import LARGEST_SHARE, make_guiding
-from robot_dynamics.control.laws.hand_guiding import WALL_PUSH
+from robot_dynamics.control.laws.guiding import make_guiding
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
@@ -58,37 +54,32 @@ def hand(one: LockStep, j: int, speed: float, seconds: float) -> FloatArray:
     return np.array(found[len(found) // 2:])
 
 
+@pytest.mark.parametrize(('case', 'j'), [
+    (Case('panda', 500, 2, 1e-3), 0), (Case('ur10', 100, 10, 5e-4), 1)],
+    ids=lambda value: getattr(value, 'arm', ''))
+def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case, j):
+    with_share, without = (
+        float(hand(guided(case, share), j, SPEED, 1.0).mean()) for share in (None, 0.0))
+    assert 0.0 < with_share <= EASILY * without
+
+
 @pytest.mark.parametrize('case', [
-    Case('panda', 500, 2, 1e-3), Case('z1', 250, 4, 3e-3), Case('ur10', 100, 10, 5e-4)],
+    Case('default', 100, 20, 3e-3, 1.2),
+    pytest.param(Case('panda', 100, 20, 1e-3, 1.2, True), marks=pytest.mark.soak)],
     ids=lambda case: case.arm)
-def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case):
-    for j in range(3):
-        with_share, without = (
-            float(hand(guided(case, share), j, SPEED, 1.0).mean()) for share in (None, 0.0))
-        assert 0.0 < with_share <= EASILY * without
-
-
-@settings(max_examples=6, deadline=None)
-@given(st.sampled_from(['panda', 'z1', 'ur10', 'default']), st.sampled_from([1000, 500, 100]),
-       st.integers(0, 2), st.floats(1e-4, 5e-3), st.booleans(), st.integers(0, 2**31))
-def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(
-    arm, rate, periods, distance, has_rotors, seed,
-):
-    case = Case(arm, rate, periods * 1000 // rate, distance, 1.2, has_rotors and arm in (
-        'panda', 'ur10'))
-    one, rng = guided(case, LARGEST_SHARE), np.random.default_rng(seed)
-    one.v = rng.uniform(-0.1, 0.1, len(one.q))
-    trace = one.run(6.0)
+def test_no_limit_cycle_with_too_much_friction_and_two_periods_of_delay(case):
+    one = guided(case, 0.8)
+    one.v = np.random.default_rng(1).uniform(-0.1, 0.1, len(one.q))
+    trace = one.run(4.0)
     moved = np.diff(trace.last(1.0).q, axis=0)
     to_and_fro = np.abs(moved).sum(axis=0) - np.abs(moved.sum(axis=0))
     assert to_and_fro.max() < 1e-5
     assert one.loop.supervisor.fault_count == 0
 
 
-@pytest.mark.parametrize('name', ['panda', 'z1', 'ur10'])
-def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name):
+def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad():
     """The error is an unknown load, whose gravity takes 60 % of the dry friction of a joint."""
-    arm, case = smooth_arm(name), Case(name, 500, 4, 1e-3)
+    name, arm, case = 'z1', smooth_arm('z1'), Case('z1', 500, 4, 1e-3)
     q = middle(arm)
     last = arm.pinocchio_model.getJointId(arm.joint_names[-1])
     link = next(name for name in arm.link_names if arm.link_frame(name).parentJoint == last)
@@ -99,40 +90,12 @@ def test_a_released_arm_with_a_wrong_mass_creeps_less_than_5_mrad(name):
     per_kg = np.abs(ArmDynamics(with_load(1.0)).gravity(q) - ArmDynamics(arm).gravity(q))
     mass = 0.6 / float((per_kg / COULOMB[name]).max())
     one = BristledArm(arm, case, command='hand_guiding', true_arm=with_load(mass))
-    one.run(10.0)
+    one.run(3.0)
     assert np.abs(one.q - q).max() < 5e-3
     assert one.loop.supervisor.fault_count == 0
 
 
-def test_a_gearbox_that_yields_under_a_released_arm_starts_no_motion():
-    """An unknown load takes 90 % of the dry friction; without compensation the arm sags as far."""
-    arm, q = smooth_arm('ur5'), np.array([0.7, 0.03, -0.5, -1.0, -0.3, -0.2])
-    coulomb = np.array([3.75, 3.75, 3.75, 0.7, 0.7, 0.7])
-    gravity = [ArmDynamics(arm.with_payloads([make_payload('tool0', mass)])).gravity(q)
-               for mass in (0.0, 1.0)]
-    load = make_payload('tool0', 0.9 / float((np.abs(gravity[1] - gravity[0]) / coulomb).max()))
-    sag = []
-    for share in (0.0, 0.6):
-        one = BristledArm(
-            arm, Case('ur5', 250, 1, 5e-3), coulomb, command='hand_guiding', q=q,
-            true_arm=arm.with_payloads([load]), guiding=make_guiding(arm, share))
-        one.run(4.0)
-        assert np.abs(one.v).max() < 1e-3
-        sag.append(np.abs(one.q - q).max())
-    assert sag[1] < 1.1 * sag[0]
-
-
-def test_after_the_hand_stops_the_whole_dry_friction_holds_the_arm():
-    one = guided(Case('ur10', 500, 2, 1e-3))
-    hand(one, 1, SPEED, 0.5)
-    hand(one, 1, 0.0, 3.0)
-    effort = one.run(0.1).effort
-    last = effort[~np.isnan(effort[:, 0])][-1]
-    assert last == pytest.approx(ArmDynamics(one.arm).gravity(one.q), abs=0.3)
-
-
-@pytest.mark.parametrize('rate', [100.0, 500.0])
-@pytest.mark.parametrize('name', ['panda', 'ur10', 'z1'])
+@pytest.mark.parametrize(('name', 'rate'), [('panda', 500.0), ('ur10', 100.0)])
 def test_a_strong_push_is_braked_and_held_within_the_position_limit(name, rate):
     arm = smooth_arm(name)
     q = middle(arm)
@@ -142,9 +105,9 @@ def test_a_strong_push_is_braked_and_held_within_the_position_limit(name, rate):
     speed = make_guiding(arm).speed
     body = ArmDynamics(arm)
     unit = np.zeros(len(one.q))
-    unit[0] = 0.9 * WALL_PUSH * (1.0 if rate > 200.0 else 0.3)
+    unit[0] = 9.0 * (1.0 if rate > 200.0 else 0.3)
     one.push = lambda t: body.mass_matrix(one.q) @ unit
-    trace = one.run(6.0)
+    trace = one.run(3.0)
     assert np.abs(trace.v[:, 0]).max() < speed[0] + 1.0
     assert (trace.q[:, 0] < arm.limits.upper[0] + 1e-3).all()
     assert one.loop.supervisor.fault_count == 0
@@ -180,7 +143,7 @@ def test_gravity_is_that_of_the_position_at_which_the_effort_acts():
     q, v = np.array([0.8, 0.5]), np.array([0.3, -0.2])
     effort = effort_in_motion(arm, q, v, guiding=make_guiding(arm, 0.0))
     assert effort == pytest.approx(ArmDynamics(arm).gravity(
-        q + 0.5 * (0.01 + LOOP_DELAY) * v), abs=1e-9)
+        q + 0.009 * v), abs=1e-9)
 
 
 def test_leaving_the_mode_holds_the_arm():
@@ -196,16 +159,6 @@ def test_leaving_the_mode_holds_the_arm():
     assert np.abs(one.run(1.0).q - held).max() < 1e-4
 
 
-def test_a_wrong_sign_of_a_velocity_does_not_drive_a_joint():
-    one = LockStep(smooth_arm('panda'), command='hand_guiding')
-    one.run(0.1)
-    one.v = 1.5 * directions(7)
-    wrong = np.where(np.arange(7) == 3, -1.0, 1.0)
-    one.sensor = lambda q, v: (q, wrong * v)
-    trace = one.run(2.0)
-    assert (np.abs(trace.v[100:]).max(axis=0) < 1.5).all()
-
-
 @pytest.mark.parametrize(('arguments', 'words'), [
     ((0.9,), "hand_guiding.friction_share of 'joint1' is 0.9, expected at most 0.8"),
     ((0.5, (), 0.6), "hand_guiding.feedback_gain of 'joint1' is 0.6, expected at most 0.5"),
@@ -216,8 +169,7 @@ def test_illegal_options_are_named(arguments, words):
         make_guiding(smooth_arm('default'), *arguments)
 
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('signs', [1.0, -1.0])
+@pytest.mark.parametrize(('name', 'signs'), [('default', 1.0), ('panda', -1.0)])
 def test_the_brake_of_an_arm_that_is_too_fast_accelerates_no_joint(name, signs):
     """It is limited by one factor: limits of each joint by itself threw an elbow to 13 rad/s."""
     arm = smooth_arm(name)
@@ -233,7 +185,7 @@ def test_a_joint_whose_gravity_takes_its_whole_limit_leaves_a_brake_to_the_other
     """The brake is shared by all joints, and the elbow turns at half its limit."""
     arm = smooth_arm('default').with_payloads([make_payload('link2', 20.0)])
     q, v = np.array([1.4, -1.3]), np.array([0.0, 5.0])
-    gravity = ArmDynamics(arm).gravity(q + 0.5 * (0.01 + LOOP_DELAY) * v)
+    gravity = ArmDynamics(arm).gravity(q + 0.009 * v)
     effort = effort_in_motion(arm, q, v)
     assert effort[0] == -arm.limits.effort[0] > gravity[0]
     assert effort[1] < gravity[1] - 0.1 * arm.limits.effort[1]

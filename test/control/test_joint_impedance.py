@@ -5,13 +5,11 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, middle, MS, smooth_arm
+from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
-from robot_dynamics.control.laws.error_feedback import LEAST_RATIO
 from robot_dynamics.control.laws.impedance import make_impedance
 from robot_dynamics.control.laws.joint_impedance import JointImpedance
-from robot_dynamics.control.laws.modal_impedance import LARGEST_FREQUENCY
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -49,7 +47,7 @@ def measured_gains(loop: ControlLoop, q: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 @pytest.mark.parametrize('name', ['ur5', 'panda'])
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), stiffness=st.floats(1.0, 2000.0), zeta=st.floats(0.2, 1.5))
 def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(name, seed, stiffness, zeta):
     """The law is a spring and a damper whose modes are those of the closed loop with M(q)."""
@@ -62,14 +60,14 @@ def test_every_mode_has_the_damping_ratio_and_none_is_too_fast(name, seed, stiff
     squares, modes = np.linalg.eig(np.linalg.solve(M, K))
     omega = np.sqrt(squares.real)
     assert np.sort(omega) == pytest.approx(
-        np.sort(np.minimum(np.sqrt(wanted), LARGEST_FREQUENCY)), rel=1e-3)
+        np.sort(np.minimum(np.sqrt(wanted), 30.0)), rel=1e-3)
     assert (np.linalg.eigvalsh(K) <= stiffness * (1.0 + 1e-4)).all()
     assert pytest.approx(K.T, abs=1e-4 * stiffness) == K
     assert np.linalg.solve(M, D) @ modes == pytest.approx(
         modes * (2.0 * zeta * omega), abs=1e-3 * omega.max())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), damping=st.floats(0.0, 300.0))
 def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(seed, damping):
     """At least half of the critical damping of each mode; at most critical at the fastest."""
@@ -82,11 +80,11 @@ def test_a_given_damping_acts_within_the_bounds_of_the_closed_loop(seed, damping
     M = ArmDynamics(arm).rigid_body.mass_matrix(q)
     omega, modes = np.linalg.eig(np.linalg.solve(M, K))
     modes = modes.real / np.sqrt(np.diagonal(modes.real.T @ M @ modes.real))
-    least = 2.0 * LEAST_RATIO * np.diag(np.sqrt(omega.real))
+    least = np.diag(np.sqrt(omega.real))
     assert np.linalg.eigvalsh(modes.T @ D @ modes - least).min() > -0.05
-    assert np.linalg.eigvals(np.linalg.solve(M, D)).real.max() < 2.001 * LARGEST_FREQUENCY
+    assert np.linalg.eigvals(np.linalg.solve(M, D)).real.max() < 60.03
     slow = np.linalg.eigh(M)[1][:, -1]  # the direction of the largest inertia
-    if damping < 100.0 and slow @ M @ slow * LARGEST_FREQUENCY > 100.0:
+    if damping < 100.0 and slow @ M @ slow > 3.4:
         assert slow @ D @ slow > 0.9 * damping
 
 
@@ -99,12 +97,6 @@ def test_a_slow_arm_has_the_given_damping_exactly():
     assert damping == pytest.approx(np.diag([90.0, 70.0]), abs=1e-3)
 
 
-def test_a_slow_arm_keeps_the_stiffness_exactly():
-    arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
-    K, _ = measured_gains(loop_of(arm, 400.0, 1.0), np.array([0.8, 0.5]))
-    assert pytest.approx(400.0 * np.eye(2), abs=1e-3) == K
-
-
 def test_an_unknown_load_sags_by_its_weight_over_the_stiffness():
     arm = smooth_arm('default').with_reflected_inertia(SLOW_ROTORS)
     loaded = arm.with_payloads([make_payload('tool0', 1.0)])
@@ -113,21 +105,6 @@ def test_an_unknown_load_sags_by_its_weight_over_the_stiffness():
     one.run(4.0)
     g = [ArmDynamics(each).rigid_body.gravity(one.q) for each in (loaded, arm)]
     assert one.loop.reference.position - one.q == pytest.approx((g[0] - g[1]) / 400.0, rel=1e-3)
-
-
-@pytest.mark.parametrize(('name', 'joint'), [('panda', 2), ('panda', 3), ('ur10', 2)])
-def test_a_motion_in_which_a_joint_freezes_ends_at_rest(name, joint):
-    """The prediction of this joint is that of computed torque, with which the arm stops."""
-    one = LockStep(smooth_arm(name), rate=500.0, command='joint_impedance')
-    one.run(0.2)
-    one.follow(one.q + 0.5 * directions(len(one.q)))
-    one.run(0.3)
-    one.sensor = frozen(joint)
-    trace = one.run(4.0)
-    fault = one.loop.supervisor.fault
-    assert fault.name == 'frozen_joint'
-    assert (np.abs(trace.v).max(axis=0) < 1.2 * one.arm.limits.velocity).all()
-    assert trace.last(0.5).speed.max() < 0.02
 
 
 def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter():
@@ -159,11 +136,3 @@ def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(M):
     law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
     assert np.isnan(law.stiffness(np.array(M))).any()
 
-
-def test_a_joint_without_inertia_gets_no_stiffness():
-    """Its M_jj is 0, so that no gain is stable; the effort remains finite."""
-    arm = smooth_arm('default')
-    loop = loop_of(arm, 100.0, 1.0)
-    law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
-    M = np.diag([2.0, 0.0])
-    assert law.stiffness(M) == pytest.approx([100.0, 0.0], abs=1e-3)

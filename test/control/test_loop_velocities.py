@@ -36,40 +36,36 @@ def judge(one: LockStep, trace: Trace) -> None:
     assert rests(trace)
 
 
-wrong_arms = pytest.mark.parametrize('name', ['default', 'ur5', 'ur10', 'panda'])
-wrong_rates = pytest.mark.parametrize('rate', [500.0, 100.0])
-joints = pytest.mark.parametrize(('name', 'j'), [
-    ('default', 0), ('default', 1), *(
-        pytest.param(name, j, marks=() if j in (0, 1, 3) else pytest.mark.soak)
-        for name in ('ur5', 'ur10', 'panda') for j in range(6))])
+joints = pytest.mark.parametrize(('name', 'j', 'rate'), [
+    ('default', 0, 100.0), ('ur10', 1, 500.0), ('panda', 3, 100.0), *(
+        pytest.param(name, j, rate, marks=pytest.mark.soak)
+        for name in ('ur5', 'ur10', 'panda') for j in range(6) for rate in (500.0, 100.0))])
 
 
-@wrong_arms
-@wrong_rates
-@pytest.mark.parametrize('sensor', [zeros, in_degrees], ids=['zeros', 'degrees'])
+@pytest.mark.parametrize(('name', 'rate', 'sensor'), [
+    ('default', 500.0, zeros), ('default', 100.0, in_degrees), ('ur10', 100.0, zeros),
+    ('panda', 500.0, in_degrees)])
 def test_velocities_that_are_wrong_at_all_joints_stop_the_arm(name, rate, sensor):
     one = in_motion(name, rate=rate, delay=4)
     one.sensor = sensor
-    trace = one.run(4.0)
+    trace = one.run(3.0)
     judge(one, trace)
     assert one.loop.goals.notice
     assert one.loop.goals.interruption
 
 
-@wrong_rates
 @joints
-def test_a_velocity_with_the_wrong_sign_stops_the_arm(name, rate, j):
+def test_a_velocity_with_the_wrong_sign_stops_the_arm(name, j, rate):
     one = in_motion(name, rate=rate, delay=4)
     one.sensor = sign(j)
-    judge(one, one.run(4.0))
+    judge(one, one.run(3.0))
     assert one.loop.supervisor.fault is None or one.loop.supervisor.fault.name == 'overspeed'
 
 
-@pytest.mark.parametrize('rate', [500.0, 250.0])
 @pytest.mark.parametrize('j', [3, 5])
-def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(rate, j):
+def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(j):
     """The first wrong velocity is found before it is answered."""
-    one = LockStep(arm_named('kinova'), q=place('kinova'), rate=rate, delay=8)
+    one = LockStep(arm_named('kinova'), q=place('kinova'), rate=250.0, delay=8)
     one.run(0.1)
     one.follow(one.q + directions(len(one.q)))
     assert one.run(1.0).speed[-1] > 0.3
@@ -78,10 +74,9 @@ def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(rate,
     assert 'degrees instead of radians' in one.loop.goals.notice
 
 
-@wrong_rates
 @joints
-def test_a_joint_whose_sample_is_frozen_is_a_fault(name, rate, j):
-    """It ends when the joint is measured again, and the arm is held."""
+def test_a_joint_whose_sample_is_frozen_is_a_fault(name, j, rate):
+    """It ends when the joint has been measured 25 times again, and the arm is held."""
     one = in_motion(name, rate=rate, delay=4)
     alive, one.sensor = one.sensor, frozen(j)
     trace = one.run(1.0)
@@ -91,23 +86,9 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name, rate, j):
     assert one.loop.supervisor.fault.name == 'frozen_joint'
     assert one.loop.supervisor.mode is Mode.FAULT
     one.sensor = alive
-    judge(one, one.run(3.0))
-    assert one.loop.supervisor.mode is Mode.RUNNING
-
-
-@wrong_rates
-def test_what_holds_the_other_joints_does_not_accelerate_a_frozen_joint(rate):
-    """The feedback of a joint that sticks asks for accelerations that do not happen."""
-    one = LockStep(arm_named('default'), q=Q, rate=rate)
-    one.push = lambda t: np.array([-20.0, 0.0]) * np.clip(one.v[0] / 0.01, -1.0, 1.0)
-    one.run(0.1)
-    one.follow(Q + 0.6 * directions(2))
-    one.run(0.2)
-    one.sensor = frozen(1)
-    trace = one.run(0.8)
-    assert one.loop.supervisor.fault.name == 'frozen_joint'
-    print(f'at most {trace.speed.max():.2g} rad/s')
-    assert (np.abs(trace.v) <= 1.2 * one.arm.limits.velocity).all()
+    trace = one.run(2.5)
+    judge(one, trace)
+    assert 23.0 <= 1e-3 * rate * trace.mode.index(Mode.RUNNING) <= 40.0
 
 
 def test_one_noisy_velocity_above_the_limit_is_no_fault_and_motion_above_it_is():
@@ -135,8 +116,7 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
 
 
-@pytest.mark.parametrize('delay', [0, 4, 8])
-@pytest.mark.parametrize('factor', [0.0, -1.0])
+@pytest.mark.parametrize(('factor', 'delay'), [(0.0, 8), (-1.0, 0)])
 def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(factor, delay):
     """It is not pulled back to the reference, from which it is far away by then."""
     one = LockStep(arm_named('default'), q=np.zeros(2), delay=delay)
@@ -150,10 +130,9 @@ def test_an_arm_that_a_wrong_velocity_has_driven_away_stops_where_it_is(factor, 
     assert one.loop.supervisor.fault is None
 
 
-@wrong_rates
-def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate):
+def test_velocities_that_are_always_zero_from_the_start_do_no_harm():
     """The positions are those of an encoder, and repeat at rest."""
-    one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=rate, delay=4)
+    one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=100.0, delay=4)
     one.sensor = lambda q, v: (1e-4 * np.round(q / 1e-4), 0.0 * v)
     trace = one.run(6.0)
     print(f'at the end {trace.last(1.0).speed.max():.3g} rad/s, {one.q - Q} rad away')
@@ -162,11 +141,11 @@ def test_velocities_that_are_always_zero_from_the_start_do_no_harm(rate):
 
 
 def test_true_velocities_are_not_doubted_during_motions_and_stops():
-    for name in ('default', 'ur10', 'panda'):
+    for name in ('default', 'panda'):
         one = in_motion(name, rate=250.0, delay=4)
         one.loop.stop()
         assert one.loop.goals.interruption == '~/stop was called'
-        assert rests(one.run(3.0))
+        assert rests(one.run(2.0))
         assert one.loop.signals.consistency.reason == ''
         assert one.loop.goals.notice == ''
         assert one.loop.supervisor.fault is None

@@ -20,23 +20,21 @@ commands = pytest.mark.parametrize('command', OPTIONS)
 
 
 @commands
-@pytest.mark.parametrize('name', ['default', 'ur5', 'panda'])
-def test_a_motion_has_no_error(name, command):
+def test_a_motion_has_no_error(command):
     """M q̈_ref accelerates the arm, so that the spring has nothing to do; states at 1 kHz."""
     one, (along, at_end) = LockStep(
-        smooth_arm(name), rate=1000.0, command=command), LARGEST_ERROR[command]
+        smooth_arm('panda'), rate=1000.0, command=command), LARGEST_ERROR[command]
     one.run(0.5)
     goal = one.q + 0.3
     one.follow(goal, 2.0)
     for _ in range(4):
         one.run(0.25)
         assert one.q == pytest.approx(one.loop.reference.position, abs=along)
-    one.run(3.0)
+    one.run(2.0)
     assert one.q == pytest.approx(goal, abs=at_end)
 
 
-@pytest.mark.parametrize(('name', 'largest'), [('ur5', 2e-3), ('ur10', 1.5e-3)])
-@pytest.mark.parametrize('delay', [0, 8])
+@pytest.mark.parametrize(('name', 'largest', 'delay'), [('ur5', 2e-3, 8), ('ur10', 1.5e-3, 0)])
 def test_slow_states_follow_a_stream_of_set_points(name, largest, delay):
     """
     Set-points each 20 ms change the acceleration of the reference between two states at 30 Hz.

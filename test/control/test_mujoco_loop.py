@@ -24,7 +24,6 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 STEP = 1e-3
@@ -43,18 +42,6 @@ AT_REST = {'floor': 1e-2}
 [rad/s] in the last second: 1e-3, but the tool creeps on the floor, as MuJoCo's friction is soft.
 
 A Panda and an xArm7 creep at 0.003 to 0.005 rad/s; the xArm7 at 3e-6 rad/s after 30 s.
-"""
-SLOW = {'ur10e': 90.0}
-"""
-[s] that a run lasts in addition.
-
-The published damping, up to 350 N·m·s/rad, is unknown to the controller, whose stiffness at the
-wrists is a few N·m/rad: the arm creeps to its final pose without oscillation.
-"""
-IMPACT = {'ur10e': 6.0}
-"""
-Largest contact force by the last one, otherwise 4: the force of the first contact is that of the
-weight that the controller underestimates and of the damping, and decreases while the arm creeps.
 """
 DURATION = {'hold': 3.0, 'motion': 5.5, 'pushes': 9.0, 'floor': 7.0, 'kilogram': 6.5}
 """[s]"""
@@ -102,7 +89,7 @@ def run(case: Case) -> Outcome:
     pending: deque[tuple[int, FloatArray]] = deque()
     effort, faults = None, list[str]()
     q, v, forces = list[FloatArray](), list[FloatArray](), list[float]()
-    for k in range(round((DURATION[case.event] + SLOW.get(case.arm, 0.0)) / STEP)):
+    for k in range(round(DURATION[case.event] / STEP)):
         if k == BEGIN and moves:
             loop.follow(make_trajectory(arm.joint_names, [0.0], [goal]))
         if k % (1000 // case.rate) == 0:
@@ -151,16 +138,18 @@ def judge(case: Case) -> tuple[Outcome, list[str]]:
         'fault': bool(end.faults) and case.event in ('hold', 'motion', 'kilogram'),
         'no contact': case.event == 'floor' and end.force < 1.0,
         'restless contact': end.force_change > 0.05 * end.force,
-        'hard contact': end.largest_force > IMPACT.get(case.arm, 4.0) * max(end.force, 1.0),
+        'hard contact': end.largest_force > 4.0 * max(end.force, 1.0),
     }
     return end, [words for words, is_bad in bad.items() if is_bad]
 
 
 CASES = [
-    Case(arm, event, rate, delay) for arm in ARMS for event in DURATION
+    Case(arm, event, rate, delay) for arm in ('panda', 'xarm7', 'z1') for event in DURATION
     for rate in (500, 250, 100) for delay in (0, min(1000 // rate, 8))]
-SELECTED = [case for case in CASES if case.delay and (
-    case.rate == 100 if case.arm == 'ur10e' else case.rate != 250)]
+SELECTED = [
+    Case('panda', 'motion', 500, 2), Case('panda', 'floor', 100, 8),
+    Case('xarm7', 'pushes', 100, 8), Case('xarm7', 'kilogram', 500, 2),
+    Case('z1', 'hold', 100, 8), Case('z1', 'floor', 500, 2)]
 EVERY = [pytest.param(case, marks=() if case in SELECTED else pytest.mark.soak) for case in CASES]
 
 
@@ -170,16 +159,3 @@ def test_the_loop_is_calm_on_an_arm_in_mujoco(case, seen):
     seen(str(end))
     assert not bad, end
 
-
-def test_the_plants_differ_from_the_urdf_of_the_controller():
-    """Gravity of xArm7 and UR10e, rotors of Panda, xArm7 and UR10e, damping of Panda and UR10e."""
-    differences = {}
-    for name in ARMS:
-        arm, plant = given_arm(name), foreign_simulation(name)
-        differences[name] = np.abs(
-            plant.data.qfrc_bias - UncheckedArmDynamics(arm).rigid_body.gravity(
-                plant.state.position)).max()
-        assert name == 'z1' or (plant._armature == 0.1).all()
-        assert name in ('z1', 'xarm7') or plant.model.dof_damping.min() >= 1.0
-    assert differences['xarm7'] > 1.0
-    assert differences['ur10e'] > 1.0

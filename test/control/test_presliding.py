@@ -10,12 +10,11 @@ The plant is `BristledArm`. `ArmSimulation` with the same presliding distance is
 from typing import Any, NamedTuple
 
 from bristled_arm import BristledArm, Case, COULOMB
-from lock_step_loop import directions, smooth_arm, STEP
+from lock_step_loop import directions, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.joints.friction import make_friction, UNKNOWN_WIDTH
-from simulated_arms import released
+from robot_dynamics.joints.friction import make_friction
 
 WAY = 0.35
 """[rad] of the motion."""
@@ -38,7 +37,7 @@ class End(NamedTuple):
     adaptation: str
 
 
-def end_of_motion(case: Case, seconds: float = 5.5) -> End:
+def end_of_motion(case: Case, seconds: float = 3.2) -> End:
     one, distances = BristledArm(smooth_arm(case.arm), case), [0.0]
 
     def sensor(q: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -70,7 +69,7 @@ def calm(one: BristledArm, seconds: float) -> tuple[float, float]:
     return float(last.speed.max()), float((change / one.coulomb).max())
 
 
-def check_calm(case: Case, seen: Any, largest: float, seconds: float = 5.5) -> End:
+def check_calm(case: Case, seen: Any, largest: float, seconds: float = 3.2) -> End:
     end = end_of_motion(case, seconds)
     seen(f'{end.speed:.2g} rad/s, {end.change:.2g} F_c, error {end.error:.4f} rad')
     assert end.speed < 1e-3
@@ -80,41 +79,12 @@ def check_calm(case: Case, seen: Any, largest: float, seconds: float = 5.5) -> E
 
 
 @pytest.mark.parametrize('case', [
-    Case('xarm7', 500, 4, 4e-3), Case('z1', 125, 0, 4e-3), Case('panda', 125, 8, 1e-3),
-    Case('ur10', 125, 8, 4e-3, has_rotors=True), Case('default', 100, 8, 5e-3, 1.4),
-    Case('ur10', 500, 4, 4e-3, 1.4), Case('ur5', 125, 16, 5e-3, 1.4),
-    Case('z1', 100, 20, 5e-3, 1.4)],
+    Case('z1', 125, 0, 4e-3), Case('default', 100, 8, 5e-3, 1.4),
+    pytest.param(Case('panda', 125, 8, 1e-3), marks=pytest.mark.soak),
+    pytest.param(Case('ur10', 125, 8, 4e-3, has_rotors=True), marks=pytest.mark.soak)],
     ids=lambda case: f'{case.arm} {case.rate} Hz')
 def test_a_joint_that_yields_before_it_slides_comes_to_rest(case, seen):
     check_calm(case, seen, 0.008 if case.given == 1.0 and not case.has_rotors else 0.03)
-
-
-@pytest.mark.parametrize(('name', 'distance'), [('default', 4e-3), ('panda', 2e-3)])
-def test_both_plants_deflect_and_break_away_alike(name, distance, seen):
-    """
-    A slow effort deflects LuGre bristles by −d ln(1 − share), elastic ones by share d.
-
-    Ended slides, over many d, agree.
-    """
-    plant = BristledArm(smooth_arm(name).with_gravity(np.zeros(3)), Case(name, 1000, 0, distance))
-    arm = plant.arm
-    simulated = released(arm.with_friction(make_friction(
-        arm.joint_names, plant.viscous.tolist(), plant.coulomb.tolist(),
-        presliding_distance=[distance])), plant.q)
-    q, moved, last = plant.q.copy(), [], 0.0
-    first = plant.coulomb * (np.arange(len(q)) < 1)
-    for share, steps in ((0.1, 1500), (0.6, 1500), (1.5, 300), (1.5, 900), (0.0, 3000)):
-        for part in np.linspace(last, share, steps):
-            plant._move(part * first)
-            simulated.step(part * first, STEP)
-        last = share
-        moved.append([float(one.q[0] - q[0]) / distance for one in (plant, simulated)])
-    lugre, ours = np.array(moved).T
-    seen(f'{lugre} d, {ours} d')
-    assert ours[:2] == pytest.approx([0.1, 0.6], rel=0.05)
-    assert lugre[:2] == pytest.approx(-np.log1p([-0.1, -0.6]), rel=0.05)
-    assert ours[4] > 50.0
-    assert lugre[4] == pytest.approx(ours[4], rel=0.1)
 
 
 @pytest.mark.soak
@@ -146,27 +116,13 @@ def test_random_gearboxes_come_to_rest(seed, seen):
 
 
 @pytest.mark.parametrize(('case', 'bound'), [
-    (Case('ur10', 500, 4, 1e-3, 1.4, True), 0.05), (Case('panda', 500, 4, 1e-3, 1.4, True), 0.1),
-    (Case('z1', 500, 4, 1e-3, 1.4), 0.015), (Case('ur5', 125, 8, 1e-3, 1.4), 0.04)],
+    (Case('panda', 500, 4, 1e-3, 1.4, True), 0.1)],
     ids=lambda value: getattr(value, 'arm', ''))
 def test_friction_that_is_given_too_large_does_not_drive_a_joint_away(case, bound, seen):
     """The feedback of a light joint, or of one with an unknown rotor, could not hold it."""
-    end = end_of_motion(case, seconds=3.0)
+    end = end_of_motion(case, seconds=2.0)
     seen(f'{end.farthest:.4f} rad')
     assert end.farthest < bound
-
-
-def test_a_light_joint_that_ran_away_arrives_and_is_named(seen):
-    """The stiffness of the last wrist is 0.2 N·m/rad: without friction it would stay behind."""
-    end = check_calm(Case('ur10', 250, 4, 1e-3, 1.1), seen, UNKNOWN_WIDTH, 4.2)
-    assert "'wrist_3_joint' drove it away" in end.adaptation
-
-
-def test_correct_friction_of_a_light_joint_is_compensated_at_once(seen):
-    """Its share is lowered only at joints that have run away."""
-    end = end_of_motion(Case('ur10', 500, 4, 1e-3), seconds=3.0)
-    seen(f'{end.farthest:.4f} rad')
-    assert end.farthest < 0.015
 
 
 @pytest.mark.parametrize(('distance', 'width'), [

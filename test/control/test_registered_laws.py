@@ -17,7 +17,6 @@ import numpy as np
 from page_law import page_law
 import pytest
 from robot_dynamics.control.laws.control_law import ControlLaw, further_laws, LawFactory, load_law
-from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.scaled_laws import LAWS
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -30,8 +29,9 @@ AT_REST = 1e-3
 DISTURBANCE = 0.02
 """[rad]"""
 
-arms = pytest.mark.parametrize('arm_name', ['ur5', 'panda'])
-rates = pytest.mark.parametrize('rate', [100.0, 500.0, 1000.0])
+grid = pytest.mark.parametrize(('arm_name', 'rate'), [
+    ('panda', 100.0), pytest.param('ur5', 500.0, marks=pytest.mark.soak),
+    pytest.param('panda', 1000.0, marks=pytest.mark.soak)])
 
 
 @cache
@@ -53,19 +53,18 @@ def disturbed(one: LockStep, size: float, seconds: float) -> Trace:
 
 def run(
     arm_name: str, rate: float, size: float, seconds: float, law: ControlLaw | None = None,
-    more_delay: int = 0, **options: object,
+    **options: object,
 ) -> Trace:
     """Return the motion with a delay of one period and more, in ms."""
     one = LockStep(
-        arm_named(arm_name), law, rate=rate, delay=round(1e3 / rate) + more_delay,
+        arm_named(arm_name), law, rate=rate, delay=round(1e3 / rate),
         conditions_references=False, **options)
     trace = disturbed(one, size, seconds)
     assert one.loop.supervisor.fault is None
     return trace
 
 
-@arms
-@rates
+@grid
 @pytest.mark.parametrize('name', REGISTERED)
 def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
     """
@@ -75,13 +74,12 @@ def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
     """
     size = DISTURBANCE if name in LAWS else 1e-3
     monkeypatch.setitem(LAWS, name, REGISTERED[name])
-    assert run(arm_name, rate, size, 4.0, command=name).last(0.5).speed.max() < AT_REST
+    assert run(arm_name, rate, size, 3.0, command=name).last(0.5).speed.max() < AT_REST
 
 
-@arms
-@rates
-@pytest.mark.parametrize('stiffness', [20.0, 100.0, 400.0])
-@pytest.mark.parametrize('damping', ['critical', 'a tenth', 'none'])
+@grid
+@pytest.mark.parametrize(('stiffness', 'damping'), [
+    (400.0, 'critical'), (400.0, 'a tenth'), (100.0, 'none')])
 def test_an_impedance_does_not_oscillate(arm_name, rate, stiffness, damping):
     """
     A small disturbance shows any instability, which the loop would increase to a limit cycle.
@@ -95,17 +93,6 @@ def test_an_impedance_does_not_oscillate(arm_name, rate, stiffness, damping):
          'a tenth': np.full(len(M), 0.1 * stiffness), 'none': np.zeros(len(M))}[damping]
     trace = run(arm_name, rate, 2e-4, 4.0, PAGE['Impedance'](np.full(len(M), stiffness), D))
     assert trace.last(0.5).speed.max() < AT_REST
-
-
-@arms
-@rates
-@pytest.mark.parametrize('damping_ratio', [0.05, 0.1, 0.15])
-def test_low_damping_ratios_are_stable_with_a_delay(arm_name, rate, damping_ratio):
-    gains = make_gains(arm_named(arm_name).joint_names, damping_ratio=[damping_ratio])
-    trace = run(arm_name, rate, DISTURBANCE, 5.0, more_delay=4, gains=gains)
-    first, last = trace.speed[:1000].max(), trace.last(1.0).speed.max()
-    print(f'peak speed {first:.3g} in the first second, {last:.3g} in the last one')
-    assert last < 0.9 * first
 
 
 @pytest.mark.parametrize('scales', [True, False])

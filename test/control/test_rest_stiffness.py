@@ -5,7 +5,6 @@
 
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
-from page_law import page_law
 import pytest
 from robot_dynamics.control.gains.rest_stiffness import rest_stiffness
 from robot_dynamics.control.loop import ControlLoop
@@ -65,12 +64,3 @@ def test_without_friction_no_error_is_known_and_without_computed_torque_nothing_
     assert rest_stiffness(held(command='gravity_compensation').controller) is None
     assert rest_stiffness(ControlLoop.of_arm(smooth_arm('default')).controller) is None
 
-
-def test_a_law_of_another_package_has_the_stiffness_of_its_closed_loop():
-    law = page_law()['Impedance'](200.0, 30.0)
-    loop = ControlLoop.of_arm(smooth_arm('default'), law=law)
-    for period_ms in (2, 33):
-        for k in range(200):
-            loop.answer(FIRST_STAMP + (period_ms * 1000 + k * period_ms) * MS, Q, np.zeros(2))
-        assert rest_stiffness(loop.controller).stiffness == pytest.approx(200.0 * law.scale**2)
-    assert (law.scale < 0.9).any()

@@ -7,7 +7,7 @@ from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.control.shortfall import PATIENCE, shortfall, TOLERANCE
+from robot_dynamics.control.shortfall import shortfall
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -15,31 +15,39 @@ START = np.array([0.7, 0.5])
 GOAL = np.array([0.8, 0.7])
 
 
-def rests_at(position: np.ndarray, seconds: float = 3.0, coulomb: float = 0.0) -> str:
-    """Return the shortfall of an arm that rests at a position after a motion to GOAL."""
+def rests_at(
+    position: np.ndarray, coulomb: float = 0.0, patience: float = 0.51,
+) -> str:
+    """Return the shortfall of an arm that rests at a position `patience` [s] after its motion."""
     arm = smooth_arm('default')
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))
     loop = ControlLoop.of_arm(arm)
     # A motion of the arm that stops short; its sensors have noise.
-    for k in range(0, 2 + round(1000 * seconds), 2):
+    k, last_ns = 0, FIRST_STAMP + 200 * MS
+    while FIRST_STAMP + k * MS <= last_ns:
         if k == 200:
             loop.follow(make_trajectory(arm.joint_names, [0.0], [GOAL]))
+            last_ns = loop.controller.trajectory.end_ns + round(1e9 * patience)
         reference = loop.reference
         q = START if reference is None else reference.position
         way = np.minimum(np.abs(q - START), np.abs(position - START))
         q = START + np.sign(position - START) * way
         loop.answer(FIRST_STAMP + k * MS, q + 1e-9 * (k % 7), None)
+        k += 2
     assert loop.supervisor.fault_count == 0
     return shortfall(loop.controller)
 
 
 def test_a_joint_at_its_goal_is_not_named():
     assert rests_at(GOAL) == ''
-    assert rests_at(GOAL - [0.0, 0.9 * TOLERANCE]) == ''
+    assert rests_at(GOAL - [0.0, 0.0099]) == ''
+    assert rests_at(GOAL - [0.0, 0.0101]) != ''
 
 
-def test_a_joint_in_motion_is_not_named():
-    assert rests_at(GOAL - [0.0, 0.1], seconds=0.5 + 0.5 * PATIENCE) == ''
+def test_a_joint_is_not_named_within_half_a_second_after_its_motion():
+    assert rests_at(GOAL - [0.0, 0.1], patience=-0.2) == ''
+    assert rests_at(GOAL - [0.0, 0.1], patience=0.49) == ''
+    assert rests_at(GOAL - [0.0, 0.1], patience=0.51) != ''
 
 
 @pytest.mark.parametrize(('missing', 'coulomb', 'cause'), [

@@ -63,15 +63,6 @@ def test_no_effort_begins_past_a_limit():
     assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
 
 
-def test_a_joint_past_its_limit_is_a_fault_at_any_velocity():
-    """Also if a velocity is above its limit, but not so far that this is a fault."""
-    for v in ((0.0, 0.0), (0.0, 2.1), (2.1, 0.0)):
-        one = running(reach=1.0, velocity=2.0)
-        answer(one, START + PERIOD, q=(0.0, 1.1), v=v)
-        assert one.mode is Mode.FAULT
-        assert one.fault.name == 'position_limit'
-
-
 @pytest.mark.parametrize(('q', 'v'), [
     ((0.995, 0.0), (0.0, 0.0)), ((0.0, -0.995), (0.0, 0.0)), ((0.0, 0.0), (2.1, 0.0)),
     ((0.0, 0.0), (0.0, -2.1)), ((0.995, 0.0), (0.0, -2.1))])

@@ -3,38 +3,34 @@
 
 """Trajectories with tolerances and a result, in lock-step with an arm."""
 
+from functools import cache
 import math
 from typing import Any
 
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
-    DEFAULT_GOAL_TOLERANCE,
     default_tolerances,
-    MOVED,
     ResultCode,
     Tolerances,
+    TrajectoryGoal,
     with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, TrajectoryError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
-from robot_dynamics.trajectories.retiming import retime
 
-ARMS = ('default', 'ur10', 'panda')
 WAY = 0.3
 """[rad] of the motions."""
 
 
-@pytest.fixture(params=ARMS)
-def bench(request: pytest.FixtureRequest) -> LockStep:
-    return held(smooth_arm(request.param))
+@pytest.fixture
+def bench() -> LockStep:
+    return held(smooth_arm('default'))
 
 
 def held(arm: ArmModel, **options: Any) -> LockStep:
@@ -66,7 +62,9 @@ def cancel(bench: LockStep, goal: Any) -> float:
 
 # ---------------------------------------------------------------------- results
 
-def test_a_plan_succeeds_within_its_tolerances(bench):
+@pytest.mark.parametrize('name', ['default', 'panda'])
+def test_a_plan_succeeds_within_its_tolerances(name):
+    bench = held(smooth_arm(name))
     ends: list[int] = []
     trajectory = plan(bench)
     goal = bench.loop.execute(trajectory, 0, tight(bench), lambda: ends.append(bench.k))
@@ -104,34 +102,14 @@ def test_a_push_violates_a_path_tolerance_and_the_arm_stops(bench):
     assert bench.run(0.1).speed.max() < 1e-3
 
 
-def test_a_load_that_the_model_lacks_violates_a_goal_tolerance():
-    arm = smooth_arm('default')
-    loaded = arm.with_payloads([make_payload(
-        'tool0', 0.5, (0.0, 0.0, 0.0), np.diag((0.001, 0.001, 0.001)))])
-    bench = LockStep(arm, true_arm=loaded, q=middle(arm, 0.3))
-    bench.run(1.0)
-    trajectory = plan(bench)
-    goal = bench.loop.execute(trajectory, 0, tight(
-        bench, path=np.full(2, np.inf), goal=np.full(2, 1e-3), goal_time=0.5))
-    bench.run(1.9)
-    assert goal.result is None
-    bench.run(1.0)  # the arm has sagged, so that the plan begins a little later
-    code, message, _ = goal.result
-    assert code is ResultCode.GOAL_TOLERANCE_VIOLATED
-    assert message.startswith('goal tolerance, 0.5 s after the end: ')
-    assert bench.loop.controller.trajectory is not None  # the goal is held all the same
-
-
-def test_without_a_goal_time_the_goal_waits_for_any_time():
-    bench = held(smooth_arm('default'))
+def test_without_a_goal_time_the_goal_waits_for_any_time(bench):
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal=np.full(2, 1e-15), goal_time=math.inf))
-    bench.run(10.0)
+    bench.run(8.0)
     assert goal.result is None
 
 
-def test_a_tolerance_of_the_velocity_replaces_the_rest():
-    bench = held(smooth_arm('default'))
+def test_a_tolerance_of_the_velocity_replaces_the_rest(bench):
     goal = bench.loop.execute(plan(bench), 0, tight(
         bench, goal_velocity=np.full(2, 1e-9), goal_time=0.05))
     bench.run(1.7)
@@ -142,8 +120,9 @@ def test_a_tolerance_of_the_velocity_replaces_the_rest():
 
 # ---------------------------------------------------------------------- ends
 
-@pytest.mark.parametrize('share', [0.15, 0.5, 0.85])
-def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(bench, share):
+@pytest.mark.parametrize(('name', 'share'), [('default', 0.15), ('ur10', 0.5), ('panda', 0.85)])
+def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(name, share):
+    bench = held(smooth_arm(name))
     goal = bench.loop.execute(plan(bench, 1.0), 0, tight(bench))
     bench.run(share)
     stop = cancel(bench, goal)
@@ -154,39 +133,52 @@ def test_a_cancelled_goal_ends_at_rest_soon_after_the_planned_stop(bench, share)
     assert np.abs(bench.run(0.5).q - bench.q).max() < 2e-3
 
 
-@pytest.mark.parametrize('name', ARMS)
-@pytest.mark.parametrize(('rate', 'delay'), [(250.0, 4), (125.0, 0), (125.0, 8)])
-def test_slow_states_and_commands_delay_the_rest_little(name, rate, delay):
-    bench = held(smooth_arm(name), rate=rate, delay=delay)
-    for share in (0.2, 0.5, 0.8):
-        bench.run(1.0)
-        goal = bench.loop.execute(plan(bench, 1.0, WAY if share != 0.5 else -WAY))
-        bench.run(share)
-        bench.run(cancel(bench, goal) + 0.05)
-        assert goal.result.is_canceled
-        assert np.abs(bench.v).max() < 0.05
+@cache
+def stopping() -> LockStep:
+    """Return an arm in a planned stop."""
+    bench = held(smooth_arm('default'))
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.2)
+    cancel(bench, goal)
+    return bench
 
 
+@settings(max_examples=60)
 @given(
     rate=st.floats(30.0, 1000.0), speed=st.floats(0.0, 0.1), phase=st.floats(0.0, 0.02),
     vibrates=st.booleans())
+@example(500.0, 0.0245, 0.0, False)
+@example(500.0, 0.0255, 0.0, False)
 def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     rate, speed, phase, vibrates,
 ):
     """A joint that creeps, or one that is where it was 20 ms ago but has moved meanwhile."""
-    bench = held(smooth_arm('default'))
-    goal = bench.loop.execute(plan(bench))
-    bench.run(0.2)
-    end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
+    bench = stopping()
+    goal = TrajectoryGoal(bench.loop.controller, tight(bench))
+    goal.cancel()
+    end_ns = bench.loop.controller.trajectory.end_ns
     rate = max(rate, 250.0) if vibrates else rate
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
     for t, one in zip(times, q):
         goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
-    if vibrates or speed > 1.01 * MOVED / 0.02:
+    if vibrates or speed > 0.02525:
         assert goal.result is None
-    elif speed < 0.99 * MOVED / 0.02:
+    elif speed < 0.02475:
         assert goal.result.is_canceled
+
+
+def test_a_cancelled_arm_that_does_not_come_to_rest_is_a_violation_after_five_seconds(bench):
+    goal = bench.loop.execute(plan(bench))
+    bench.run(0.2)
+    end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
+    for seconds, is_over in ((4.99, False), (5.01, True)):
+        for k in (-2, -1, 0):
+            goal.judge(end_ns + round(1e9 * seconds) + k * MS, bench.q + 0.1 * k, None)
+        assert (goal.result is not None) == is_over
+    assert goal.result[:2] == (
+        ResultCode.GOAL_TOLERANCE_VIOLATED,
+        'cancelled, but the arm is not at rest 5 s after its stop')
 
 
 def test_a_new_goal_ends_the_one_before(bench):
@@ -207,8 +199,7 @@ def test_a_new_goal_ends_the_one_before(bench):
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
     (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
-def test_what_ends_the_motion_ends_the_goal_with_its_reason(end, words):
-    bench = held(smooth_arm('default'))
+def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     end(bench)
@@ -218,21 +209,10 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(end, words):
     assert words in message
 
 
-def test_the_fault_of_the_following_error_is_a_violation_of_the_path():
-    bench = held(smooth_arm('default'), following_error=[0.01, 0.01])
-    goal = bench.loop.execute(plan(bench))
-    bench.push = lambda t: np.array([0.0, 8.0])
-    bench.run(1.0)
-    code, message, _ = goal.result
-    assert code is ResultCode.PATH_TOLERANCE_VIOLATED
-    assert message.startswith('fault following_error')
-
-
 @pytest.mark.parametrize(('name', 'code'), [
     ('following_error', ResultCode.PATH_TOLERANCE_VIOLATED),
     ('position_limit', ResultCode.INVALID_GOAL)])
-def test_the_fault_determines_the_code_not_its_message(name, code):
-    bench = held(smooth_arm('default'))
+def test_the_fault_determines_the_code_not_its_message(bench, name, code):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
     bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
@@ -257,24 +237,30 @@ def test_a_plan_that_would_be_slowed_down_is_refused(bench):
     q, names = bench.q, bench.arm.joint_names
     first = bench.loop.execute(plan(bench))
     bench.run(0.1)
-    path = make_trajectory(names, [0.0, 0.01], [q, q + WAY * directions(len(q))])
+
+    def path(seconds: float) -> JointTrajectory:
+        return make_trajectory(names, [0.0, seconds], [q, q + WAY * directions(len(q))])
+
+    fastest = 0.01 * bench.loop.controller.prepare(path(0.01))[1]
     with pytest.raises(TrajectoryError, match='times its duration, expected the duration itself'):
-        bench.loop.execute(path)
+        bench.loop.execute(path(fastest / 1.01))
+    assert bench.loop.controller.prepare(path(1.001 * fastest))[1] < 1.001
     bench.run(1.9)
     assert first.result.code is ResultCode.SUCCESSFUL
 
 
 def test_a_plan_that_starts_elsewhere_is_refused(bench):
     q, names = bench.q, bench.arm.joint_names
-    way = 0.8 * directions(len(q))
     zero = [[0.0] * len(q)] * 2
     first = bench.loop.execute(plan(bench, 4.0))
     bench.run(0.1)
-    with pytest.raises(TrajectoryError, match='s late, expected at most 0.5 s'):
-        bench.loop.execute(make_trajectory(names, [0.0, 4.0], [q + way, q], zero, zero))
+    near, far = (make_trajectory(
+        names, [0.0, 4.0], [q + way * directions(len(q)), q], zero, zero) for way in (0.14, 0.18))
+    with pytest.raises(TrajectoryError, match=r'0\.5\d* s late, expected at most 0.5 s'):
+        bench.loop.execute(far)
     assert bench.loop.goals.goal is first
-    bench.run(4.2)
-    assert first.result.code is ResultCode.SUCCESSFUL
+    assert first.result is None
+    bench.loop.execute(near)
 
 
 # ---------------------------------------------------------------------- tolerances
@@ -306,7 +292,7 @@ def test_tolerances_are_given_kept_erased_or_refused_by_name(given):
 def test_default_tolerances_are_those_of_the_goal_only():
     tolerances = default_tolerances(NAMES)
     assert np.isinf(tolerances.path).all()
-    assert tolerances.goal.tolist() == [DEFAULT_GOAL_TOLERANCE] * 3
+    assert tolerances.goal.tolist() == [0.01] * 3
     assert tolerances.goal_time == 5.0
     given = default_tolerances(NAMES, np.array([0.0, 0.1, 0.2]), np.zeros(3), 0.0)
     assert given.path.tolist() == [math.inf, 0.1, 0.2]
@@ -316,16 +302,15 @@ def test_default_tolerances_are_those_of_the_goal_only():
 
 # ---------------------------------------------------------------------- preemptions
 
-@pytest.mark.parametrize('name', ARMS)
-def test_preempted_plans_keep_the_limits(name):
-    """200 goals on three arms, each replaced at a random time by one to a random position."""
+def test_preempted_plans_keep_the_limits():
+    """30 goals, each replaced at a random time by one to a random position."""
     rng = np.random.default_rng(7)
-    arm = smooth_arm(name)
+    arm = smooth_arm('panda')
     bench, n = held(arm), arm.joint_count
     start, limit = bench.q, arm.limits.velocity
     rates = bench.loop.supervisor.limiter.limits.rate
     goals = []
-    for _ in range(67):
+    for _ in range(30):
         goal = start + rng.uniform(-0.3, 0.3, n)
         goals.append(bench.loop.execute(make_trajectory(
             arm.joint_names, [rng.uniform(0.3, 1.0)], [goal])))
@@ -338,26 +323,3 @@ def test_preempted_plans_keep_the_limits(name):
     assert {goal.result.code for goal in goals[:-1]} <= {
         ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
 
-
-@pytest.mark.parametrize(('name', 'longest'), [('xarm7', 0.65), ('panda', 0.5), ('ur10', 0.38)])
-def test_a_fast_plan_that_is_cancelled_stops_soon(name, longest):
-    """With limits for the whole workspace the stops take up to 0.89, 0.87 and 0.46 s."""
-    arm = smooth_arm(name)
-    dynamics, middle_q = ArmDynamics(arm), middle(arm, 0.3)
-    rng = np.random.default_rng(2)
-    for _ in range(6):
-        way = rng.uniform(-0.8, 0.8, arm.joint_count)
-        ends = [np.clip(q, arm.limits.lower + 0.05, arm.limits.upper - 0.05)
-                for q in (middle_q - way, middle_q + way)]
-        fast = retime(dynamics, make_trajectory(arm.joint_names, [0.0, 1.0], ends),
-                      effort_limit_fraction=0.8,
-                      effort_rate_limits=8.0 * arm.limits.effort).trajectory
-        bench = held(arm, q=ends[0])
-        goal = bench.loop.execute(fast)
-        bench.run(0.5 * fast.duration)
-        assert cancel(bench, goal) < longest
-        trace = bench.run(3.0)
-        assert goal.result.is_canceled
-        assert (trace.q >= arm.limits.lower).all()
-        assert (trace.q <= arm.limits.upper).all()
-        assert (np.abs(trace.v) <= 1.05 * arm.limits.velocity).all()

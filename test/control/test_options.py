@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The defaults of the control loop: limits of errors, efforts and ages of states."""
+
+import re
+
+from lock_step_loop import FIRST_STAMP, MS, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.control.braking import is_held
+from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.laws.error_feedback import make_gains
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.options import ControllerOptions, default_limits, default_options
+from robot_dynamics.control.safety.supervisor import SafetyOptions
+from robot_dynamics.joints.friction import make_friction
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.planar.urdf import planar_arm_urdf
+
+Q = np.array([0.8, 0.5])
+
+
+def test_the_following_error_is_limited_to_the_way_at_full_speed_in_three_tenths_of_a_second():
+    options, limits = ControllerOptions(make_gains(['a', 'b'])), np.array([2.0, np.inf])
+    assert options.largest_error(limits) == pytest.approx([0.6, 0.5])
+    given = ControllerOptions(options.gains, following_error=[0.0, 0.1])
+    assert given.largest_error(limits).tolist() == [np.inf, 0.1]
+
+
+def test_an_effort_may_reach_its_limit_in_a_tenth_of_a_second():
+    """A joint without a limit has 1000 N·m/s."""
+    limits = default_limits(smooth_arm('default'))
+    assert limits.joint_rates.tolist() == [1500.0, 600.0]
+    assert limits.margin == 0.01
+    unlimited = load_arm(re.sub(
+        '<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
+    assert default_limits(unlimited).joint_rates.tolist() == [1000.0]
+    assert default_options(unlimited).effort_rate.tolist() == [1000.0]
+
+
+def test_the_defaults_of_the_supervisor():
+    assert SafetyOptions() == SafetyOptions(
+        0.05, 'hold_gravity_then_ramp', hold_time=1.0, ramp_time=0.5, fault_margin=0.0087,
+        overspeed=1.2)
+
+
+@pytest.mark.parametrize(('age', 'is_used'), [(0.199, True), (0.201, False)])
+def test_a_state_is_at_most_a_fifth_of_a_second_old(age, is_used):
+    loop = ControlLoop.of_arm(smooth_arm('default'))
+    for k in range(50):
+        stamp = FIRST_STAMP + 2 * k * MS
+        loop.answer(stamp, Q, 0.0 * Q, stamp, stamp)
+    stamp, now = stamp + 2 * MS, stamp + 2 * MS + round(1e9 * age)
+    if is_used:
+        assert loop.answer(stamp, Q, 0.0 * Q, now, now).effort is not None
+    else:
+        with pytest.raises(ImplausibleStateError, match='old'):
+            loop.answer(stamp, Q, 0.0 * Q, now, now)
+
+
+@pytest.mark.parametrize(('coulomb', 'friction'), [(0.0, [15.0, 6.0]), (40.0, [40.0, 40.0])])
+def test_dry_friction_holds_a_tenth_of_the_limit_or_what_is_known_and_30_mrad(coulomb, friction):
+    """The stiffness is M(q) K_p, and the effort limits are 150 and 60 N·m."""
+    arm = smooth_arm('default')
+    arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))
+    controller = Controller(arm, ControllerOptions(make_gains(arm.joint_names)))
+    K = 400.0 * ArmDynamics(arm).rigid_body.mass_matrix(Q)
+    effort = np.array(friction) + 0.03 * np.diagonal(K)
+    assert is_held(controller, Q, np.linalg.solve(K, 0.999 * effort)).all()
+    assert not is_held(controller, Q, np.linalg.solve(K, 1.001 * effort)).any()
