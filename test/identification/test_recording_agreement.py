@@ -13,6 +13,7 @@ from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion,
 from robot_dynamics.identification.pipeline import Identification, identify
 from robot_dynamics.identification.recording_agreement import far_from_urdf, gravity_ratios
 from robot_dynamics.identification.regularized_fit import Fit
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robots import arm_without_gripper, robot_urdf
 
@@ -22,19 +23,24 @@ NOISE = 0.004
 """Deviation of the noise of the effort, by its limit."""
 
 
+def shortened(name: str) -> ArmModel:
+    """Return the arm with its first three joints; the others are locked."""
+    return load_arm(robot_urdf(name), arm_without_gripper(name).joint_names[:3])
+
+
 def recorded(name: str, urdf: str, seed: int) -> FilteredMotion:
     """Return a motion of an arm whose masses differ from its URDF, read with another URDF."""
-    arm = arm_without_gripper(name)
+    arm = shortened(name)
     states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
     effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
         0.5 * states.v + np.tanh(states.v / 0.03))
     noise = NOISE * limit * np.random.default_rng(seed).normal(size=effort.shape)
-    return filter_motion(series_of(arm_without_gripper(urdf), states, effort + noise))
+    return filter_motion(series_of(shortened(urdf), states, effort + noise))
 
 
 def identified(urdf: str, *names: str) -> Identification:
     recordings = [recorded(name, urdf, k) for k, name in enumerate(names)]
-    return identify(arm_without_gripper(urdf), recordings)
+    return identify(shortened(urdf), recordings)
 
 
 def named(found: Identification) -> list[int]:
@@ -44,25 +50,22 @@ def named(found: Identification) -> list[int]:
 
 
 @pytest.mark.parametrize(('urdf', 'names', 'odd'), [
-    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('panda', ('panda', 'panda'), []),
-    ('ur10', ('ur10', 'ur5', 'ur10'), [1]), ('ur5', ('ur3', 'ur5', 'ur5', 'ur5'), [0]),
+    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('ur10', ('ur10', 'ur5', 'ur10'), [1]),
     ('ur10', ('ur5', 'ur10'), [0, 1])])
 def test_the_recording_of_another_arm_is_named(urdf, names, odd):
     assert named(identified(urdf, *names)) == odd
 
 
 @pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
-    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur5', 'ur3', True), ('ur3', 'ur10', True),
-    ('default', 'default', False), ('kinova', 'kinova', False), ('panda', 'panda', False),
-    ('talos_left_arm', 'talos_left_arm', False), ('ur3', 'ur3', False), ('ur5', 'ur5', False),
-    ('ur10', 'ur10', False), ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur10', 'ur10', False),
+    ('panda', 'panda', False), ('default', 'default', False)])
 def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     causes = identified(urdf, name).contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
 @pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
-@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True), ('ur3', True)])
+@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
     causes = identify(read.arm, [filter_motion(read.series)]).contradictions
@@ -80,7 +83,7 @@ def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor
 
 
 def test_the_noise_is_that_within_the_band_of_the_filter():
-    arm = arm_without_gripper('ur10')
+    arm = shortened('ur10')
     motion = recorded('ur10', 'ur10', 3)
     noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(
         size=motion.position.shape)

@@ -20,26 +20,19 @@ from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.payload_estimation import PayloadEstimate
 
 
-def with_uncertain_drives(case: Case) -> tuple[Case, np.ndarray]:
-    """Return the case with calibrated drives, and the error of the relative scale (n,)."""
-    n, limit = case.arm.joint_count, case.arm.limits.effort
-    common = np.outer(np.ones(n), np.ones(n))  # a part of the error is that of the weight
-    C = np.zeros((2 * n, 2 * n))
-    C[:n, :n] = 0.003**2 * (0.5 * common + 0.5 * np.eye(n))
-    C[n:, n:] = np.diag((0.0005 * limit)**2)
-    drive = make_effort_calibration(case.arm.joint_names, [1.0], [0.0], limit, C)
-    error = np.random.default_rng(case.seed + 40_000).multivariate_normal(np.zeros(2 * n), C)
-    return case._replace(arm=case.arm.with_drive(drive)), error
-
-
 def estimate_with_uncertain_drives(
     name: str, seed: int, kind: str,
 ) -> tuple[Case, PayloadEstimate, PayloadEstimate]:
     """Return the case, the estimate of calibrated drives, and that of drives taken as exact."""
     exact = hidden_load(name, seed)
-    case, error = with_uncertain_drives(exact)
-    samples = samples_of(case, kind)
-    n = case.arm.joint_count
+    samples, n, limit = samples_of(exact, kind), exact.arm.joint_count, exact.arm.limits.effort
+    common = np.outer(np.ones(n), np.ones(n))  # a part of the error is that of the weight
+    C = np.zeros((2 * n, 2 * n))
+    C[:n, :n] = 0.003**2 * (0.5 * common + 0.5 * np.eye(n))
+    C[n:, n:] = np.diag((0.0005 * limit)**2)
+    drive = make_effort_calibration(exact.arm.joint_names, [1.0], [0.0], limit, C)
+    error = np.random.default_rng(seed + 40_000).multivariate_normal(np.zeros(2 * n), C)
+    case = exact._replace(arm=exact.arm.with_drive(drive))
     effort = measured(exact, samples) * (1.0 + error[:n]) - error[n:]
     return case, estimated(case, samples, effort), estimated(exact, samples, effort)
 
@@ -65,5 +58,4 @@ def test_intervals_with_calibrated_drives_cover_the_truth_in_95_percent(kind):
             case, estimate, _ = estimate_with_uncertain_drives(name, seed, kind)
             inside += [abs(one) <= 1.96 for i, one in errors_in_deviations(case, estimate).items()
                        if i < 4 or kind == 'motion']
-    print(f'{kind}: {np.mean(inside):.1%} of {len(inside)} intervals')
     assert 0.93 <= np.mean(inside) <= 0.97
