@@ -3,9 +3,10 @@
 
 """The tool on recordings: parameter file, report, printed results, and refusals."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from calibration_bench import exact_drives, HiddenDrives, HoldRecording, load_on, poses_of
+from calibration_bench import exact_drives, HiddenDrives, load_on, poses_of, record_holds
 import numpy as np
 import pytest
 from robot_dynamics.analysis.arm_recording import AnalysisSettings
@@ -48,7 +49,7 @@ def files(tmp_path_factory: pytest.TempPathFactory, drives: HiddenDrives) -> Pat
     arm, q = drives.arm, poses_of(drives.arm, 8)
     tool, weight = load_on('default', 1.5), load_on('default', 2.0, (0.1, 0.0, 0.05))
     for name, loads in (('bare', []), ('tool', [tool]), ('weight', [tool, weight])):
-        HoldRecording(drives, q, arm.with_payloads(loads)).write(directory / name)
+        record_holds(directory / name, drives, q, arm.with_payloads(loads))
     (directory / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
     (directory / 'arm.yaml').write_text(GIVEN, encoding='utf-8')
     return directory
@@ -140,9 +141,8 @@ def test_previous_values_of_an_unobservable_joint_are_kept(files, drives):
 
 
 def test_values_that_the_nodes_refuse_are_not_written(files, drives, tmp_path, capsys):
-    wrong = HiddenDrives(
-        drives.arm, np.array([1.0, 7.0]), drives.offset, drives.friction, drives.noise)
-    HoldRecording(wrong, poses_of(drives.arm, 8)).write(tmp_path / 'wrong')
+    wrong = replace(drives, scale=np.array([1.0, 7.0]))
+    record_holds(tmp_path / 'wrong', wrong, poses_of(drives.arm, 8))
     output = tmp_path / 'calibrated.yaml'
     assert main([str(tmp_path / 'wrong'), '--urdf', str(files / 'arm.urdf'), '-o',
                  str(output)]) == 1

@@ -177,16 +177,6 @@ def test_never_worse_than_the_urdf_with_friction():
     assert tests['consistent'].relative().mean() < 0.6 * tests['urdf'].relative().mean()
 
 
-def test_a_correct_urdf_is_confirmed():
-    states = moves_with_pauses(ARM, 50.0, 20.0)
-    effort = rigid_effort(ARM, states) + smooth_friction(states.v)
-    found = identify(ARM, [recorded(ARM, states, effort, noise=1.0)])
-    base, simple = (found.tests[name].rms() for name in ('base', 'urdf and friction'))
-    assert (base < 1.1 * simple + 0.02).all()
-    masses = found.models.consistent.parameters[[0, 10]]
-    assert masses == pytest.approx(inertial_parameters(ARM)[[0, 10]], rel=0.3)
-
-
 def test_a_contact_counts_little(planar):
     states, effort, true = planar
     pushed = effort.copy()

@@ -9,7 +9,7 @@ from identification_bench import changed_arm, fourier_motion, rigid_effort, seri
 import numpy as np
 import pytest
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion, zero_phase
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.identification.pipeline import Identification, identify
 from robot_dynamics.identification.recording_agreement import far_from_urdf, gravity_ratios
 from robot_dynamics.identification.regularized_fit import Fit
@@ -19,8 +19,6 @@ from robots import arm_without_gripper, robot_urdf
 
 UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 RATE, DURATION = 125.0, 20.0
-NOISE = 0.004
-"""Deviation of the noise of the effort, by its limit."""
 
 
 def shortened(name: str) -> ArmModel:
@@ -34,7 +32,7 @@ def recorded(name: str, urdf: str, seed: int) -> FilteredMotion:
     states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
     effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
         0.5 * states.v + np.tanh(states.v / 0.03))
-    noise = NOISE * limit * np.random.default_rng(seed).normal(size=effort.shape)
+    noise = 0.004 * limit * np.random.default_rng(seed).normal(size=effort.shape)
     return filter_motion(series_of(shortened(urdf), states, effort + noise))
 
 
@@ -80,13 +78,3 @@ def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor
     # shoulder_pan is vertical, and the last wrist bears nothing
     assert ratios == pytest.approx(np.array([1.0, factor, factor, 1.0, 1.0, 1.0]))
     assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)
-
-
-def test_the_noise_is_that_within_the_band_of_the_filter():
-    arm = shortened('ur10')
-    motion = recorded('ur10', 'ur10', 3)
-    noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(
-        size=motion.position.shape)
-    within = zero_phase(noise, motion.cutoff_hz, RATE).std(axis=0)
-    rms = np.sqrt(np.mean(motion.measured_effort**2, axis=0))
-    assert motion.effort_noise * rms == pytest.approx(within, rel=0.25)

@@ -3,9 +3,6 @@
 
 """The covariance that `identify` writes: deviations of efforts that agree with their errors."""
 
-from dataclasses import fields, replace
-from pathlib import Path
-
 from identification_bench import (
     changed_arm,
     fourier_motion,
@@ -18,8 +15,6 @@ from identification_bench import (
 )
 import numpy as np
 import pytest
-from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.identification.identified_arm import (
     fitted_urdf,
     parameter_file,
@@ -35,7 +30,6 @@ from robot_dynamics.model.regressor import random_states, TorqueRegressor
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
-UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 ARM = load_arm(default_arm_urdf())
 TRUE = changed_arm(ARM, 0.3)
 NOISE = np.array([1.0, 0.5])
@@ -138,25 +132,6 @@ def test_the_noise_of_a_short_recording_is_not_reduced_by_the_covariance():
     _, values = identified(0, fourier_motion(ARM, 100.0, 6.0))
     expected = NOISE * np.sqrt(values['uncertainty.noise_bandwidth'] / 50.0)
     assert (values['uncertainty.noise_deviation'] > 0.8 * expected).all()
-
-
-@pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
-def test_the_interval_of_a_real_arm_contains_the_efforts_after_those_that_it_is_made_of():
-    read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf('ur10')))
-    motion = filter_motion(read.series)
-    count = len(motion.stamps_ns) // 2
-    first = replace(motion, **{
-        field.name: getattr(motion, field.name)[:count] for field in fields(motion)
-        if isinstance(getattr(motion, field.name), np.ndarray)})
-    found = identify(read.arm, [first], train_fraction=1.0)
-    arm = arm_from_parameters(
-        fitted_urdf(robot_urdf('ur10'), read.arm, found.models.consistent),
-        {**parameter_values(read.arm, found.models.consistent), **uncertainty_values(found)})
-    rows = np.flatnonzero(motion.usable)
-    rows = rows[rows >= count]
-    share = share_inside(arm, *(each[rows] for each in (
-        motion.position, motion.velocity, motion.acceleration, motion.measured_effort)))
-    assert share.mean(axis=1) == pytest.approx(0.94, abs=0.04)
 
 
 def test_the_file_has_the_uncertainty_in_full(cases, tmp_path):

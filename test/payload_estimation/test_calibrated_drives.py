@@ -8,12 +8,9 @@ from payload_bench import (
     Case,
     errors_in_deviations,
     estimated,
-    FIRST_SEED,
     hidden_load,
-    LINKS,
     measured,
     samples_of,
-    SEEDED_CASES,
 )
 import pytest
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
@@ -47,15 +44,3 @@ def test_the_deviations_contain_the_errors_of_a_calibration(kind, name):
         assert not any('torque constant' in remark for remark in calibrated.remarks)
     assert 0.4 < np.mean(known) < 2.0
     assert np.mean(ignored) > 2.0
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize('kind', ['singles', 'pairs', 'motion'])
-def test_intervals_with_calibrated_drives_cover_the_truth_in_95_percent(kind):
-    inside = list[bool]()
-    for seed in range(FIRST_SEED, FIRST_SEED + SEEDED_CASES // len(LINKS)):
-        for name in LINKS:
-            case, estimate, _ = estimate_with_uncertain_drives(name, seed, kind)
-            inside += [abs(one) <= 1.96 for i, one in errors_in_deviations(case, estimate).items()
-                       if i < 4 or kind == 'motion']
-    assert 0.93 <= np.mean(inside) <= 0.97
