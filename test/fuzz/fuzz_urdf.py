@@ -105,6 +105,18 @@ def urdfs(draw: Draw, bases: Sequence[str]) -> str:
 
 # ---------------------------------------------------------------------------------- parameters
 
+_whole = st.integers(-2**63, 2**63 - 1)
+_numbers = st.one_of(small_numbers, wild_numbers)
+_WILD_VALUES: dict[Type, st.SearchStrategy[Any]] = {
+    Type.BOOL: st.booleans(), Type.INTEGER: _whole, Type.DOUBLE: _numbers, Type.STRING: wild_texts,
+    Type.BYTE_ARRAY: st.lists(st.binary(min_size=1, max_size=1)),
+    Type.BOOL_ARRAY: st.lists(st.booleans(), max_size=3),
+    Type.INTEGER_ARRAY: st.lists(_whole, max_size=3),
+    Type.DOUBLE_ARRAY: st.lists(_numbers, max_size=9),
+    Type.STRING_ARRAY: st.lists(wild_texts, max_size=300)}
+"""Values of each type, most of which violate the constraints of a parameter."""
+
+
 def _good_numbers(spec: ParameterSpec) -> st.SearchStrategy[float]:
     low = -1e3 if spec.minimum is None else float(spec.minimum)
     high = 1e3 if spec.maximum is None else float(spec.maximum)
@@ -130,54 +142,21 @@ def good_values(draw: Draw, spec: ParameterSpec, joints: int) -> Any:
     return draw(st.lists(_good_numbers(spec), min_size=length, max_size=length))
 
 
-@st.composite
-def spoiled_values(draw: Draw, spec: ParameterSpec) -> Any:
-    """Draw a value of the type of a parameter that violates its constraints."""
-    if spec.kind in (Type.BOOL, Type.INTEGER):
-        return draw(good_values(spec, 1))
-    if spec.kind is Type.DOUBLE:
-        return draw(wild_numbers)
-    if spec.kind is Type.STRING:
-        return draw(wild_texts)
-    if spec.kind is Type.STRING_ARRAY:
-        return draw(st.lists(wild_texts, max_size=300))
-    return draw(st.lists(st.one_of(small_numbers, wild_numbers), max_size=9))
-
-
 def values(spec: ParameterSpec, joints: int, fraction: float = 0.85) -> st.SearchStrategy[Any]:
     """Draw a value of the type of a parameter."""
-    return mostly(good_values(spec, joints), spoiled_values(spec), fraction)
-
-
-def _any_value() -> st.SearchStrategy[ParameterValue]:
-    """Draw a value of any type."""
-    whole = st.integers(-2**63, 2**63 - 1)
-    number = st.one_of(small_numbers, wild_numbers)
-
-    def of(kind: Type, value: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-        return value.map(lambda v: _value_message(kind, v))
-
-    return st.one_of(
-        st.just(ParameterValue()),
-        of(Type.BOOL, st.booleans()), of(Type.INTEGER, whole), of(Type.DOUBLE, number),
-        of(Type.STRING, wild_texts),
-        of(Type.BYTE_ARRAY, st.lists(st.binary(min_size=1, max_size=1))),
-        of(Type.BOOL_ARRAY, st.lists(st.booleans(), max_size=3)),
-        of(Type.INTEGER_ARRAY, st.lists(whole, max_size=3)),
-        of(Type.DOUBLE_ARRAY, st.lists(number, max_size=300)),
-        of(Type.STRING_ARRAY, st.lists(wild_texts, max_size=3)))
-
-
-def _value_message(kind: Type, value: Any) -> ParameterValue:
-    return ParameterValue(type=kind.value, **{f'{kind.name.lower()}_value': value})
+    return mostly(good_values(spec, joints), _WILD_VALUES[spec.kind], fraction)
 
 
 @st.composite
 def parameter_messages(draw: Draw, specs: Sequence[ParameterSpec], joints: int) -> ParameterMsg:
     """Draw a parameter message, as `ros2 param set` sends it."""
     spec = draw(st.sampled_from(specs))
-    if draw(st.integers(0, 9)) == 0:
-        return ParameterMsg(name=draw(mostly(st.just(spec.name), wild_texts)),
-                            value=draw(_any_value()))
-    value = draw(values(spec, joints))
-    return ParameterMsg(name=spec.name, value=_value_message(spec.kind, value))
+    name, kind = spec.name, spec.kind
+    if draw(st.integers(0, 9)):
+        value = draw(values(spec, joints))
+    else:
+        name, kind = draw(mostly(st.just(name), wild_texts)), draw(st.sampled_from(
+            [Type.NOT_SET, *_WILD_VALUES]))
+        value = draw(_WILD_VALUES.get(kind, st.none()))
+    content = {} if kind is Type.NOT_SET else {f'{kind.name.lower()}_value': value}
+    return ParameterMsg(name=name, value=ParameterValue(type=kind.value, **content))

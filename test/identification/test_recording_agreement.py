@@ -62,6 +62,7 @@ def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
+@pytest.mark.soak
 @pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
 @pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
