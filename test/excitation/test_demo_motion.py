@@ -66,6 +66,7 @@ def test_a_motion_keeps_all_limits_and_moves_every_joint(name, duration):
     assert duration < 10.0 or all(
         np.abs(shapes[i] - shapes[:i]).max(axis=1).min() > 0.1 for i in range(1, len(shapes)))
     assert name != DEFAULT or motion.start == pytest.approx([np.pi / 4, np.pi / 6])
+    assert (name, duration) != ('ur10', 10.0) or 0.75 < np.abs(q - q[0]).max() < 0.85  # [rad]
     assert 0.0 < motion.effort_ratio < 1.0
     assert motion.worst_joint in arm.joint_names
 
@@ -92,10 +93,12 @@ def test_any_planar_arm_any_duration(duration, lengths):
 
 def test_a_start_that_is_given_is_used():
     arm = arm_called('panda')
-    start = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.7, 0.02])
+    start = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.7, 0.004])
     motion = make_reference_motion(arm, 5.0, start)
     np.testing.assert_array_equal(motion.start, start)
-    check_limits(arm, motion, 5.0)
+    q, _, _ = check_limits(arm, motion, 5.0)
+    # the finger comes near its lower limit, up to 5 % of its range of 0.04 m
+    assert q[:, 7].min() == pytest.approx(0.05 * 0.04, abs=1e-4)
 
 
 def test_an_arm_near_its_limits_still_moves_below_them():

@@ -183,4 +183,5 @@ def test_output_files_are_not_replaced(files, tmp_path, capsys):
         path.write_text('mine', encoding='utf-8')
         assert run(files, path.with_suffix('.yaml'), 'bare') == 2
         assert f'output {str(path)!r} exists' in capsys.readouterr().err
-        assert run(files, path.with_suffix('.yaml'), 'bare', '--force') == 0
+    assert run(files, tmp_path / 'a.yaml', 'bare', '--force') == 0
+    assert read_parameter_file(tmp_path / 'a.yaml')['joints'] == ['joint1', 'joint2']

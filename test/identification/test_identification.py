@@ -237,6 +237,8 @@ def test_gains_that_differ_are_no_torque():
         return GainEstimate(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
+    assert gains(1.0, 1.0, 4.1, 4.1).differ  # the median of the ratios is more than 2
+    assert not gains(1.0, 1.0, 3.9, 3.9).differ
     assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass
     assert not gains(8.0, 8.5, 7.0, 9.0).differ  # one factor for all
     assert not gains(0.05, 5.0).differ  # too few joints to decide

@@ -112,7 +112,7 @@ def test_holds_from_both_directions_are_free_of_friction():
 def test_the_uncertainty_of_the_model_is_in_the_deviations(name, kind):
     """Errors of 0.1 kg and 0.02 kg·m of each link, with the covariance as `identify` writes it."""
     known, ignored = list[float](), list[float]()
-    for seed in range(8):
+    for seed in range(4):
         case = hidden_load(name, seed)
         samples = samples_of(case, kind)
         names = [one for one in parameter_names(case.arm) if one.startswith('m')]
@@ -299,18 +299,18 @@ def test_impossible_estimates_are_reported_and_not_clipped():
         estimate.payload()
 
 
-@pytest.mark.parametrize('value', [np.nan, np.inf, 1e200])
-def test_samples_beyond_all_bounds_are_rejected_and_change_nothing(value):
+def test_samples_beyond_all_bounds_are_rejected_and_change_nothing():
     case = hidden_load('ur10', seed=1)
     samples = one_hold(case, np.zeros(6))
     effort = measured(case, samples)
     estimator = PayloadEstimator(case.arm, case.link, CUTOFF)
     estimator.add(*samples[:4], effort)
     before = estimator.estimate().values
-    v = samples.v.copy()
-    v[-1, 2] = value
-    with pytest.raises(InvalidInputError, match='beyond all bounds'):
-        estimator.add(samples.t + 10.0, samples.q, v, samples.a, effort)
+    for value in (np.nan, np.inf, 1e200):
+        v = samples.v.copy()
+        v[-1, 2] = value
+        with pytest.raises(InvalidInputError, match='beyond all bounds'):
+            estimator.add(samples.t + 10.0, samples.q, v, samples.a, effort)
     assert estimator.estimate().values.tolist() == before.tolist()
 
 
