@@ -112,7 +112,7 @@ def test_holds_from_both_directions_are_free_of_friction():
 def test_the_uncertainty_of_the_model_is_in_the_deviations(name, kind):
     """Errors of 0.1 kg and 0.02 kg·m of each link, with the covariance as `identify` writes it."""
     known, ignored = list[float](), list[float]()
-    for seed in range(4):
+    for seed in range(8):
         case = hidden_load(name, seed)
         samples = samples_of(case, kind)
         names = [one for one in parameter_names(case.arm) if one.startswith('m')]
