@@ -59,14 +59,12 @@ def test_a_subpackage_offers_what_it_lists(folder):
     assert not set(module.__all__) & {path.stem for path in Path(module.__file__).parent.iterdir()}
 
 
-def test_few_parameters_have_any_type():
-    """Annotations that are or contain `Any`, also of private functions."""
-    arguments = [
-        node for path in Path(robot_dynamics.__file__).parent.rglob('*.py')
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
-        if isinstance(node, ast.arg) and node.annotation is not None]
-    found = [one.arg for one in arguments if re.search(r'\bAny\b', ast.unparse(one.annotation))]
-    assert 0 < len(found) <= 160, found
+def test_few_annotations_have_any_type():
+    """Of parameters, fields and variables; the modules of ROS have no types."""
+    found = [words for path in Path(robot_dynamics.__file__).parent.rglob('*.py')
+             for words in re.findall(
+                 r'\b\w+: [^=\n#]*\bAny\b', path.read_text(encoding='utf-8'))]
+    assert 0 < len(found) <= 230, found
 
 
 def imports_within(folder: Path) -> dict[str, set[str]]:
