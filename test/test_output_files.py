@@ -11,17 +11,14 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools import animate, excite, export_mjcf, planar_urdf, torque_map
-from robot_dynamics.tools.command_line import KEPT, prepare_directory
+from robot_dynamics.tools.command_line import prepare_directory
 
 QUICK: dict[str, tuple[Callable[[Sequence[str]], int], str, list[str]]] = {
     'animate': (animate.main, 'out/planar_arm.gif', ['--duration', '1', '--rate', '1']),
-    'animate -o': (animate.main, 'x.gif', ['--duration', '1', '--rate', '1', '-o', 'x.gif']),
-    'excite': (excite.main, 'trajectory.yaml', ['--duration', '2', '--harmonics', '2']),
     'excite --output': (
         excite.main, 'x.yaml', ['--duration', '2', '--harmonics', '2', '--output', 'x.yaml']),
     'export_mjcf -o': (export_mjcf.main, 'x.xml', ['-o', 'x.xml']),
     'planar_urdf -o': (planar_urdf.main, 'x.urdf', ['-o', 'x.urdf']),
-    'torque_map': (torque_map.main, 'out/planar_arm_gravity.png', ['--samples', '5']),
     'torque_map -o': (torque_map.main, 'x.svg', ['--samples', '5', '-o', 'x.svg']),
 }
 """Tools with an output file: its path, and arguments for a quick run."""
@@ -48,7 +45,7 @@ def test_an_existing_file_is_kept_unless_forced(name, tmp_path, monkeypatch, cap
 
 
 @pytest.mark.parametrize(
-    'name', ['animate -o', 'export_mjcf -o', 'planar_urdf -o', 'torque_map -o'])
+    'name', ['excite --output', 'export_mjcf -o', 'planar_urdf -o', 'torque_map -o'])
 def test_a_file_that_cannot_be_written_is_named(name, tmp_path, capsys):
     main, output, arguments = QUICK[name]
     (tmp_path / 'file').touch()
@@ -69,7 +66,7 @@ def arguments_of(output: Path, **settings: object) -> Namespace:
 def test_a_directory_is_used_again_by_the_same_command(tmp_path):
     output = tmp_path / 'out'
     report = output / 'report.html'
-    assert prepare_directory(output, [report], arguments_of(output)) == output / KEPT
+    assert prepare_directory(output, [report], arguments_of(output)) == output / 'results'
     report.touch()
     prepare_directory(output, [report], arguments_of(output))
     prepare_directory(output, [report], arguments_of(output, jobs=2))  # the same results
@@ -82,10 +79,6 @@ def test_a_directory_is_used_again_by_the_same_command(tmp_path):
     prepare_directory(output, [report], arguments_of(output, cutoff=5.0))
     with pytest.raises(InvalidInputError, match='is not of the same command'):
         prepare_directory(output, [report], arguments_of(output))
-
-
-def test_files_of_others_are_kept(tmp_path):
-    (tmp_path / 'report.html').touch()
+    (tmp_path / 'page.html').touch()  # in a directory that no command has made
     with pytest.raises(InvalidInputError, match='is not of the same command'):
-        prepare_directory(tmp_path, [tmp_path / 'report.html'], arguments_of(tmp_path))
-    assert [path.name for path in tmp_path.iterdir()] == ['report.html']
+        prepare_directory(tmp_path, [tmp_path / 'page.html'], arguments_of(tmp_path))

@@ -43,6 +43,7 @@ def test_every_finite_vector_is_returned_as_it_is(values):
         checked = check_vector('position', form, len(values))
         assert checked.dtype == np.float64
         assert checked.tolist() == values
+    assert check_vector('position', np.array([1, 2], dtype=np.int32), 2).dtype == np.float64
 
 
 @given(values=st.lists(st.floats(), min_size=1, max_size=6), wanted=st.integers(0, 8))
@@ -53,44 +54,6 @@ def test_a_vector_is_refused_exactly_where_length_or_a_value_is_wrong(values, wa
         refusal(check_vector, 'position', values, wanted)
 
 
-def test_integers_become_float64():
-    checked = check_vector('position', np.array([1, 2], dtype=np.int32), 2)
-    assert checked.dtype == np.float64
-    npt.assert_array_equal(checked, [1.0, 2.0])
-
-
-@pytest.mark.parametrize(('value', 'message'), [
-    ([1.0], "position has 1 values, expected 2, one for each of ['shoulder', 'elbow']"),
-    ([], "position has 0 values, expected 2, one for each of ['shoulder', 'elbow']"),
-    ([[1.0, 2.0]], "position has an array of shape (1, 2), expected 2, one for each of "
-                   "['shoulder', 'elbow']"),
-    (3.0, "position has an array of shape (), expected 2, one for each of ['shoulder', 'elbow']"),
-    ([0.0, np.nan], 'position[1] (elbow) is nan, expected a finite number'),
-    ([-np.inf, np.nan], 'position[0] (shoulder) is -inf, expected a finite number'),
-    ([0.0, None], f'position[1] (elbow) is {None}, expected a finite number'),
-    (['a', 'b'], "position[0] (shoulder) is 'a', expected a finite number"),
-    (('1.0', 2.0), "position[0] (shoulder) is '1.0', expected a finite number"),
-    ([0, True], 'position[1] (elbow) is True, expected a finite number'),
-    (np.array([0, 1], dtype=bool), 'position[0] (shoulder) is False, expected a finite number'),
-    (np.array(['0', '1']), "position[0] (shoulder) is '0', expected a finite number"),
-    (None, f'position is {None}, expected numbers'),
-    ([[1.0], [2.0, 3.0]], 'position is [[1.0], [2.0, 3.0]], expected numbers'),
-    ({'shoulder': 1.0}, "position is {'shoulder': 1.0}, expected numbers"),
-])
-def test_message_on_a_vector(value, message):
-    assert refusal(check_vector, 'position', value, 2, JOINTS) == message
-
-
-def test_message_on_a_vector_without_names():
-    assert refusal(check_vector, 'gravity', [1, 2], 3) == 'gravity has 2 values, expected 3'
-    assert refusal(check_vector, 'gravity', [1, np.inf, 2], 3) == (
-        'gravity[1] is inf, expected a finite number')
-
-
-def test_an_integer_beyond_all_floats_is_no_number():
-    assert refusal(check_vector, 'position', [10**400], 1).endswith(', expected a finite number')
-
-
 # --- samples -------------------------------------------------------------------------------------
 
 @given(rows=st.integers(0, 5), columns=st.integers(1, 4), seed=st.integers(0, 99))
@@ -98,53 +61,7 @@ def test_flat_samples_are_read_row_by_row(rows, columns, seed):
     matrix = np.random.default_rng(seed).normal(size=(rows, columns))
     npt.assert_array_equal(check_samples('position', matrix, columns), matrix)
     npt.assert_array_equal(check_samples('position', matrix.ravel().tolist(), columns), matrix)
-
-
-@pytest.mark.parametrize(('value', 'message'), [
-    ([1.0, 2.0, 3.0],
-     "position has 3 values, expected samples × 2 joints (['shoulder', 'elbow']), row by row"),
-    ([[1.0, 2.0, 3.0]], 'position has an array of shape (1, 3), expected samples × 2 joints '
-                        "(['shoulder', 'elbow']), row by row"),
-    (np.zeros((1, 2, 2)), 'position has an array of shape (1, 2, 2), expected samples × 2 joints '
-                          "(['shoulder', 'elbow']), row by row"),
-    (1.0, 'position has an array of shape (), expected samples × 2 joints '
-          "(['shoulder', 'elbow']), row by row"),
-    ([0.0, 1.0, 2.0, np.nan], 'position[1][1] (elbow) is nan, expected a finite number'),
-    ([[0.0, 1.0], [np.inf, 2.0]], 'position[1][0] (shoulder) is inf, expected a finite number'),
-    (['x', 'y'], "position[0][0] (shoulder) is 'x', expected a finite number"),
-    ([0.0, 1.0, 2.0, '3'], "position[1][1] (elbow) is '3', expected a finite number"),
-    ([[0.0, 1.0], [None, 2.0]], f'position[1][0] (shoulder) is {None}, expected a finite number'),
-])
-def test_message_on_samples(value, message):
-    assert refusal(check_samples, 'position', value, 2, JOINTS) == message
-
-
-def test_no_columns_hold_no_values():
     assert check_samples('position', [], 0).shape == (0, 0)
-    assert refusal(check_samples, 'position', [1.0], 0) == (
-        'position has 1 values, expected samples × 0 joints, row by row')
-
-
-# --- tensors -------------------------------------------------------------------------------------
-
-def test_a_finite_tensor_is_returned():
-    rows = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
-    npt.assert_array_equal(check_tensor('inertia', rows), rows)
-
-
-@pytest.mark.parametrize(('value', 'message'), [
-    (np.eye(2), 'inertia is [[1.0, 0.0], [0.0, 1.0]], expected a finite 3 × 3 tensor'),
-    (4.0, 'inertia is 4.0, expected a finite 3 × 3 tensor'),
-    (np.diag([1.0, 2.0, np.inf]),
-     'inertia is [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, inf]], '
-     'expected a finite 3 × 3 tensor'),
-    ('round', "inertia is 'round', expected numbers"),
-    ([['1', 0, 0], [0, True, 0], [0, 0, 3]],
-     "inertia is [['1', 0, 0], [0, True, 0], [0, 0, 3]], expected a finite 3 × 3 tensor"),
-    ([[1.0], [2.0, 3.0]], 'inertia is [[1.0], [2.0, 3.0]], expected numbers'),
-])
-def test_message_on_a_tensor(value, message):
-    assert refusal(check_tensor, 'inertia', value) == message
 
 
 # --- scalars -------------------------------------------------------------------------------------
@@ -153,9 +70,64 @@ def test_message_on_a_tensor(value, message):
 def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclusive):
     high = low + width
     if (low < value or (value == low and not exclusive)) and value <= high:
-        assert check_scalar('rate', value, low, high, exclusive) == value
+        checked = check_scalar('rate', np.array(value), low, high, exclusive)
+        assert checked == value
+        assert type(checked) is float
     else:
         refusal(check_scalar, 'rate', value, low, high, exclusive)
+
+
+# --- messages ------------------------------------------------------------------------------------
+
+NAMED = "expected 2, one for each of ['shoulder', 'elbow']"
+ROWS = "expected samples × 2 joints (['shoulder', 'elbow']), row by row"
+
+
+@pytest.mark.parametrize(('check', 'value', 'message'), [
+    (check_vector, [1.0], f'position has 1 values, {NAMED}'),
+    (check_vector, [[1.0, 2.0]], f'position has an array of shape (1, 2), {NAMED}'),
+    (check_vector, 3.0, f'position has an array of shape (), {NAMED}'),
+    (check_vector, [0.0, np.nan], 'position[1] (elbow) is nan, expected a finite number'),
+    (check_vector, [-np.inf, np.nan], 'position[0] (shoulder) is -inf, expected a finite number'),
+    (check_vector, [0.0, None], f'position[1] (elbow) is {None}, expected a finite number'),
+    (check_vector, ('1.0', 2.0), "position[0] (shoulder) is '1.0', expected a finite number"),
+    (check_vector, [0, True], 'position[1] (elbow) is True, expected a finite number'),
+    (check_vector, np.array([False, True]),
+     'position[0] (shoulder) is False, expected a finite number'),
+    (check_vector, np.array(['0', '']), "position[0] (shoulder) is '0', expected a finite number"),
+    (check_vector, [0.0, 10**400], f'position[1] (elbow) is {10**400}, expected a finite number'),
+    (check_vector, None, f'position is {None}, expected numbers'),
+    (check_vector, [[1.0], [2.0, 3.0]], 'position is [[1.0], [2.0, 3.0]], expected numbers'),
+    (check_vector, {'shoulder': 1.0}, "position is {'shoulder': 1.0}, expected numbers"),
+    (check_samples, [1.0, 2.0, 3.0], f'position has 3 values, {ROWS}'),
+    (check_samples, [[1.0, 2.0, 3.0]], f'position has an array of shape (1, 3), {ROWS}'),
+    (check_samples, np.zeros((1, 2, 2)), f'position has an array of shape (1, 2, 2), {ROWS}'),
+    (check_samples, [0.0, 1.0, 2.0, np.nan],
+     'position[1][1] (elbow) is nan, expected a finite number'),
+    (check_samples, [[0.0, 1.0], ['x', 2.0]],
+     "position[1][0] (shoulder) is 'x', expected a finite number"),
+])
+def test_message_on_numbers_of_joints(check, value, message):
+    assert refusal(check, 'position', value, 2, JOINTS) == message
+
+
+def test_message_without_names():
+    assert refusal(check_vector, 'gravity', [1, 2], 3) == 'gravity has 2 values, expected 3'
+    assert refusal(check_vector, 'gravity', [1, np.inf, 2], 3) == (
+        'gravity[1] is inf, expected a finite number')
+    assert refusal(check_samples, 'position', [1.0], 0) == (
+        'position has 1 values, expected samples × 0 joints, row by row')
+
+
+def test_tensors():
+    rows = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    npt.assert_array_equal(check_tensor('inertia', rows), rows)
+    for value in ([[1.0, 0.0], [0.0, 1.0]], 4.0, [[1.0, 0.0, 0.0], [0.0, 2.0, np.inf], [0.0] * 3],
+                  [['1', 0, 0], [0, True, 0], [0, 0, 3]]):
+        assert refusal(check_tensor, 'inertia', value) == (
+            f'inertia is {value}, expected a finite 3 × 3 tensor')
+    for value in ('round', [[1.0], [2.0, 3.0]]):
+        assert refusal(check_tensor, 'inertia', value) == f'inertia is {value!r}, expected numbers'
 
 
 @pytest.mark.parametrize(('value', 'more', 'message'), [
@@ -166,9 +138,6 @@ def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclus
      'rate is 0, expected a number in (0, 1]'),
     (2, {'maximum': 1.0}, 'rate is 2, expected a number <= 1'),
     (np.nan, {}, 'rate is nan, expected a finite number'),
-    (np.inf, {}, 'rate is inf, expected a finite number'),
-    (np.nan, {'minimum': 0.0}, 'rate is nan, expected a number >= 0'),
-    ('fast', {}, "rate is 'fast', expected a finite number"),
     ('1.0', {'minimum': 0.0}, "rate is '1.0', expected a number >= 0"),
     (None, {}, f'rate is {None}, expected a finite number'),
     (True, {'maximum': 1.0}, 'rate is True, expected a number <= 1'),
@@ -176,11 +145,6 @@ def test_a_scalar_is_refused_exactly_outside_its_range(value, low, width, exclus
 ])
 def test_message_on_a_scalar(value, more, message):
     assert refusal(check_scalar, 'rate', value, **more) == message
-
-
-def test_a_scalar_is_a_plain_float():
-    assert type(check_scalar('rate', np.float32(0.5))) is float
-    assert check_scalar('rate', np.array(3)) == 3.0
 
 
 # --- names ---------------------------------------------------------------------------------------

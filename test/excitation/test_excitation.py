@@ -3,7 +3,6 @@
 
 """Exciting motions: at rest at both ends, within every limit, better than random motions."""
 
-from collections.abc import Callable
 import json
 import math
 import sys
@@ -14,7 +13,6 @@ import children
 from children import LONG
 import numpy as np
 import pytest
-from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
 from robot_dynamics.excitation.demo_motion import sample_trajectory
 from robot_dynamics.excitation.evolution_strategy import minimize_by_rank
@@ -47,15 +45,11 @@ def test_a_series_is_at_rest_at_both_ends_and_its_derivatives_are_its_own(harmon
     times = np.linspace(0.0, DURATION, 4001)
     basis = series_basis(harmonics, DURATION, times)
     assert basis.position.shape == (4001, 2 * harmonics - 2)
+    assert np.linalg.matrix_rank(basis.position) == 2 * harmonics - 2
     for values in basis:
         assert values[[0, -1]] == pytest.approx(0.0, abs=1e-12)
     for values, rates in zip(basis, basis[1:]):
         assert np.gradient(values, times, axis=0)[1:-1] == pytest.approx(rates[1:-1], abs=1e-4)
-
-
-def test_the_coefficients_of_a_series_do_not_depend_on_one_another():
-    basis = series_basis(5, DURATION, np.linspace(0.0, DURATION, 200))
-    assert np.linalg.matrix_rank(basis.position) == 8
 
 
 # ------------------------------------------------------------------------------ the motion
@@ -98,7 +92,7 @@ def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(dynamics, 
     assert again.coefficients.tolist() == excitation.coefficients.tolist()
 
 
-@pytest.mark.parametrize('robot', ['planar', 'ur10'])
+@pytest.mark.parametrize('robot', ['planar', pytest.param('ur10', marks=pytest.mark.soak)])
 def test_every_blas_kernel_finds_the_same_trajectory(robot, tmp_path):
     """The search ranks costs, so that rounding has no effect; gradients were sensitive to it."""
     urdf = [] if robot == 'planar' else ['--urdf', str(robot_path(robot)), '--harmonics', '3']
@@ -125,17 +119,6 @@ def test_the_ranking_search_finds_the_minimum_of_an_ill_conditioned_quadratic():
         lambda x: float((scale * (x - goal)**2).sum()), np.zeros(12), 0.5, 400,
         np.random.default_rng(2))
     assert found == pytest.approx(goal, abs=1e-6)
-
-
-def test_the_ranking_search_depends_on_the_order_of_costs_only():
-    def search(cost: Callable[[FloatArray], float]) -> list[float]:
-        return minimize_by_rank(
-            cost, np.ones(6), 0.5, 60, np.random.default_rng(2)).tolist()
-
-    def cost(x: FloatArray) -> float:
-        return float((x**2).sum() + abs(x[0]))
-
-    assert search(cost) == search(lambda x: math.exp(cost(x)) + 7.0)
 
 
 def test_the_condition_number_is_that_of_the_base_regressor(dynamics):
@@ -217,11 +200,6 @@ def test_what_is_no_trajectory_is_refused(tmp_path, text, words):
         read_trajectory(path, ('joint1', 'joint2'))
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InvalidInputError, match='none.yaml'):
-        read_trajectory(tmp_path / 'none.yaml', ('joint1',))
-
-
 # ------------------------------------------------------------------------------ the tool
 
 def test_the_tool_for_a_real_arm(tmp_path):
@@ -254,7 +232,6 @@ def test_the_tool_for_a_real_arm(tmp_path):
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--harmonics', '1'], 'harmonics is 1, expected at least 2'),
     (['--harmonics', '51'], 'harmonics is 51, expected at most 50'),
-    (['--duration', '-1'], 'duration is -1'),
     (['--joints', 'elbow'], "'elbow', expected joints out of"),
     (['--urdf', 'none.urdf'], 'none.urdf'),
     (['--start', '0', 'nan'], 'start'),

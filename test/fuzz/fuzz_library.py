@@ -8,7 +8,7 @@ Each function passes one input to the same functions as a node does, and does no
 exceptions.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from fuzz_arms import ARMS, CROWD
 from fuzz_law import accepts, check_finite, check_words, over_the_wire, RefusalError
@@ -16,16 +16,13 @@ import numpy as np
 from robot_dynamics.control import Controller, ControllerOptions, make_gains
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model import ArmModel, JointOrder, Payload
-from robot_dynamics.references.follower import TrajectoryFollower
+from robot_dynamics.model import ArmModel, Payload
 from robot_dynamics.ros.middleware.conversions import (
     floats_to_ros,
     payload_from_ros,
-    payload_to_ros,
     stamp_from_ros,
     terms_to_ros,
     trajectory_from_ros,
-    trajectory_to_ros,
     wrenches_from_ros,
 )
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
@@ -35,14 +32,10 @@ from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
 _LONG_LIVED_READERS = {arm.name: JointStateReader(arm.joint_names) for arm in (*ARMS, CROWD)}
 
 
-def _read(reader: JointStateReader, message: Any) -> list[bytes | str | None]:
+def _read(reader: JointStateReader, message: Any) -> list[str]:
     """Return the result of the reader per field: numbers, the text of a rejection, or None."""
-    def position_and_velocity(message: Any) -> np.ndarray:
-        q, v = reader.read(message)
-        return q if v is None else np.concatenate((q, v))
-
-    outcomes: list[bytes | str | None] = []
-    for read in (position_and_velocity, reader.effort, reader.finite_effort):
+    outcomes: list[str] = []
+    for read in (reader.read, reader.effort, reader.finite_effort):
         try:
             numbers = read(message)
         except InvalidInputError as error:
@@ -51,7 +44,7 @@ def _read(reader: JointStateReader, message: Any) -> list[bytes | str | None]:
         else:
             if read != reader.effort:
                 check_finite(numbers)
-            outcomes.append(None if numbers is None else numbers.tobytes())
+            outcomes.append(repr(numbers))
     return outcomes
 
 
@@ -61,72 +54,6 @@ def take_joint_state(arm: ArmModel, message: Any) -> None:
     fresh = _read(JointStateReader(arm.joint_names), message)
     assert fresh == _read(_LONG_LIVED_READERS[arm.name], message)
     JointStateReader(arm.joint_names).read(message)
-
-
-def take_joint_order(arm: ArmModel, motion: dict[str, Any], rows: int) -> None:
-    order = JointOrder(arm, motion['joint_names'])
-    q = order.positions(motion['position'])
-    v = order.rates(motion['velocity'], len(q), 'velocity')
-    a = order.rates(motion['acceleration'], len(q), 'acceleration')
-    assert q.shape == v.shape == a.shape
-    check_finite([q, v, a])
-    if len(q) == rows == 1:
-        assert order.position(motion['position']).tolist() == q[0].tolist()
-        assert order.rate(motion['velocity'], 'velocity').tolist() == v[0].tolist()
-        check_finite(order.effort(motion['position']))
-    assert order.answer(q).shape == (len(q), len(order.names))
-
-
-def take_wrenches(arm: ArmModel, messages: list[Any]) -> None:
-    for wrench in wrenches_from_ros(arm, [over_the_wire(message) for message in messages]):
-        check_finite([wrench.force, wrench.torque])
-
-
-def take_payload(arm: ArmModel, message: Any) -> None:
-    payload = payload_from_ros(arm, over_the_wire(message))
-    if payload is None:
-        return
-    back = payload_from_ros(arm, over_the_wire(payload_to_ros(payload)))
-    assert back.inertia.tolist() == payload.inertia.tolist()
-    loaded = arm.with_payloads([payload])
-    assert loaded.payloads == (payload,)
-
-
-class FollowedTrajectory(NamedTuple):
-    """A trajectory, the state and time at its arrival, and the time spans [ns] to sample."""
-
-    message: Any
-    now_ns: int
-    position: list[float]
-    velocity: list[float]
-    spans: list[int]
-
-
-def take_trajectories(arm: ArmModel, cases: list[FollowedTrajectory]) -> None:
-    """Follow trajectories one after the other; a rejection does not affect the others."""
-    kinds = zip(arm.joint_names, arm.joint_kinds)
-    follower = TrajectoryFollower(
-        arm.joint_names, [name for name, kind in kinds if kind == 'continuous'])
-    refusals = []
-    for case in cases:
-        before = follower.active
-        message = over_the_wire(case.message)
-        try:
-            trajectory = trajectory_from_ros(message, arm.joint_names)
-            follower.start(
-                trajectory, case.now_ns, case.position, case.velocity,
-                stamp_from_ros(message.header.stamp))
-        except InvalidInputError as error:
-            check_words(str(error))
-            assert follower.active is before
-            refusals.append(error)
-        else:
-            over_the_wire(trajectory_to_ros(trajectory))
-        for span in (0, 1, *case.spans):
-            reference = follower.sample(case.now_ns + span)
-            check_finite(list(reference or ()))
-    if len(refusals) == len(cases):
-        raise refusals[0]
 
 
 # ---------------------------------------------------------------------------------- parts of nodes

@@ -11,13 +11,13 @@ were serialized and deserialized: a hundred thousand messages take minutes.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fuzz_arms import ARMS
+from fuzz_arms import ARMS, CROWD
 from fuzz_law import check_finite, check_words, over_the_wire, RefusalError
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 import rclpy
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.model import arm_from_parameters, ArmModel
@@ -28,7 +28,7 @@ from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation, Pa
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
-from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
+from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics_interfaces.srv import ForwardDynamics, InverseDynamics, ManipulatorEquation
@@ -63,7 +63,7 @@ class RunningNodes:
         assert self.simulated_arm.get_parameter('lock_step').value
         assert self.simulated_arm.get_namespace() == '/apart'
         self._servers: dict[str, tuple[Node, DynamicsServices]] = {}
-        for arm in ARMS:
+        for arm in (*ARMS, CROWD):
             self._services_of(arm.name).set_controller(
                 Controller(arm, options_from(DEFAULTS, arm)))
         return self
@@ -95,8 +95,7 @@ class RunningNodes:
         response = answer_of(self._servers[server or arm.name][0], service, request)
         if hasattr(response, 'joint_names'):
             assert sorted(response.joint_names) == sorted(arm.joint_names)
-        if service in CHECKS:
-            CHECKS[service](request, response, arm)
+        check_lengths(service, request, response, arm)
 
     # ------------------------------------------------------------------ topics
 
@@ -138,21 +137,6 @@ class RunningNodes:
                     assert node._settings.values[parameter.name] == value
         if parameters and not any(result.successful for result in response.results):
             raise RefusalError(response.results[0].reason)
-
-    def declare(self, parameters: list[Any]) -> None:
-        """Start a node with these parameters, as from a file."""
-        given = [(message.name, parameter_value_to_python(over_the_wire(message).value))
-                 for message in parameters]
-        node = Node(
-            'declaring', start_parameter_services=False, enable_rosout=False,
-            parameter_overrides=[  # an empty list in a file counts as unset
-                Parameter(name, value=None if value == [] else value) for name, value in given])
-        try:
-            values = DeclaredParameters(node, SPECS, lambda _: None, lambda _: None).values
-            for name, value in values.items():
-                check_finite(value, name)
-        finally:
-            node.destroy_node()
 
     def start(self, xml: str, given: Mapping[str, Any]) -> None:
         """Process a URDF and its parameters as a node does, and compute each quantity once."""
@@ -207,52 +191,18 @@ def answer_of(node: Node, name: str, request: Any) -> Any:
     return response
 
 
-# ---------------------------------------------------------------------------------- responses
-
-def _check_motors(response: Any, arm: ArmModel) -> None:
-    n = 0 if arm.actuators is None else arm.joint_count
-    for field in ('motor_current', 'motor_voltage', 'current_ratio', 'voltage_ratio'):
-        assert len(getattr(response, field)) == n, field
-
-
-def _check_inverse_dynamics(request: Any, response: Any, arm: ArmModel) -> None:
-    assert len(response.effort) == arm.joint_count
-    terms = response.terms
-    assert terms.joint_names == response.joint_names
-    assert terms.effort == response.effort
-    for field in ('inertial', 'coriolis', 'gravity', 'friction', 'external'):
-        assert len(getattr(terms, field)) == arm.joint_count, field
-    _check_motors(response, arm)
-
-
-def _check_batch(request: Any, response: Any, arm: ArmModel) -> None:
-    width = len(request.joint_names) or arm.joint_count
-    assert len(response.effort) * width == len(request.position) * arm.joint_count
-
-
-def _check_trajectory(request: Any, response: Any, arm: ArmModel) -> None:
-    assert len(response.trajectory.points) == len(request.trajectory.points)
-    assert response.worst_joint in arm.joint_names
-    for point in response.trajectory.points:
-        assert len(point.effort) == arm.joint_count
-
-
-def _check_forward_dynamics(request: Any, response: Any, arm: ArmModel) -> None:
-    assert len(response.acceleration) == arm.joint_count
-    _check_motors(response, arm)
-
-
-def _check_equation(request: Any, response: Any, arm: ArmModel) -> None:
+def check_lengths(service: str, request: Any, response: Any, arm: ArmModel) -> None:
+    """Check that a response has a number for each joint, sample and motor."""
     n = arm.joint_count
-    assert len(response.mass_matrix) == len(response.coriolis_matrix) == n**2
-    assert len(response.gravity) == len(response.nonlinear) == len(response.friction) == n
-    assert len(response.christoffel) == (n**3 if request.include_christoffel else 0)
-
-
-CHECKS: Mapping[str, Callable[[Any, Any, ArmModel], None]] = {
-    'inverse_dynamics': _check_inverse_dynamics,
-    'inverse_dynamics_batch': _check_batch,
-    'inverse_dynamics_trajectory': _check_trajectory,
-    'forward_dynamics': _check_forward_dynamics,
-    'manipulator_equation': _check_equation,
-}
+    motors = 0 if arm.actuators is None else n
+    lengths: dict[str, dict[str, int]] = {
+        'inverse_dynamics': {'effort': n, 'motor_current': motors, 'voltage_ratio': motors},
+        'forward_dynamics': {'acceleration': n, 'motor_current': motors},
+        'manipulator_equation': {
+            'mass_matrix': n**2, 'gravity': n,
+            'christoffel': n**3 if getattr(request, 'include_christoffel', False) else 0}}
+    if service == 'inverse_dynamics_batch':
+        lengths[service] = {
+            'effort': len(request.position) // (len(request.joint_names) or n) * n}
+    for field, length in lengths.get(service, {}).items():
+        assert len(getattr(response, field)) == length, field

@@ -10,6 +10,7 @@ reaches no check. Therefore each part is usually valid, and otherwise has one fa
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import accumulate
 from random import Random
 from typing import Any
 
@@ -102,20 +103,13 @@ def spoiled_names(draw: Draw, names: Sequence[str]) -> list[str]:
     """Draw joint names with one fault."""
     given = list(draw(st.permutations(names))) if len(names) < 10 else list(names)
     place = draw(st.integers(0, len(given) - 1))
-    what = draw(st.integers(0, 5))
-    if what == 0:
-        del given[place]
-    elif what == 1:
-        given.insert(place, draw(wild_texts))
-    elif what == 2:
-        given.append(given[place])
-    elif what == 3:
-        given[place] = draw(wild_texts)
-    elif what == 4:
-        given.insert(place, LOCKED_JOINT)
-    else:
-        given = draw(st.lists(wild_texts, max_size=300))
-    return given
+    before, name, after = given[:place], given[place], given[place + 1:]
+    return list(draw(st.one_of(
+        st.sampled_from((
+            [*before, *after], [*given, name], [*before, LOCKED_JOINT, name, *after])),
+        wild_texts.map(lambda text: [*before, text, *after]),
+        wild_texts.map(lambda text: [*given, text]),
+        st.lists(wild_texts, max_size=300))))
 
 
 @cache
@@ -218,11 +212,6 @@ def wrenches(draw: Draw, arm: ArmModel) -> WrenchStamped:
 
 
 @cache
-def wrench_lists(arm: ArmModel) -> st.SearchStrategy[list[WrenchStamped]]:
-    return st.lists(wrenches(arm), max_size=2)
-
-
-@cache
 @st.composite
 def payloads(draw: Draw, arm: ArmModel) -> InertiaStamped:
     """Draw a load: usually a mass of 1 kg at (x, y, z) and a small sphere."""
@@ -242,23 +231,20 @@ def payloads(draw: Draw, arm: ArmModel) -> InertiaStamped:
     return message
 
 
-def _increasing_times(count: int, ticket: int) -> list[Duration]:
-    """Return times that increase by a millisecond to some seconds, the first one 0 or later."""
-    random, times = Random(ticket), []
-    time_ns = random.choice((0, 0, 1, 10**9))
-    for _ in range(count):
-        times.append(Duration(sec=time_ns // 10**9, nanosec=time_ns % 10**9))
-        time_ns += random.randint(10**6, 10**10)
-    return times
-
-
 @cache
 def _times(count: int) -> st.SearchStrategy[list[Duration]]:
-    """Draw the times of points: usually strictly increasing ones."""
+    """Draw the times of points: usually from 0 or later, with steps of up to some seconds."""
+    def increasing(ticket: int) -> list[Duration]:
+        random = Random(ticket)
+        steps = [random.choice((0, 0, 1, 10**9)), *(
+            random.randint(10**6, 10**10) for _ in range(count - 1))]
+        return [Duration(sec=at // 10**9, nanosec=at % 10**9)
+                for at in accumulate(steps[:count])]
+
     whatever = st.builds(
         Duration, sec=st.integers(-MAX_INT32 - 1, MAX_INT32), nanosec=st.integers(0, MAX_UINT32))
     return mostly(
-        st.integers(0, MAX_UINT32).map(lambda ticket: _increasing_times(count, ticket)),
+        st.integers(0, MAX_UINT32).map(increasing),
         st.lists(whatever, min_size=count, max_size=count), 0.9)
 
 
@@ -298,7 +284,7 @@ def trajectories(
 @st.composite
 def inverse_dynamics(draw: Draw, arm: ArmModel) -> InverseDynamics.Request:
     return InverseDynamics.Request(
-        **draw(motions(arm)), external_wrenches=draw(wrench_lists(arm)),
+        **draw(motions(arm)), external_wrenches=draw(st.lists(wrenches(arm), max_size=2)),
         include_derivatives=draw(st.booleans()))
 
 
@@ -319,7 +305,8 @@ def forward_dynamics(draw: Draw, arm: ArmModel) -> ForwardDynamics.Request:
     motion['effort'] = motion.pop('acceleration') or [0.0] * len(motion['position'])
     if draw(st.booleans()):  # at rest, where dry friction may hold the joint
         motion['velocity'] = []
-    return ForwardDynamics.Request(**motion, external_wrenches=draw(wrench_lists(arm)))
+    return ForwardDynamics.Request(
+        **motion, external_wrenches=draw(st.lists(wrenches(arm), max_size=2)))
 
 
 @st.composite

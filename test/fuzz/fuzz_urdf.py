@@ -8,7 +8,7 @@ A URDF is changed in its element tree, which usually leaves a document that can 
 its text. Both start from valid arms.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import copy
 from typing import Any
 import xml.etree.ElementTree as ElementTree
@@ -26,12 +26,14 @@ WORDS_FOR_NUMBERS = (
 _TAGS = (
     'link', 'joint', 'inertial', 'mass', 'inertia', 'origin', 'axis', 'limit', 'dynamics', 'mimic',
     'parent', 'child', 'collision', 'geometry', 'box', 'transmission', 'robot')
+_ATTRIBUTES = (
+    'name', 'value', 'lower', 'upper', 'damping', 'friction', 'xyz', 'multiplier', 'joint')
 _KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'floating', 'planar', 'spherical', '')
 _likely_numbers = st.floats(0.01, 3.0).map(repr)
 _number_texts = st.one_of(
     _likely_numbers, _likely_numbers, small_numbers.map(repr), wild_numbers.map(repr),
     st.sampled_from(WORDS_FOR_NUMBERS))
-_CHANGE_COUNTS = st.sampled_from((1, 1, 1, 2, 3))
+_CHANGE_COUNTS = st.sampled_from((0, 1, 1, 1, 2, 3))
 _MARKUP = st.text(alphabet='<>/="\'&;![]-? \n\t\x00a0é', max_size=8)
 
 
@@ -52,45 +54,22 @@ def _change_attribute(draw: Draw, root: ElementTree.Element) -> None:
         element.attrib[attribute] = ' '.join(words)
 
 
-def _remove_attribute(draw: Draw, root: ElementTree.Element) -> None:
-    element = draw(st.sampled_from([e for e in root.iter() if e.attrib]))
-    del element.attrib[draw(st.sampled_from(sorted(element.attrib)))]
-
-
-def _add_attribute(draw: Draw, root: ElementTree.Element) -> None:
+def _change_element(draw: Draw, root: ElementTree.Element) -> None:
+    """Add or remove an attribute or an element, or change a tag or a text."""
     element = draw(st.sampled_from(list(root.iter())))
-    name = draw(st.sampled_from(
-        ('name', 'value', 'lower', 'upper', 'damping', 'friction', 'xyz', 'multiplier', 'joint')))
-    element.set(name, draw(st.sampled_from(WORDS_FOR_NUMBERS)))
-
-
-def _parent_and_child(draw: Draw, root: ElementTree.Element) -> tuple[Any, Any]:
-    return draw(st.sampled_from([(parent, child) for parent in root.iter() for child in parent]))
-
-
-def _remove_element(draw: Draw, root: ElementTree.Element) -> None:
-    parent, child = _parent_and_child(draw, root)
-    if len(list(root.iter())) > 2:
-        parent.remove(child)
-
-
-def _copy_element(draw: Draw, root: ElementTree.Element) -> None:
-    _, child = _parent_and_child(draw, root)
-    draw(st.sampled_from(list(root.iter()))).append(copy.deepcopy(child))
-
-
-def _rename_element(draw: Draw, root: ElementTree.Element) -> None:
-    draw(st.sampled_from(list(root.iter()))).tag = draw(st.sampled_from(_TAGS))
-
-
-def _change_text(draw: Draw, root: ElementTree.Element) -> None:
-    draw(st.sampled_from(list(root.iter()))).text = draw(st.sampled_from(WORDS_FOR_NUMBERS))
-
-
-_CHANGES: Sequence[Callable[[Draw, ElementTree.Element], None]] = (
-    _change_attribute, _change_attribute, _change_attribute, _change_attribute,
-    _remove_attribute, _add_attribute, _remove_element, _copy_element, _rename_element,
-    _change_text)
+    what = draw(st.integers(0, 5))
+    if what == 0 and element.attrib:
+        del element.attrib[draw(st.sampled_from(sorted(element.attrib)))]
+    elif what == 1:
+        element.set(draw(st.sampled_from(_ATTRIBUTES)), draw(st.sampled_from(WORDS_FOR_NUMBERS)))
+    elif what == 2 and len(element):
+        element.remove(draw(st.sampled_from(list(element))))
+    elif what == 3:
+        element.append(copy.deepcopy(draw(st.sampled_from(list(root.iter())))))
+    elif what == 4:
+        element.tag = draw(st.sampled_from(_TAGS))
+    else:
+        element.text = draw(st.sampled_from(WORDS_FOR_NUMBERS))
 
 
 # ---------------------------------------------------------------------------------- texts
@@ -109,27 +88,34 @@ def _change_characters(draw: Draw, xml: str) -> str:
     return xml[:begin] + draw(st.text(max_size=5)) + xml[begin:]
 
 
-def _random_bytes(draw: Draw) -> str:
-    """Return arbitrary bytes as a node has them after decoding them as UTF-8."""
-    return str(draw(st.binary(max_size=200)).decode('utf-8', 'replace'))
-
-
 @st.composite
 def urdfs(draw: Draw, bases: Sequence[str]) -> str:
     """Draw a URDF with up to three changes."""
     base = draw(st.sampled_from(bases))
     what = draw(st.integers(0, 19))
     if what == 0:
-        return _random_bytes(draw)
+        return str(draw(st.binary(max_size=200)).decode('utf-8', 'replace'))
     if what <= 3:
         return _change_characters(draw, base)
     root = ElementTree.fromstring(base)
-    for _ in range(0 if what == 4 else draw(_CHANGE_COUNTS)):
-        draw(st.sampled_from(_CHANGES))(draw, root)
+    for _ in range(draw(_CHANGE_COUNTS)):
+        draw(st.sampled_from((_change_attribute, _change_element)))(draw, root)
     return ElementTree.tostring(root, encoding='unicode')
 
 
 # ---------------------------------------------------------------------------------- parameters
+
+_whole = st.integers(-2**63, 2**63 - 1)
+_numbers = st.one_of(small_numbers, wild_numbers)
+_WILD_VALUES: dict[Type, st.SearchStrategy[Any]] = {
+    Type.BOOL: st.booleans(), Type.INTEGER: _whole, Type.DOUBLE: _numbers, Type.STRING: wild_texts,
+    Type.BYTE_ARRAY: st.lists(st.binary(min_size=1, max_size=1)),
+    Type.BOOL_ARRAY: st.lists(st.booleans(), max_size=3),
+    Type.INTEGER_ARRAY: st.lists(_whole, max_size=3),
+    Type.DOUBLE_ARRAY: st.lists(_numbers, max_size=9),
+    Type.STRING_ARRAY: st.lists(wild_texts, max_size=300)}
+"""Values of each type, most of which violate the constraints of a parameter."""
+
 
 def _good_numbers(spec: ParameterSpec) -> st.SearchStrategy[float]:
     low = -1e3 if spec.minimum is None else float(spec.minimum)
@@ -156,54 +142,21 @@ def good_values(draw: Draw, spec: ParameterSpec, joints: int) -> Any:
     return draw(st.lists(_good_numbers(spec), min_size=length, max_size=length))
 
 
-@st.composite
-def spoiled_values(draw: Draw, spec: ParameterSpec) -> Any:
-    """Draw a value of the type of a parameter that violates its constraints."""
-    if spec.kind in (Type.BOOL, Type.INTEGER):
-        return draw(good_values(spec, 1))
-    if spec.kind is Type.DOUBLE:
-        return draw(wild_numbers)
-    if spec.kind is Type.STRING:
-        return draw(wild_texts)
-    if spec.kind is Type.STRING_ARRAY:
-        return draw(st.lists(wild_texts, max_size=300))
-    return draw(st.lists(st.one_of(small_numbers, wild_numbers), max_size=9))
-
-
 def values(spec: ParameterSpec, joints: int, fraction: float = 0.85) -> st.SearchStrategy[Any]:
     """Draw a value of the type of a parameter."""
-    return mostly(good_values(spec, joints), spoiled_values(spec), fraction)
-
-
-def _any_value() -> st.SearchStrategy[ParameterValue]:
-    """Draw a value of any type."""
-    whole = st.integers(-2**63, 2**63 - 1)
-    number = st.one_of(small_numbers, wild_numbers)
-
-    def of(kind: Type, value: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-        return value.map(lambda v: _value_message(kind, v))
-
-    return st.one_of(
-        st.just(ParameterValue()),
-        of(Type.BOOL, st.booleans()), of(Type.INTEGER, whole), of(Type.DOUBLE, number),
-        of(Type.STRING, wild_texts),
-        of(Type.BYTE_ARRAY, st.lists(st.binary(min_size=1, max_size=1))),
-        of(Type.BOOL_ARRAY, st.lists(st.booleans(), max_size=3)),
-        of(Type.INTEGER_ARRAY, st.lists(whole, max_size=3)),
-        of(Type.DOUBLE_ARRAY, st.lists(number, max_size=300)),
-        of(Type.STRING_ARRAY, st.lists(wild_texts, max_size=3)))
-
-
-def _value_message(kind: Type, value: Any) -> ParameterValue:
-    return ParameterValue(type=kind.value, **{f'{kind.name.lower()}_value': value})
+    return mostly(good_values(spec, joints), _WILD_VALUES[spec.kind], fraction)
 
 
 @st.composite
 def parameter_messages(draw: Draw, specs: Sequence[ParameterSpec], joints: int) -> ParameterMsg:
     """Draw a parameter message, as `ros2 param set` sends it."""
     spec = draw(st.sampled_from(specs))
-    if draw(st.integers(0, 9)) == 0:
-        return ParameterMsg(name=draw(mostly(st.just(spec.name), wild_texts)),
-                            value=draw(_any_value()))
-    value = draw(values(spec, joints))
-    return ParameterMsg(name=spec.name, value=_value_message(spec.kind, value))
+    name, kind = spec.name, spec.kind
+    if draw(st.integers(0, 9)):
+        value = draw(values(spec, joints))
+    else:
+        name, kind = draw(mostly(st.just(name), wild_texts)), draw(st.sampled_from(
+            [Type.NOT_SET, *_WILD_VALUES]))
+        value = draw(_WILD_VALUES.get(kind, st.none()))
+    content = {} if kind is Type.NOT_SET else {f'{kind.name.lower()}_value': value}
+    return ParameterMsg(name=name, value=ParameterValue(type=kind.value, **content))

@@ -31,12 +31,6 @@ class Case:
             Tool(tool.link)) if with_weight else (
                 calibrate_holds(arm, holds, tool=Tool(tool.link, tool.mass)))
 
-    @property
-    def relative_error(self) -> np.ndarray:
-        """Return the error of the scale, (n,), NaN where it is not observable."""
-        return np.where(
-            self.found.is_observable, self.found.scale / self.drives.scale - 1.0, np.nan)
-
     def inside(self) -> list[bool]:
         """Return whether the truth is within each 95 % interval: scale, offset, tool."""
         found, seen = self.found, self.found.is_observable
@@ -47,8 +41,8 @@ class Case:
             *(abs(found.tool.values - self.tool) < found.tool.intervals)[of_tool]]
 
 
-@pytest.mark.parametrize('with_weight', [True, False])
-@pytest.mark.parametrize('name', TOOL_LINKS)
+@pytest.mark.parametrize(('name', 'with_weight'), [
+    ('default', True), ('panda', True), ('ur10', False), ('xarm7', False)])
 def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(name, with_weight):
     """With a weight at all joints; with a known tool at those with the verdict good."""
     arm = arm_without_gripper(name)
@@ -59,7 +53,7 @@ def test_scales_are_within_1_percent_and_offsets_within_2_percent_of_the_limit(n
         # gravity loads no first joint of an upright arm; wrists bear little without a weight
         assert good.sum() >= (1 if name == 'default' else arm.joint_count - 1 if with_weight
                               else 3)
-        assert np.nanmax(abs(case.relative_error[good])) < 0.01
+        assert (abs(case.found.scale / case.drives.scale - 1.0) < 0.01)[good].all()
         assert (abs(case.found.offset - case.drives.offset) < 0.02 * case.drives.limit).all()
 
 
@@ -71,7 +65,7 @@ def share_inside(name: str, seeds: range, with_weight: bool) -> float:
 
 
 def test_intervals_contain_the_truth():
-    assert 0.90 < share_inside('default', range(100, 160), True) < 0.99
+    assert 0.90 < share_inside('default', range(100, 130), True) < 0.99
 
 
 @pytest.mark.soak

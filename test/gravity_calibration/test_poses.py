@@ -7,11 +7,7 @@ from calibration_bench import poses_of, TOOL_LINKS
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.gravity_calibration.poses import (
-    approach_distance,
-    EFFORT_FRACTION,
-    select_poses,
-)
+from robot_dynamics.gravity_calibration.poses import select_poses
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.payload import make_payload
 from robots import arm_without_gripper
@@ -23,11 +19,13 @@ def test_poses_and_their_approaches_are_within_the_limits(name):
     arm = arm.with_payloads([make_payload(TOOL_LINKS[name], 2.0)])
     poses = select_poses(arm, 10)
     assert poses.positions.shape == poses.gravity.shape == (10, arm.joint_count)
-    delta = approach_distance(arm)
-    assert (poses.positions - delta > arm.limits.lower).all()
-    assert (poses.positions + delta < arm.limits.upper).all()
+    # 0.1 rad for the approach, and 5 % of the range; ±π for a joint without limits
+    lower, upper = np.clip([arm.limits.lower, arm.limits.upper], -20.0, 20.0)
+    margin = 0.1 + 0.05 * np.where(upper - lower < 40.0, upper - lower, 0.0)
+    assert (poses.positions >= lower + margin - 1e-9).all()
+    assert (poses.positions <= upper - margin + 1e-9).all()
     np.testing.assert_allclose(poses.gravity, RigidBody(arm).gravity_batch(poses.positions))
-    assert (abs(poses.gravity) <= EFFORT_FRACTION * arm.limits.effort).all()
+    assert (abs(poses.gravity) <= 0.6 * arm.limits.effort).all()
 
 
 def test_bounds_contain_the_approaches():

@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.friction_regressor import INERTIA
 from robot_dynamics.identification.identified_arm import fitted_friction
 from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.identification.steps import evaluate_motion
@@ -29,36 +28,37 @@ from robot_dynamics.reporting.text_table import percent
 from robots import arm_without_gripper, robot_urdf
 from scipy.signal import butter, sosfilt
 
-UR5 = load_arm(robot_urdf('ur5'))
+UR5 = load_arm(robot_urdf('ur5'), ['shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'])
+"""The wrists are locked: a joint costs time, and shows nothing new."""
 PANDA = arm_without_gripper('panda')
 FRICTION_FACTOR, MODEL_ERROR = 5.0, 0.03
 
 
-def imperfect_effort(arm, states, seed):
+def imperfect_effort(states, seed):
     """Return the effort of an arm with LuGre friction, and an error of 3 % that depends on q."""
-    effort = rigid_effort(changed_arm(arm, 0.3, seed), states)
+    effort = rigid_effort(changed_arm(UR5, 0.3, seed), states)
     effort += FRICTION_FACTOR * lugre_friction(states, seed)
     return effort * (1.0 + MODEL_ERROR * np.sin(3.0 * states.q))
 
 
-def noisy(arm, states, effort, seed, **options):
+def noisy(states, effort, seed):
     noise = 0.02 * np.sqrt(np.mean(effort**2, axis=0))
-    return recorded(arm, states, effort, noise, seed, **options)
+    return recorded(UR5, states, effort, noise, seed)
 
 
 # --- one direction of motion ---------------------------------------------------------------------
 
 @pytest.mark.parametrize(('joint', 'seed'), [
-    (2, 2), *(pytest.param(*case, marks=pytest.mark.soak)
-              for case in ((0, 0), (1, 0), (1, 1), (3, 2)))])
+    (2, 2), pytest.param(0, 0, marks=pytest.mark.soak),
+    pytest.param(1, 0, marks=pytest.mark.soak)])
 def test_a_joint_that_moves_in_one_direction(joint, seed):
     name = UR5.joint_names[joint]
     states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
-    effort = imperfect_effort(UR5, states, seed)
+    effort = imperfect_effort(states, seed)
     v = states.v[:, joint]
     assert np.mean(v < -1e-3) > 0.92
     assert not (v > 1e-3).any()
-    found = identify(UR5, [noisy(UR5, states, effort, seed)])
+    found = identify(UR5, [noisy(states, effort, seed)])
     friction = fitted_friction(UR5, found.models.consistent)
     largest = np.abs(effort[:, joint]).max()
     dry = friction.counterpart('friction')[joint]
@@ -71,7 +71,7 @@ def test_a_joint_that_moves_in_one_direction(joint, seed):
     # the URDF.
     other = fourier_motion(UR5, 125.0, 30.0, seed + 10)
     tests = evaluate_motion(UR5, noisy(
-        UR5, other, imperfect_effort(UR5, other, seed), seed), 0.0, found.models.by_name)
+        other, imperfect_effort(other, seed), seed), 0.0, found.models.by_name)
     assert tests['consistent'].relative()[joint] < 0.7 * tests['urdf'].relative()[joint]
     assert tests['consistent'].relative().mean() < 0.2 * tests['urdf'].relative().mean()
 
@@ -83,7 +83,7 @@ def test_opposite_one_way_recordings_together_separate_the_offset():
         states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
         for each in (states.q, states.v, states.a):
             each[:, joint] *= sign
-        motions.append(noisy(UR5, states, imperfect_effort(UR5, states, seed), seed))
+        motions.append(noisy(states, imperfect_effort(states, seed), seed))
     assert not_separable(identify(UR5, motions)) == {}
 
 
@@ -96,8 +96,8 @@ def test_one_speed_does_not_separate_viscous_from_dry_friction():
     states.q[:, joint] = 0.2 * period * np.abs(phase - 0.5)
     states.v[:, joint] = np.where(phase < 0.5, -0.2, 0.2)
     states.a[:, joint] = 0.0
-    effort = imperfect_effort(UR5, states, seed)
-    found = identify(UR5, [noisy(UR5, states, effort, seed)])
+    effort = imperfect_effort(states, seed)
+    found = identify(UR5, [noisy(states, effort, seed)])
     assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction',)}
     friction = fitted_friction(UR5, found.models.consistent)
     assert friction.viscous[joint] == 0.0
@@ -109,7 +109,7 @@ def test_a_joint_at_rest_has_no_friction():
     states = fourier_motion(UR5, 125.0, 30.0, seed)
     states.q[:, joint] = 0.5 + 1e-4 * np.sin(states.times)
     states.v[:, joint], states.a[:, joint] = 1e-4 * np.cos(states.times), 0.0
-    found = identify(UR5, [noisy(UR5, states, imperfect_effort(UR5, states, seed), seed)])
+    found = identify(UR5, [noisy(states, imperfect_effort(states, seed), seed)])
     assert not_separable(found) == {
         UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
     friction = fitted_friction(UR5, found.models.consistent)
@@ -122,12 +122,12 @@ def test_a_joint_at_rest_has_no_friction():
 
 def test_a_bound_that_acts_is_reported():
     """The effort of one joint lags its acceleration, as if its rotor had a negative inertia."""
-    joint, seed = 4, 1
+    joint, seed = 1, 1
     states = fourier_motion(UR5, 125.0, 30.0, seed)
     effort = rigid_effort(changed_arm(UR5, 0.2, seed), states) + 2.0 * np.tanh(states.v / 0.1)
     effort[:, joint] -= 0.4 * states.a[:, joint]
-    found = identify(UR5, [noisy(UR5, states, effort, seed)])
-    assert found.models.consistent.joint_values[joint, INERTIA] == 0.0
+    found = identify(UR5, [noisy(states, effort, seed)])
+    assert found.models.consistent.joint_values[joint, 0] == 0.0
     bounds = {bound.parameter: bound for bound in bounds_by_joint(found)[joint]}
     assert bounds['reflected inertia'].value == 0.0
     assert bounds['reflected inertia'].unbounded == pytest.approx(-0.4, abs=0.1)
@@ -140,38 +140,24 @@ def test_a_bound_that_acts_is_reported():
 
 # --- a high rate ---------------------------------------------------------------------------------
 
-def fast_recording(seed):
+def test_the_cutoff_of_a_short_motion_at_1_khz():
     """
-    Return 4.7 s of moves of a Panda at 1 kHz, with an effort noise of 2 N·m.
+    The cut-off of 4.7 s of moves of a Panda is near the band of the motion.
 
     The velocity noise of two joints is small, and its spectrum ends at 60 Hz, so that the power of
     acceleration has its global minimum far above the band of the motion.
     """
     rate = 1000.0
-    states = moves_with_pauses(PANDA, rate, 4.7, seed)
-    rng = np.random.default_rng(seed)
-    effort = rigid_effort(changed_arm(PANDA, 0.2, seed), states) + lugre_friction(states, seed)
-    velocity = states.v + 2e-5 * rng.normal(size=effort.shape)
+    states = moves_with_pauses(PANDA, rate, 4.7)
+    rng = np.random.default_rng(0)
+    velocity = states.v + 2e-5 * rng.normal(size=states.v.shape)
     sections = butter(6, 60.0, fs=rate, output='sos')
     for joint in (4, 6):
-        noise = sosfilt(sections, rng.normal(size=len(effort)))
+        noise = sosfilt(sections, rng.normal(size=len(velocity)))
         velocity[:, joint] = states.v[:, joint] + 2e-4 * noise / noise.std()
-    q = states.q + 1e-6 * rng.normal(size=effort.shape)
-    return series_of(
-        PANDA, states._replace(q=q, v=velocity), effort + 2.0 * rng.normal(size=effort.shape))
-
-
-@pytest.mark.parametrize(('cutoff', 'factor'), [
-    (10.0, 1.2), pytest.param(199.0, 0.9, marks=pytest.mark.soak)])
-@pytest.mark.parametrize('seed', [0, pytest.param(2, marks=pytest.mark.soak)])
-def test_the_cutoff_of_a_short_motion_at_1_khz(seed, cutoff, factor):
-    """The automatic cut-off is about as good as 10 Hz, and better than 199 Hz."""
-    series = fast_recording(seed)
-    automatic, given = (filter_motion(series, one) for one in (None, cutoff))
-    assert 5.0 < automatic.cutoff_hz < 30.0
-    mean, other = (identify(PANDA, [motion]).tests['consistent'].relative().mean()
-                   for motion in (automatic, given))
-    assert mean < factor * other
+    q = states.q + 1e-6 * rng.normal(size=velocity.shape)
+    series = series_of(PANDA, states._replace(q=q, v=velocity), None)
+    assert 5.0 < filter_motion(series).cutoff_hz < 30.0
 
 
 # --- short recordings ----------------------------------------------------------------------------
@@ -192,12 +178,3 @@ def test_ten_short_recordings_are_pooled():
     assert tests['consistent'].samples == (1200, 800)
     assert (tests['consistent'].relative() < 0.6 * tests['urdf'].relative()).all()
     assert tests['consistent'].relative()[:3].max() < 0.1
-
-
-def test_a_recording_at_30_hz():
-    states = moves_with_pauses(UR5, 30.0, 60.0, 4)
-    tests = identify(UR5, [noisy(
-        UR5, states, imperfect_effort(UR5, states, 4), 4, quantum=1e-3,
-        has_velocity=False)]).tests
-    assert tests['consistent'].relative().mean() < 0.6 * tests['urdf'].relative().mean()
-    assert (tests['consistent'].relative() < tests['urdf'].relative()).all()

@@ -23,7 +23,7 @@ import pytest
 from robot_dynamics.analysis.motion_filter import filter_motion
 from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.identification.drive_gains import drive_gains, GainEstimate
-from robot_dynamics.identification.friction_regressor import OFFSET, structure
+from robot_dynamics.identification.friction_regressor import structure
 from robot_dynamics.identification.identified_arm import fitted_urdf, parameter_values
 from robot_dynamics.identification.pipeline import base_parameters_of, identify, prior_of
 from robot_dynamics.identification.qr_information import merge
@@ -57,9 +57,10 @@ def true_values(arm):
         *np.column_stack([F_V, F_A, F_B])])
 
 
-def estimate(motion, arm=ARM, reference=None):
+def estimate(*motions, reference=None):
     return estimate_parameters(
-        reduce_motion(arm, motion, 1.0, reference), BASE, PRIOR, [SIGMOID] * 2)
+        merge([reduce_motion(ARM, motion, 1.0, reference) for motion in motions]), BASE, PRIOR,
+        [SIGMOID] * 2)
 
 
 @pytest.fixture(scope='module')
@@ -79,10 +80,10 @@ def found(planar):
 # --- known parameters ----------------------------------------------------------------------------
 
 def test_intervals_cover_the_truth(planar):
-    # 50 recordings of one motion, with white noise of 1 N·m and 0.5 N·m
+    # 40 recordings of one motion, with white noise of 1 N·m and 0.5 N·m
     states, effort, true = planar
     z = []
-    for seed in range(50):
+    for seed in range(40):
         one = estimate(recorded(ARM, states, effort, np.array([1.0, 0.5]), seed))
         assert one.excited.all()
         z.append((one.values - true_values(true)) / one.deviations)
@@ -105,7 +106,7 @@ def test_the_whole_way_predicts_new_samples(planar, found):
     assert np.abs(off).max() < 4.0
     fit = found.models.consistent
     assert all(is_consistent(phi) for phi in fit.parameters.reshape(-1, 10))
-    assert (np.delete(fit.joint_values, OFFSET, axis=1) >= 0.0).all()
+    assert (np.delete(fit.joint_values, 15, axis=1) >= 0.0).all()  # column 15 is the offset
 
 
 def test_the_library_computes_what_was_reported(planar, found):
@@ -139,54 +140,41 @@ def test_drives_stay_in_the_parameters(found):
 def test_rotors_are_written_on_the_joint_side(found):
     """Motor data stay; inertias that were given, also in the form of older files, do not."""
     fit = found.models.consistent
-    motor = {'torque_constant': [0.1], 'gear_ratio': [50.0], 'rotor_inertia': [1e-4]}
-    older = {'torque_constant': [1.0], 'gear_ratio': [1.0], 'rotor_inertia': [0.2, 0.1]}
     inertia = parameter_values(ARM, fit)['actuator.reflected_inertia']
-    for given, kept in ((motor, {'torque_constant', 'gear_ratio'}), (older, set())):
-        values = {'joints': list(ARM.joint_names), **{
-            f'actuator.{name}': value for name, value in given.items()}}
-        arm = arm_from_parameters(default_arm_urdf(), values)
-        written = parameter_values(arm, fit, given=values)
+    for K_t, N, rotor, kept in (
+            ([0.1], [50.0], [1e-4], {'actuator.torque_constant', 'actuator.gear_ratio'}),
+            ([1.0], [1.0], [0.2, 0.1], set())):
+        values = {'joints': list(ARM.joint_names), 'actuator.torque_constant': K_t,
+                  'actuator.gear_ratio': N, 'actuator.rotor_inertia': rotor}
+        written = parameter_values(
+            arm_from_parameters(default_arm_urdf(), values), fit, given=values)
         assert {name for name in written if name.startswith('actuator.')} == {
-            'actuator.reflected_inertia', *(f'actuator.{name}' for name in kept)}
+            'actuator.reflected_inertia', *kept}
         again = arm_from_parameters(default_arm_urdf(), written)
         assert again.reflected_inertia == pytest.approx(inertia, rel=1e-12)
 
 
 def test_four_recordings_halve_the_deviations(planar):
     motions = [recorded(ARM, *planar[:2], 1.0, seed) for seed in range(4)]
-    one, four = (
-        estimate_parameters(
-            merge([reduce_motion(ARM, motion, 1.0) for motion in some]), BASE, PRIOR,
-            [SIGMOID] * 2) for some in (motions[:1], motions))
+    one, four = estimate(motions[0]), estimate(*motions)
     assert four.deviations == pytest.approx(0.5 * one.deviations, rel=0.1)
 
 
 # --- bad or few data -----------------------------------------------------------------------------
 
-@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.soak)])
-def test_never_worse_than_the_urdf_with_friction(seed):
+def test_never_worse_than_the_urdf_with_friction():
     # 30 Hz, coarse positions, no velocity, pauses, and friction outside the available structures
     arm = load_arm(robot_urdf('ur5'))
-    states = moves_with_pauses(arm, 30.0, 40.0, seed)
-    effort = rigid_effort(changed_arm(arm, 0.2, seed), states) + lugre_friction(states, seed)
+    states = moves_with_pauses(arm, 30.0, 40.0)
+    effort = rigid_effort(changed_arm(arm, 0.2), states) + lugre_friction(states)
     noise = 0.05 * np.sqrt(np.mean(effort**2, axis=0))
-    motion = recorded(arm, states, effort, noise, seed, quantum=1e-3, has_velocity=False)
+    motion = recorded(arm, states, effort, noise, quantum=1e-3, has_velocity=False)
     tests = identify(arm, [motion]).tests
     for model in ('base', 'consistent'):
         change = np.log(tests[model].relative() / tests['urdf and friction'].relative())
         assert change.mean() < 0.0
         assert change.max() < np.log(1.1)
-
-
-def test_a_correct_urdf_is_confirmed():
-    states = moves_with_pauses(ARM, 50.0, 20.0)
-    effort = rigid_effort(ARM, states) + smooth_friction(states.v)
-    found = identify(ARM, [recorded(ARM, states, effort, noise=1.0)])
-    base, simple = (found.tests[name].rms() for name in ('base', 'urdf and friction'))
-    assert (base < 1.1 * simple + 0.02).all()
-    masses = found.models.consistent.parameters[[0, 10]]
-    assert masses == pytest.approx(inertial_parameters(ARM)[[0, 10]], rel=0.3)
+    assert tests['consistent'].relative().mean() < 0.6 * tests['urdf'].relative().mean()
 
 
 def test_a_contact_counts_little(planar):
@@ -202,48 +190,19 @@ def test_a_contact_counts_little(planar):
     assert weighted.mean() < 0.5 * plain.mean()
 
 
-def test_what_does_not_move_is_named():
-    states = fourier_motion(ARM, 100.0, 30.0)
-    moves = np.array([1.0, 0.0])
-    still = states._replace(q=states.q * moves, v=states.v * moves, a=states.a * moves)
-    effort = rigid_effort(ARM, still) + F_V * still.v
-    found = identify(ARM, [recorded(ARM, still, effort, noise=0.2)])
-    assert 'Ia(joint2)' in found.estimate.unexcited
-    assert found.estimate.condition > 1e3
-    assert (found.tests['consistent'].relative() < 0.1).all()
-
-
 # --- payload and gains ---------------------------------------------------------------------------
 
-def test_a_known_payload_is_no_part_of_the_arm(planar):
-    states, _, true = planar
-    load = make_payload('link2', 2.0, (0.0, 0.0, 0.7))
-    effort = rigid_effort(true.with_payloads([load]), states, ROTORS) + smooth_friction(states.v)
-    one = estimate(recorded(ARM, states, effort, 0.2), ARM.with_payloads([load]))
-    assert np.abs((one.values - true_values(true)) / one.deviations).max() < 4.0
 
-
-def test_the_gain_of_a_drive_by_the_masses_of_the_urdf():
-    states = fourier_motion(ARM, 100.0, 30.0)
-    K = np.array([12.0, 0.4])
-    effort = rigid_effort(ARM, states, ROTORS) + smooth_friction(states.v)
-    motion = recorded(ARM, states, effort / K, 0.2 / K)
-    gains = drive_gains(reduce_motion(ARM, motion, 1.0), PRIOR)
-    assert gains.is_known.all()
-    assert gains.gain == pytest.approx(K, rel=0.02)
-
-
-@pytest.mark.parametrize('seed', [0, pytest.param(1, marks=pytest.mark.soak)])
-def test_errors_of_the_masses_are_in_the_deviation_and_a_known_load_removes_them(seed):
+def test_errors_of_the_masses_are_in_the_deviation_and_a_known_load_removes_them():
     """A UR10 whose bodies differ from its URDF; the second recording has a load of 5 kg."""
     arm = load_arm(robot_urdf('ur10'))
     K = np.array([13.0, 13.0, 13.0, 9.0, 9.0, 9.0])
-    true, load = changed_arm(arm, 0.2, seed), make_payload('wrist_3_link', 5.0, (0.1, 0.05, 0.1))
+    true, load = changed_arm(arm, 0.2), make_payload('wrist_3_link', 5.0, (0.1, 0.05, 0.1))
     parts, motions = [], []
     for number, loads in enumerate(([], [load])):
-        states = fourier_motion(arm, 100.0, 30.0, seed + 5 * number)
+        states = fourier_motion(arm, 100.0, 30.0, 5 * number)
         effort = rigid_effort(true.with_payloads(loads), states) + 5.0 * np.tanh(states.v / WIDTH)
-        motions.append(recorded(arm, states, effort / K, 0.3 / K, seed))
+        motions.append(recorded(arm, states, effort / K, 0.3 / K))
         parts.append(reduce_motion(
             arm.with_payloads(loads), motions[-1], 1.0, keeps_payload=True))
     alone, pair = (drive_gains(some, prior_of(arm)) for some in (parts[0], merge(parts)))
@@ -278,6 +237,8 @@ def test_gains_that_differ_are_no_torque():
         return GainEstimate(size, 0.01 * size, np.full(len(size), known), 0.01 * size)
 
     assert gains(0.05, 0.3, 2.0, 5.0).differ
+    assert gains(1.0, 1.0, 4.1, 4.1).differ  # the median of the ratios is more than 2
+    assert not gains(1.0, 1.0, 3.9, 3.9).differ
     assert not gains(1.0, 0.9, 0.1, 1.2).differ  # one wrong mass
     assert not gains(8.0, 8.5, 7.0, 9.0).differ  # one factor for all
     assert not gains(0.05, 5.0).differ  # too few joints to decide

@@ -9,32 +9,36 @@ from identification_bench import changed_arm, fourier_motion, rigid_effort, seri
 import numpy as np
 import pytest
 from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion, zero_phase
+from robot_dynamics.analysis.motion_filter import filter_motion, FilteredMotion
 from robot_dynamics.identification.pipeline import Identification, identify
 from robot_dynamics.identification.recording_agreement import far_from_urdf, gravity_ratios
 from robot_dynamics.identification.regularized_fit import Fit
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robots import arm_without_gripper, robot_urdf
 
 UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 RATE, DURATION = 125.0, 20.0
-NOISE = 0.004
-"""Deviation of the noise of the effort, by its limit."""
+
+
+def shortened(name: str) -> ArmModel:
+    """Return the arm with its first three joints; the others are locked."""
+    return load_arm(robot_urdf(name), arm_without_gripper(name).joint_names[:3])
 
 
 def recorded(name: str, urdf: str, seed: int) -> FilteredMotion:
     """Return a motion of an arm whose masses differ from its URDF, read with another URDF."""
-    arm = arm_without_gripper(name)
+    arm = shortened(name)
     states, limit = fourier_motion(arm, RATE, DURATION, seed), arm.limits.effort
     effort = rigid_effort(changed_arm(arm, 0.15), states, 0.005 * limit) + 0.02 * limit * (
         0.5 * states.v + np.tanh(states.v / 0.03))
-    noise = NOISE * limit * np.random.default_rng(seed).normal(size=effort.shape)
-    return filter_motion(series_of(arm_without_gripper(urdf), states, effort + noise))
+    noise = 0.004 * limit * np.random.default_rng(seed).normal(size=effort.shape)
+    return filter_motion(series_of(shortened(urdf), states, effort + noise))
 
 
 def identified(urdf: str, *names: str) -> Identification:
     recordings = [recorded(name, urdf, k) for k, name in enumerate(names)]
-    return identify(arm_without_gripper(urdf), recordings)
+    return identify(shortened(urdf), recordings)
 
 
 def named(found: Identification) -> list[int]:
@@ -44,25 +48,23 @@ def named(found: Identification) -> list[int]:
 
 
 @pytest.mark.parametrize(('urdf', 'names', 'odd'), [
-    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('panda', ('panda', 'panda'), []),
-    ('ur10', ('ur10', 'ur5', 'ur10'), [1]), ('ur5', ('ur3', 'ur5', 'ur5', 'ur5'), [0]),
+    ('ur10', ('ur10', 'ur10', 'ur10'), []), ('ur10', ('ur10', 'ur5', 'ur10'), [1]),
     ('ur10', ('ur5', 'ur10'), [0, 1])])
 def test_the_recording_of_another_arm_is_named(urdf, names, odd):
     assert named(identified(urdf, *names)) == odd
 
 
 @pytest.mark.parametrize(('urdf', 'name', 'is_far'), [
-    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur5', 'ur3', True), ('ur3', 'ur10', True),
-    ('default', 'default', False), ('kinova', 'kinova', False), ('panda', 'panda', False),
-    ('talos_left_arm', 'talos_left_arm', False), ('ur3', 'ur3', False), ('ur5', 'ur5', False),
-    ('ur10', 'ur10', False), ('xarm7', 'xarm7', False), ('z1', 'z1', False)])
+    ('ur5', 'ur10', True), ('ur10', 'ur5', True), ('ur10', 'ur10', False),
+    ('panda', 'panda', False), ('default', 'default', False)])
 def test_the_urdf_of_another_arm_is_named(urdf, name, is_far):
     causes = identified(urdf, name).contradictions
     assert ['another URDF' in cause for cause in causes] == [True] * is_far
 
 
+@pytest.mark.soak
 @pytest.mark.skipif(not UR10.is_dir(), reason='the recording of a UR10 is missing')
-@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True), ('ur3', True)])
+@pytest.mark.parametrize(('urdf', 'is_far'), [('ur10', False), ('ur5', True)])
 def test_the_urdf_of_another_arm_is_named_for_a_real_arm(urdf, is_far):
     read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf(urdf)))
     causes = identify(read.arm, [filter_motion(read.series)]).contradictions
@@ -77,13 +79,3 @@ def test_the_gravity_ratio_of_heavier_bodies_is_the_ratio_of_their_masses(factor
     # shoulder_pan is vertical, and the last wrist bears nothing
     assert ratios == pytest.approx(np.array([1.0, factor, factor, 1.0, 1.0, 1.0]))
     assert bool(far_from_urdf(arm.joint_names, ratios)) == (not 0.5 <= factor <= 2.0)
-
-
-def test_the_noise_is_that_within_the_band_of_the_filter():
-    arm = arm_without_gripper('ur10')
-    motion = recorded('ur10', 'ur10', 3)
-    noise = NOISE * arm.limits.effort * np.random.default_rng(3).normal(
-        size=motion.position.shape)
-    within = zero_phase(noise, motion.cutoff_hz, RATE).std(axis=0)
-    rms = np.sqrt(np.mean(motion.measured_effort**2, axis=0))
-    assert motion.effort_noise * rms == pytest.approx(within, rel=0.25)

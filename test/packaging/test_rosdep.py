@@ -3,7 +3,6 @@
 
 """rosdep, catkin_pkg and bloom with both packages; the index of rosdep is local."""
 
-from pathlib import Path
 import re
 import shlex
 import subprocess
@@ -51,10 +50,11 @@ SIMULATED = ('--simulate', '--reinstall', '--os=ubuntu:noble')
 """rosdep then prints what it would install on Ubuntu 24.04, also what is installed here."""
 
 
-@pytest.fixture
-def workspace(tmp_path: Path) -> Workspace:
+@pytest.fixture(scope='module')
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """Return a workspace whose rosdep knows KEYS and ROS_PACKAGES, and needs no network."""
-    made, index = Workspace(tmp_path), tmp_path / 'index'
+    directory = tmp_path_factory.mktemp('rosdep')
+    made, index = Workspace(directory), directory / 'index'
     (index / 'sources').mkdir(parents=True)
     (index / 'python.yaml').write_text(
         ''.join(f'{key}: {{ubuntu: [{key}]}}\n' for key in KEYS), encoding='utf-8')
@@ -64,23 +64,15 @@ def workspace(tmp_path: Path) -> Workspace:
         DISTRIBUTION.format(''.join(map(RELEASED.format, ROS_PACKAGES))))
     made.environment.update(
         AMENT_PREFIX_PATH=str(index),  # rosdep leaves out packages that it finds there
-        HOME=str(tmp_path), ROS_HOME=str(tmp_path / 'ros'), ROS_DISTRO='jazzy',
+        HOME=str(directory), ROS_HOME=str(directory / 'ros'), ROS_DISTRO='jazzy',
         ROSDEP_SOURCE_PATH=str(index / 'sources'), ROSDISTRO_INDEX_URL=f'file://{index}/index.yaml')
     updated = made.run('rosdep update --rosdistro jazzy')
     assert updated.returncode == 0, updated.stdout
     return made
 
 
-def link_interfaces(workspace: Workspace) -> None:
-    subprocess.run(shlex.split(documented('ln -s')), cwd=workspace.directory, check=True)
-
-
-@pytest.mark.parametrize('linked', [False, True])
-def test_rosdep_install_finds_every_dependency(workspace, linked):
-    command = documented('rosdep install')
-    if linked:
-        link_interfaces(workspace)
-        command = 'rosdep install --from-paths src -y --ignore-src'
+def check_installed(workspace: Workspace, command: str) -> None:
+    """Check that this command of rosdep installs all that both packages need."""
     installed = workspace.run(command, *SIMULATED)
     assert installed.returncode == 0, installed.stdout
     names = re.findall('apt-get install -y.* (.+)', installed.stdout)
@@ -88,17 +80,18 @@ def test_rosdep_install_finds_every_dependency(workspace, linked):
     assert sorted(names) == sorted([*KEYS, *expected])
 
 
-def test_rosdep_names_the_interfaces_where_only_one_path_is_given(workspace):
-    """If this fails, rosdep looks inside packages, and no command needs the second path."""
-    installed = workspace.run('rosdep install --from-paths src -y --ignore-src', *SIMULATED)
+def test_rosdep_and_catkin_pkg_find_the_interfaces_with_two_paths_or_a_link(workspace):
+    """Rosdep does not look inside packages; if it did, no command would need the second path."""
+    check_installed(workspace, documented('rosdep install'))
+    one_path = 'rosdep install --from-paths src -y --ignore-src'
+    source = str(workspace.directory / 'src')
+    installed = workspace.run(one_path, *SIMULATED)
     assert installed.returncode != 0
     assert 'Cannot locate rosdep definition for [robot_dynamics_interfaces]' in installed.stdout
-
-
-def git(directory: Path, *arguments: str) -> None:
-    subprocess.run(
-        ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *arguments],
-        cwd=directory, check=True, capture_output=True)
+    assert [package.name for package in find_packages(source).values()] == ['robot_dynamics']
+    subprocess.run(shlex.split(documented('ln -s')), cwd=workspace.directory, check=True)
+    check_installed(workspace, one_path)
+    assert {package.name for package in find_packages(source).values()} == set(PACKAGES)
 
 
 BLOOM = """
@@ -111,15 +104,10 @@ print(*names, version)
 
 def test_bloom_finds_one_package_per_path(workspace):
     """A release needs a source tree for each package: bloom does not look inside packages."""
-    git(workspace.directory, 'init', '-q', '-b', 'master')
-    git(workspace.directory, 'commit', '-q', '--allow-empty', '-m', 'release repository')
+    for command in (['init', '-q', '-b', 'master'], ['commit', '-q', '--allow-empty', '-m', 'x']):
+        subprocess.run(
+            ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *command],
+            cwd=workspace.directory, check=True, capture_output=True)
     for name, path in zip(PACKAGES, (workspace.source, workspace.source / PACKAGES[1])):
         found = workspace.run('python -c', BLOOM, str(path))
         assert re.fullmatch(rf'{name} \d+\.\d+\.\d+\n', found.stdout), found.stdout
-
-
-def test_catkin_pkg_finds_both_with_a_link(workspace):
-    source = str(workspace.directory / 'src')
-    assert [package.name for package in find_packages(source).values()] == ['robot_dynamics']
-    link_interfaces(workspace)
-    assert {package.name for package in find_packages(source).values()} == set(PACKAGES)

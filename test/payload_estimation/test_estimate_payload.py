@@ -11,7 +11,6 @@ from payload_bench import hidden_load, holds, measured, Samples
 import pytest
 from recordings import encoded, START_NS, write_recording
 from robot_dynamics.model.regressor import load_parameters
-from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
 from robot_dynamics.tools.estimate_payload import main
 from robots import robot_path
 
@@ -37,7 +36,7 @@ def options(link: str = 'tool0') -> list[str]:
 
 def test_the_load_of_a_recording(bag, capsys):
     # the model of the tool has no friction: that of the URDF
-    assert main([str(bag), *options(), '--json']) == DONE
+    assert main([str(bag), *options(), '--json']) == 0
     figures = json.loads(capsys.readouterr().out)
     truth = load_parameters(CASE.load)
     error = np.array(figures['values'][:4]) - truth[:4]
@@ -46,7 +45,7 @@ def test_the_load_of_a_recording(bag, capsys):
     assert figures['pairs'] >= 30
     assert figures['holds'] == 12
     assert max(figures['residual_by_effort']) < 0.2
-    assert main([str(bag), *options()]) == DONE
+    assert main([str(bag), *options()]) == 0
     text = capsys.readouterr().out
     for words in ('centre of mass', 'observable', 'friction cancels', 'torque constant', 'mx'):
         assert words in text
@@ -56,34 +55,23 @@ def test_the_residual_shows_a_wrong_sign(tmp_path, capsys):
     samples = holds(CASE, 6, both_sides=True)
     effort = measured(CASE, samples) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0]
     bag = record(tmp_path / 'bag', samples, effort)
-    assert main([str(bag), *options()]) == FAILED  # the load is not observable
+    assert main([str(bag), *options()]) == 1  # the load is not observable
     out = capsys.readouterr().out
     assert float(out.split('shoulder_lift_joint ')[1].split()[0]) > 100.0
     assert 'the effort has the opposite sign at shoulder_lift_joint' in out
+    assert 'not observable' in out
+    assert 'To make parameters observable:' in out
 
 
 def test_two_recordings_are_one_estimate(bag, tmp_path, capsys):
     samples = holds(CASE._replace(seed=12), 2, both_sides=True)
     other = record(tmp_path / 'bag', samples, measured(CASE._replace(seed=12), samples))
-    assert main([str(bag), str(other), *options(), '--json']) == DONE
+    assert main([str(bag), str(other), *options(), '--json']) == 0
     figures = json.loads(capsys.readouterr().out)
     assert len(figures['recordings']) == 2
     assert figures['holds'] == 12 + 4
     assert figures['values'][0] == pytest.approx(
         CASE.load.mass, abs=4.0 * figures['deviations'][0])
-
-
-def test_one_hold_does_not_suffice(tmp_path, capsys):
-    samples = holds(CASE, 1, both_sides=False)
-    t = np.arange(100) / 25.0
-    still = samples._replace(
-        t=t, **{name: np.repeat(getattr(samples, name)[-1:], 100, axis=0)
-                for name in ('q', 'v', 'a', 'rest')})
-    path = record(tmp_path / 'bag', still, measured(CASE, still))
-    assert main([str(path), *options()]) == FAILED
-    text = capsys.readouterr().out
-    assert 'not observable' in text
-    assert 'To make parameters observable:' in text
 
 
 def test_mistakes_are_reported_in_one_line(bag, tmp_path, capsys):
@@ -93,5 +81,5 @@ def test_mistakes_are_reported_in_one_line(bag, tmp_path, capsys):
             ([str(bare), *options()], 'the recording has no effort'),
             ([str(bag), *options(), '--cutoff', '90'], 'cutoff is 90 Hz, expected at most'),
             ([str(tmp_path / 'nowhere'), *options()], 'does not exist')):
-        assert main(arguments) == MISTAKE
+        assert main(arguments) == 2
         assert words in capsys.readouterr().err

@@ -3,7 +3,7 @@
 
 """Arms with wrong torque constants, offsets and dry friction, and their static holds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -68,8 +68,7 @@ def exact_drives(arm: ArmModel, seed: int = 0) -> HiddenDrives:
 def noisy_drives(arm: ArmModel, seed: int) -> HiddenDrives:
     """Return `exact_drives` with noise, and friction that does not cancel exactly."""
     drives = exact_drives(arm, seed)
-    return HiddenDrives(
-        arm, drives.scale, drives.offset, drives.friction, 2e-4 * drives.limit, 0.1)
+    return replace(drives, noise=2e-4 * drives.limit, remainder=0.1)
 
 
 def poses_of(arm: ArmModel, count: int = 12) -> FloatArray:
@@ -82,35 +81,24 @@ def load_on(name: str, mass: float, com=(0.03, 0.02, 0.1)):
     return make_payload(TOOL_LINKS[name], mass, com)
 
 
-class HoldRecording:
+def record_holds(
+    path: Path, drives: HiddenDrives, positions: FloatArray, arm: ArmModel | None = None,
+) -> Path:
     """
-    The joint states of a driver that approaches each position from both sides, and rests there.
+    Write the joint states, at 50 Hz, of a driver that rests for 2 s in each position.
 
-    Positions move linearly from position ± 0.1 to the position, and rest for `seconds`. Dry
-    friction has the sign of the last motion.
+    It approaches each position from both sides, linearly from position ± 0.1. Dry friction has
+    the sign of the last motion.
     """
-
-    def __init__(
-        self, drives: HiddenDrives, positions: FloatArray, arm: ArmModel | None = None,
-        rate: float = 50.0, seconds: float = 2.0, seed: int = 0,
-    ) -> None:
-        self.names = drives.arm.joint_names
-        rng = np.random.default_rng(seed)
-        at, dry = [], []
-        for q in positions:
-            for direction in (1, -1):
-                way = np.linspace(q - 0.1 * direction, q, int(rate))
-                at.append(np.concatenate([way, np.tile(q, (int(rate * seconds), 1))]))
-                part = 1.0 - drives.remainder * rng.uniform(size=len(q))
-                dry.append(np.tile(direction * part * drives.friction, (len(at[-1]), 1)))
-        self.q = np.concatenate(at)
-        torque = RigidBody(arm or drives.arm).gravity_batch(self.q) + np.concatenate(dry)
-        noise = drives.noise * rng.normal(size=self.q.shape)
-        self.effort = torque / drives.scale + drives.offset + noise
-        self.stamps_ns = START_NS + np.round(
-            1e9 / rate * np.arange(len(self.q))).astype(np.int64)
-
-    def write(self, path: Path) -> Path:
-        """Write a recording; return its path."""
-        return write_recording(
-            path, encoded(self.stamps_ns, self.names, self.q, None, self.effort))
+    rng = np.random.default_rng(0)
+    at, dry = [], []
+    for q in positions:
+        for direction in (1, -1):
+            way = np.linspace(q - 0.1 * direction, q, 50)
+            at.append(np.concatenate([way, np.tile(q, (100, 1))]))
+            dry.append(np.tile(direction * drives.friction, (len(at[-1]), 1)))
+    q = np.concatenate(at)
+    torque = RigidBody(arm or drives.arm).gravity_batch(q) + np.concatenate(dry)
+    effort = torque / drives.scale + drives.offset + drives.noise * rng.normal(size=q.shape)
+    stamps_ns = START_NS + 20_000_000 * np.arange(len(q))
+    return write_recording(path, encoded(stamps_ns, drives.arm.joint_names, q, None, effort))

@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from identification_bench import fourier_motion, series_of
+from identification_bench import fourier_motion, series_of, States
 import numpy as np
 from robot_dynamics.analysis.motion_filter import filter_motion_below
 from robot_dynamics.joints.friction import make_friction
@@ -21,7 +21,6 @@ RATE, CUTOFF = 25.0, 5.0
 """Rate and cut-off frequency of the filtered samples [Hz]."""
 NOISE, FRICTION = 0.004, 0.01
 """Deviation of the filtered effort noise, and dry friction, relative to the effort limits."""
-LARGEST_MASS = 5.0
 SEEDED_CASES = 200
 """Cases per kind of data in tests of the coverage, divided among the robots."""
 FIRST_SEED = 6000
@@ -58,7 +57,7 @@ def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
     limit = effort_limit(arm)
     arm = arm.with_friction(make_friction(
         arm.joint_names, viscous=0.5 * friction * limit, coulomb=friction * limit))
-    mass = rng.uniform(0.0, LARGEST_MASS)
+    mass = rng.uniform(0.0, 5.0)
     half = rng.uniform(0.03, 0.1, 3)  # of a box
     inertia = mass / 3.0 * np.diag(half @ half - half**2)
     com = rng.uniform(-0.1, 0.1, 3)
@@ -67,18 +66,13 @@ def hidden_load(name: str, seed: int, friction: float = FRICTION) -> Case:
     return Case(arm, LINKS[name], make_payload(LINKS[name], mass, com, inertia), seed)
 
 
-def poses(arm: ArmModel, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Return random positions (count, n), away from the limits."""
-    low, high = np.maximum(arm.limits.lower, -2.5), np.minimum(arm.limits.upper, 2.5)
-    return low + (high - low) * rng.uniform(0.2, 0.8, (count, arm.joint_count))
-
-
 def holds(case: Case, count: int, both_sides: bool) -> Samples:
-    """Return holds in random poses, approached from one or both directions."""
+    """Return holds in random poses within the limits, approached from one or both directions."""
     rng = np.random.default_rng(case.seed + 10_000)
     n, band = case.arm.joint_count, case.arm.friction.static
+    low, high = np.clip([case.arm.limits.lower, case.arm.limits.upper], -2.5, 2.5)
     at, q, rest = np.zeros(n), [], []
-    for pose in poses(case.arm, count, rng):
+    for pose in low + (high - low) * rng.uniform(0.2, 0.8, (count, n)):
         sides = (-1.0, 1.0) if both_sides else (rng.choice([-1.0, 1.0]),)
         for side in sides:
             for goal in (pose + 0.3 * side, pose):
@@ -89,19 +83,23 @@ def holds(case: Case, count: int, both_sides: bool) -> Samples:
             size = rng.uniform(0.8, 1.0, n) * -side if both_sides else rng.uniform(-1.0, 1.0, n)
             q.append(np.tile(pose, (int(SECONDS * RATE), 1)))
             rest.append(np.tile(band * size, (int(SECONDS * RATE), 1)))
-    position = np.concatenate(q)
-    v = np.gradient(position, 1.0 / RATE, axis=0)
-    v[~np.isnan(np.concatenate(rest))] = 0.0
-    a = np.gradient(v, 1.0 / RATE, axis=0)
-    a[~np.isnan(np.concatenate(rest))] = 0.0
-    return Samples(np.arange(len(position)) / RATE, position, v, a, np.concatenate(rest))
+    position, friction = np.concatenate(q), np.concatenate(rest)
+    moves = np.isnan(friction)
+    v = moves * np.gradient(position, 1.0 / RATE, axis=0)
+    a = moves * np.gradient(v, 1.0 / RATE, axis=0)
+    return Samples(np.arange(len(position)) / RATE, position, v, a, friction)
+
+
+def held_by(case: Case, samples: Samples) -> np.ndarray:
+    """Return the effort (m, n) that the load needs at rest."""
+    zero = np.zeros_like(samples.q)
+    return np.asarray(
+        LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load))
 
 
 def sagging(case: Case, samples: Samples) -> Samples:
     """Return holds in which every joint yields slowly to the load, against dry friction."""
-    still = ~np.isnan(samples.rest[:, 0])
-    zero = np.zeros_like(samples.q)
-    load = LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load)
+    still, load = ~np.isnan(samples.rest[:, 0]), held_by(case, samples)
     q, v, rest = samples.q.copy(), samples.v.copy(), samples.rest.copy()
     begins = np.flatnonzero(still & ~np.r_[False, still[:-1]])
     for begin in begins.tolist():
@@ -117,9 +115,7 @@ def sagging(case: Case, samples: Samples) -> Samples:
 
 def with_compensated_friction(case: Case, samples: Samples) -> Samples:
     """Return holds in which the controller compensates friction in the direction of the sag."""
-    zero = np.zeros_like(samples.q)
-    load = LoadRegressor(case.arm, case.link)(samples.q, zero, zero) @ load_parameters(case.load)
-    push = 0.45 * case.arm.friction.static * np.sign(load)
+    push = 0.45 * case.arm.friction.static * np.sign(held_by(case, samples))
     return samples._replace(rest=0.55 * samples.rest + push)
 
 
@@ -128,9 +124,9 @@ def samples_of(case: Case, kind: str) -> Samples:
     return motion(case, 20.0) if kind == 'motion' else holds(case, 8, kind == 'pairs')
 
 
-def motion(case: Case, seconds: float) -> Samples:
+def motion(case: Case, seconds: float, rate: float = RATE) -> Samples:
     """Return a sum of sines."""
-    states = fourier_motion(case.arm, RATE, seconds, case.seed)
+    states = fourier_motion(case.arm, rate, seconds, case.seed)
     return Samples(states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
 
 
@@ -164,17 +160,15 @@ def estimated(
 
 def estimated_from_raw_samples(case: Case, seconds: float) -> PayloadEstimate:
     """Return the estimate from a motion with white noise at 200 Hz, as it is recorded."""
-    states = fourier_motion(case.arm, 200.0, seconds, case.seed)
-    samples = Samples(
-        states.times, states.q, states.v, states.a, np.full(states.q.shape, np.nan))
+    samples = motion(case, seconds, 200.0)
     rng = np.random.default_rng(case.seed + 30_000)
     effort = measured(case, samples, noise=0.0)
     effort += 0.01 * effort_limit(case.arm) * rng.normal(size=effort.shape)
-    motion = filter_motion_below(series_of(case.arm, states._replace(
-        q=states.q + 2e-5 * rng.normal(size=effort.shape),
-        v=states.v + 1e-3 * rng.normal(size=effort.shape)), effort), CUTOFF)
-    estimator = PayloadEstimator(case.arm, case.link, motion.cutoff_hz)
-    add_motion(estimator, motion)
+    filtered = filter_motion_below(series_of(case.arm, States(
+        samples.t, samples.q + 2e-5 * rng.normal(size=effort.shape),
+        samples.v + 1e-3 * rng.normal(size=effort.shape), samples.a), effort), CUTOFF)
+    estimator = PayloadEstimator(case.arm, case.link, filtered.cutoff_hz)
+    add_motion(estimator, filtered)
     return estimator.estimate()
 
 

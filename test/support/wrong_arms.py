@@ -19,7 +19,7 @@ from robot_dynamics.model.external_wrench import Wrenches
 from robot_dynamics.model.regressor import inertial_parameters, parameter_names
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from robots import arm_without_gripper
+from robots import arm_without_gripper, effort_limit
 
 ARMS = ('default', 'ur10', 'panda', 'z1', 'xarm7', 'kinova')
 RATE = 250.0
@@ -33,15 +33,12 @@ BAND = 5.0
 """Band [Hz] in which the uncertainty states the noise, which is white."""
 SPEED = 2.0
 """[rad/s] of joints without a velocity limit."""
-EFFORT = 50.0
-"""[N·m] of joints without an effort limit."""
 
 
 def model_arm(name: str) -> ArmModel:
     """Return the model: an arm with friction and the uncertainty of its masses and friction."""
     arm = arm_without_gripper(name)
-    limit = np.where(np.isfinite(arm.limits.effort) & (arm.limits.effort > 0.0),
-                     arm.limits.effort, EFFORT)
+    limit = effort_limit(arm)
     speed = np.where(np.isfinite(arm.limits.velocity) & (arm.limits.velocity > 0.0),
                      arm.limits.velocity, SPEED)
     arm = arm.with_reflected_inertia(ROTOR * limit)
