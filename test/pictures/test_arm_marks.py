@@ -45,15 +45,9 @@ def test_the_head_of_an_arc_ends_at_its_tip_and_points_onward():
         npt.assert_allclose(tip, line[-4])
         onward = tip - 0.5 * (one + other)
         assert onward @ (line[-4] - line[-5]) > 0.0
-
-
-def test_no_effort_has_no_head():
-    for place in (PLACE, PLACE._replace(slides=True)):
+    for place in (PLACE, PLACE._replace(slides=True)):  # no effort has no head
         npt.assert_allclose(np.ptp(effort_line(place, 0.0, 0.2), axis=0), 0.0, atol=1e-12)
-
-
-def test_an_effort_far_beyond_its_limit_does_not_wind_up():
-    arc = effort_line(PLACE, 50.0, 0.2)[:-3]
+    arc = effort_line(PLACE, 50.0, 0.2)[:-3]  # does not wind up
     assert sum(turns(arc, PLACE)) == pytest.approx(1.2 * 1.5 * np.pi)
 
 

@@ -226,21 +226,17 @@ def test_mistakes_are_reported_in_one_line(tmp_path, monkeypatch, capsys, argume
     ([-11.0, 8.0, 1.0, 12.0], 10.0, Grade.BAD, 'above the limit at 50.0 % of the positions'),
     ([1.0, 2.0], np.inf, Grade.UNKNOWN, 'no effort limit'),
 ])
-def test_the_verdict_on_an_effort(values, limit, grade, words):
+def test_the_verdict_on_an_effort_or_an_inertia(values, limit, grade, words):
     found = panel_verdict(MapPanel('Effort', np.array([values]), 'N·m', True, limit))
     assert found.grade is grade
     assert words in found.text
-
-
-def test_the_verdict_on_an_inertia():
     grades = [panel_verdict(MapPanel('Inertia', np.array([[1.0, high]]), 'kg·m²', False)).grade
               for high in (2.9, 3.1)]
     assert grades == [Grade.GOOD, Grade.CHECK]
 
 
-@pytest.mark.parametrize('what', ['gravity', 'workspace'])
-def test_the_report_of_a_map(tmp_path, capsys, what):
-    path = tmp_path / 'map.html'
+def test_the_report_of_a_map(tmp_path, capsys):
+    path, what = tmp_path / 'map.html', 'workspace'
     assert main([what, '--payload', '3', '--samples', '21', '-o', str(path)]) == 0
     assert capsys.readouterr().out.startswith(f'{path}: ')
     page = ReportPage(path.read_text(encoding='utf-8'))
