@@ -117,7 +117,7 @@ def points_in(text, points):
     return np.all(np.abs(turned) < 0.5 * size, axis=1)
 
 
-@pytest.mark.parametrize(('joint', 'limit'), [(0, 40.0), (0, np.inf), (1, 30.0)])
+@pytest.mark.parametrize(('joint', 'limit'), [(0, 40.0), (1, 30.0)])
 def test_labels_cross_no_line_and_no_hatched_area(joint, limit):
     grid = make_grid(DEFAULT)
     values = gravity_efforts(DEFAULT, grid)[..., joint]
@@ -167,11 +167,10 @@ def test_angles_are_named_as_fractions_of_pi(low, high, places):
 # --- the tool ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('arguments', 'said'), [
-    (['gravity', '--payload', '8'], 'Effort at joint1 from -207 to 207 N·m'),
-    (['inertia'], r'Inertia at joint2 from 0\.53 to 0\.53 kg·m²'),
-    (['motion', '--velocity', '0.5', '0.3', '--acceleration', '0.1', '0.2', '--pose', '1', '1'],
-     'Effort at joint2 from '),
-    (['workspace', '--payload', '8'], '% of the positions tried can be held'),
+    (['gravity', '--payload', '8', '--samples', '21'], 'Effort at joint1 from -207 to 207 N·m'),
+    (['inertia', '--samples', '15'], r'Inertia at joint2 from 0\.53 to 0\.53 kg·m²'),
+    (['motion', '--velocity', '0.5', '0.3', '--acceleration', '0.1', '0.2', '--pose', '1', '1',
+      '--samples', '15'], 'Effort at joint2 from '),
     (['--urdf', 'PANDA', '--joints', 'panda_joint2', 'panda_joint4', '--at', 'panda_joint1',
       'panda_joint2', 'panda_joint4', 'panda_finger_joint1', '--samples', '15'],
      'Effort at panda_finger_joint1 from .* N'),
@@ -238,7 +237,9 @@ def test_the_verdict_on_an_effort_or_an_inertia(values, limit, grade, words):
 def test_the_report_of_a_map(tmp_path, capsys):
     path, what = tmp_path / 'map.html', 'workspace'
     assert main([what, '--payload', '3', '--samples', '21', '-o', str(path)]) == 0
-    assert capsys.readouterr().out.startswith(f'{path}: ')
+    out = capsys.readouterr().out
+    assert out.startswith(f'{path}: ')
+    assert '% of the positions tried can be held' in out
     page = ReportPage(path.read_text(encoding='utf-8'))
     assert page.is_complete
     assert len(page.links) == 1

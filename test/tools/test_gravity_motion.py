@@ -142,6 +142,7 @@ def calibrate(poses: Path, bag: Path, output: Path, *options: str) -> int:
 
 # --- the whole sequence --------------------------------------------------------------------------
 
+@pytest.mark.soak
 def test_the_tool_calibrates_with_a_weight(request_of, client, monkeypatch, capsys, tmp_path):
     first, second = bags = [tmp_path / 'bag', tmp_path / 'bag-with-weight']
     output = tmp_path / 'calibrated.yaml'
