@@ -21,7 +21,15 @@ import pytest
 from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    UNHURRIED,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
@@ -32,7 +40,7 @@ from verb_bench import assert_refused, finish, first_line, PROGRAM, start
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS),
+            NodeProcess(DYNAMICS, {'scale_gains': False}),  # the stiffness is that of the formula
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}),
             NodeProcess(DYNAMICS, namespace='/idle')):
@@ -142,6 +150,7 @@ def during_the_motion(ros: RosClient, act: Callable[[], object]) -> Iterator[Non
         ros.wait_for(JointState, '/dynamics/reference', lambda state: any(state.velocity))
         act()
 
+    ros.wait_for(JointState, '/dynamics/reference', lambda state: not any(state.velocity))
     with ThreadPoolExecutor(1) as pool:
         done = pool.submit(wait_and_act)
         yield
@@ -162,12 +171,13 @@ def test_a_motion_that_is_stopped_or_replaced(ask, ros):
     assert 'another goal has replaced this one: [0.25, 0.25]\n' in err
 
 
-def test_a_motion_without_further_joint_states_ends():
-    with running(NodeProcess(DYNAMICS, namespace='/cut')):
+def test_a_motion_without_further_joint_states_ends(ros):
+    with running(NodeProcess(DYNAMICS, UNHURRIED, namespace='/cut')):
         with running(NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace='/cut')):
             process = start(
                 'move', '-0.5', '-0.5', '--duration', '600', node='/cut/dynamics')
             assert '0 %' in first_line(process)
+        ros.set_parameters('/cut/dynamics', {'state_timeout': 0.1})
         status, out, err = finish(process)
     assert (status, out) == (1, '')
     assert 'the motion ended early: fault state_timeout' in err
@@ -284,7 +294,7 @@ def test_known_friction_can_hold_an_error_and_rotors_count_in_the_check(ask):
             'effort="60.0"', 'effort="9999.0"')}
     assert 'effort="9999.0"' in str(parameters['robot_description'])
     with (NodeProcess(SIMULATED_ARM, parameters, namespace='/rubs'),
-          NodeProcess(DYNAMICS, parameters, namespace='/rubs'),
+          NodeProcess(DYNAMICS, {**parameters, 'scale_gains': False}, namespace='/rubs'),
           DynamicsClient('/rubs/dynamics', TIMEOUT) as client):
         def at_rest() -> Any:
             return json.loads(ask('status', '--json', client=client)[1])['at_rest']
