@@ -173,7 +173,8 @@ def test_a_motion_that_is_stopped_or_replaced(ask, ros):
 
 def test_a_motion_without_further_joint_states_ends(ros):
     with running(NodeProcess(DYNAMICS, UNHURRIED, namespace='/cut')):
-        with running(NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace='/cut')):
+        with running(NodeProcess(
+                SIMULATED_ARM, {'rate': 200.0, 'command_timeout': 0.0}, namespace='/cut')):
             process = start(
                 'move', '-0.5', '-0.5', '--duration', '600', node='/cut/dynamics')
             assert '0 %' in first_line(process)

@@ -32,8 +32,9 @@ def test_move_without_the_action(without_control_msgs, ask, side):
     node = NodeProcess(
         DYNAMICS, namespace=namespace,
         environment=without_control_msgs if side == 'node' else None)
-    with running(node, NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace=namespace)), \
-            DynamicsClient(f'{namespace}/dynamics', TIMEOUT) as client:
+    arm = NodeProcess(SIMULATED_ARM, {
+        'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}, namespace=namespace)
+    with running(node, arm), DynamicsClient(f'{namespace}/dynamics', TIMEOUT) as client:
         def move(*words: str) -> tuple[int, str, str]:
             if side == 'node':
                 return ask('move', *words, client=client)
