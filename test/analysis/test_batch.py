@@ -14,7 +14,7 @@ from robot_dynamics.analysis.arm_recording import AnalysisSettings
 from robot_dynamics.analysis.batch import run_tasks, task_key
 from robot_dynamics.analysis.result_store import load_result, save_result
 from robot_dynamics.analysis.tasks import AnalysisTask
-from robot_dynamics.exceptions import MissingDependencyError
+from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
 from robot_dynamics.reporting.html_page import Origin
 import tasks
 
@@ -203,6 +203,12 @@ def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
     assert [outcome.result and outcome.result['size'] for outcome in outcomes] == [3, None, 5]
     assert len(reported) == 3
     assert [outcome.resumed for outcome in again] == [True, False, True]
+
+
+def test_a_missing_scheduler_is_reported(bags, configuration):
+    pytest.importorskip('distributed')
+    with pytest.raises(RobotDynamicsError, match='no-such-scheme'):
+        run_tasks(tasks.measure, bags('one'), configuration, dask='no-such-scheme://here')
 
 
 @pytest.mark.parametrize(('library', 'call'), [

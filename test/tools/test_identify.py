@@ -291,7 +291,6 @@ def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
     (['BAG', '--train-fraction', '0.05'], 'samples for training together, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
-    (['BAG', '--dask', 'no-such-scheme://here'], 'no-such-scheme'),
     (['BAG', '--payload', 'tool'], 'expected LINK=KG'),
     (['BAG', '--train-fraction', '2'], 'a number in [0.001, 1]'),
     (['BAG', '--jobs', '0'], 'at least 1'),
