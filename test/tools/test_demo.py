@@ -213,7 +213,7 @@ def test_replay_of_its_own_recording(closed_loop, tmp_path):
     """The model is the one that made the motion: the recording contains its description."""
     recorded, _, _ = closed_loop
     status, out, err = run_demo(
-        tmp_path, '--replay', recorded / 'recording', '--duration', 1, '--out', 'here')
+        tmp_path, '--replay', recorded / 'recording', '--out', 'here')
     assert status == 0, out + err
     assert max(relative_residuals(out).values()) < 10.0
     page = ReportPage((tmp_path / 'here' / 'report.html').read_text(encoding='utf-8'))
