@@ -77,6 +77,9 @@ def texts(*values: float) -> list[str]:
     ('0.1 -0.2', [0.1, -0.2]), ('b=1e-3 a=-2', [-2.0, 1e-3])])
 def test_joint_values(typed, values):
     assert joint_values('position', typed.split(), ['a', 'b']) == values
+
+
+def test_joints_left_out_have_the_rest():
     assert joint_values('velocity', ['b=3'], ['a', 'b'], 0.0) == [0.0, 3.0]
 
 
@@ -168,6 +171,9 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask):
     status, out, _ = ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert (status, out) == (0, f"/dynamics: 2.5 kg on 'tool0'{START}\n")
     assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
+    assert ask('payload', 'tool0', '1')[1] == (
+        f"/dynamics: 1 kg on 'tool0' (replaces 2.5 kg on 'tool0'){START}\n")
+    ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
     assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
     out = ask('payload', 'link2', '1')[1]
@@ -178,9 +184,9 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask):
     assert [(one['link'], one['mass']) for one in status['payloads']] == [
         ('tool0', 2.5), ('link2', 1.0)]
     assert status['payload']['link'] == 'link2'
-    assert ask('payload', 'tool0', '0')[1] == f"/dynamics: 1 kg on 'link2'{START}\n"
-    assert ask('payload', 'link2', '2')[1] == (
-        f"/dynamics: 2 kg on 'link2' (replaces 1 kg on 'link2'){START}\n")
+    assert ask('payload', 'tool0', '0')[1] == (
+        f"/dynamics: 1 kg on 'link2'{START}\n")
+    assert json.loads(ask('payload', '--json')[1])['payloads'][0]['link'] == 'link2'
     assert ask('payload', '--clear')[1] == f'/dynamics: no payload{START}\n'
     assert json.loads(ask('payload', '--json')[1])['payloads'] == []
     assert gravity() == pytest.approx(without)
@@ -248,11 +254,13 @@ def test_the_command_by_itself(capsys):
 
 
 @pytest.mark.parametrize(('words', 'said'), [
+    (['inverse', '0.1'], 'position has 1 value, expected 2: joint1, joint2'),
     (['equation', '0.1', '0.2', '-v', 'joint3=1'], "velocity has joint 'joint3', expected one of"),
     (['payload', 'tool0'], "LINK is 'tool0' without a MASS"),
     (['estimate_payload', 'tool0', '--apply'], "LINK is 'tool0' together with --apply"),
     (['estimate_payload', 'hand'], "link is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' together with --clear"),
+    (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
 ])
 def test_a_refusal_is_one_line(ask, words, said):
@@ -263,7 +271,9 @@ def test_a_refusal_is_one_line(ask, words, said):
 
 @pytest.mark.parametrize(('line', 'offered'), [
     ('dynamics ', set(VERBS)),
+    ('dynamics inverse --node /lift/dynamics ', {'rail=', 'elbow='}),
     ('dynamics inverse --node /lift/dynamics rail=1 ', {'elbow='}),
+    ('dynamics move --node /lift/dynamics ', {'rail=', 'elbow='}),
     ('dynamics record --node /lift/dynamics /lift/dynamics/com',
      {'/lift/dynamics/commands', '/lift/dynamics/computed_torque'}),
     ('dynamics payload --node /lift/dynamics ', {'base', 'carriage', 'arm'}),
