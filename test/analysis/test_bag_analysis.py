@@ -56,14 +56,13 @@ def test_the_right_model_explains_a_noise_free_recording(known):
         analysis.residual, analysis.measured - analysis.terms.effort, atol=1e-12)
 
 
-@pytest.mark.parametrize('velocity', [True, False])
-def test_positions_that_wrap_change_nothing(tmp_path, velocity):
+def test_positions_that_wrap_change_nothing(tmp_path):
     """The arm swings about its rest pose, where a position within ±π steps by 2π."""
     straight, wrapped = (
         analyze_recording(write_recording(tmp_path / name, HANGING.messages(
-            velocity=velocity, wrapped=name == 'wrapped')), SETTINGS)
+            velocity=False, wrapped=name == 'wrapped')), SETTINGS)
         for name in ('straight', 'wrapped'))
-    assert (wrapped.statistics.relative < (2e-3 if velocity else 2e-2)).all()
+    assert (wrapped.statistics.relative < 2e-2).all()
     assert wrapped.motion.differentiated == ()
     assert wrapped.motion.cutoff_hz == straight.motion.cutoff_hz
     assert wrapped.statistics.relative == pytest.approx(straight.statistics.relative, rel=1e-6)
@@ -106,11 +105,6 @@ def test_joints_of_other_names_are_mapped_in_either_order(tmp_path, pair):
     assert (analysis.statistics.relative < 2e-3).all()
 
 
-def test_a_map_that_fits_no_joint_is_refused(known):
-    with pytest.raises(InvalidInputError, match=r"--map x=joint1.*\['joint1', 'joint2'\]"):
-        analyze_recording(known, AnalysisSettings(URDF, joint_map=(('x', 'joint1'),)))
-
-
 def test_joints_that_were_not_recorded_are_locked_and_reported(tmp_path):
     analysis = analyze_recording(
         recorded(tmp_path, states(('joint1', 'gripper'))), SETTINGS)
@@ -145,9 +139,8 @@ def test_the_description_in_the_recording_is_used(tmp_path, known):
         analyze_recording(known, AnalysisSettings())
 
 
-@pytest.mark.parametrize('braked', [slice(0, 100), slice(500, 600), slice(-100, None)])
-def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
-    tau = MOTION.tau.copy()
+def test_samples_with_brakes_are_excluded_and_reported(tmp_path):
+    tau, braked = MOTION.tau.copy(), slice(500, 600)
     tau[braked] = 0.0
     analysis = analyze_recording(recorded(tmp_path, states(tau=tau)), SETTINGS)
     assert any('left out: 100 samples with zero effort' in remark
@@ -158,10 +151,13 @@ def test_samples_with_brakes_are_excluded_and_reported(tmp_path, braked):
 
 def test_noise_of_a_damaged_file_is_excluded_and_reported(tmp_path):
     v = MOTION.v.copy()
-    v[400, 1] = 1e6
+    v[400, 1] = 101.0  # more than ten times the limit, 10 rad/s
     analysis = analyze_recording(recorded(tmp_path, states(v=v)), SETTINGS)
     assert any('1 sample beyond the limits' in remark for remark in analysis.recording.remarks)
     assert (analysis.statistics.relative < 2e-3).all()
+    v[400, 1] = 99.0
+    analysis = analyze_recording(recorded(tmp_path / 'less', states(v=v)), SETTINGS)
+    assert not any('beyond the limits' in remark for remark in analysis.recording.remarks)
 
 
 # --- the meaning of the effort -------------------------------------------------------------------

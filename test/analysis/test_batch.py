@@ -205,7 +205,7 @@ def test_a_dask_cluster_gives_the_same(bags, configuration, tmp_path):
     assert [outcome.resumed for outcome in again] == [True, False, True]
 
 
-def test_a_missing_scheduler_and_a_missing_library_are_reported(bags, configuration):
+def test_a_missing_scheduler_is_reported(bags, configuration):
     pytest.importorskip('distributed')
     with pytest.raises(RobotDynamicsError, match='no-such-scheme'):
         run_tasks(tasks.measure, bags('one'), configuration, dask='no-such-scheme://here')

@@ -71,46 +71,38 @@ def effort_of(arm=TRUE, states=STATES):
         0.5 * states.v + np.tanh(states.v / 0.03))
 
 
-def late(seconds):
-    return np.stack([np.interp(STATES.times - seconds, STATES.times, column)
-                     for column in effort_of().T], axis=1)
-
-
 def filtered(effort, states=STATES):
     return filter_motion(series_of(ARM, states, effort + NOISE))
 
 
 AT_REST = STATES._replace(v=0.0 * STATES.v, a=0.0 * STATES.a)
-CASES = {
-    'opposite sign at elbow_joint': SIGNS * effort_of(),
-    'opposite sign at all joints': -effort_of(),
-    'lacks gravity': effort_of() - rigid_effort(TRUE, AT_REST),
-    'base is tilted by 1': effort_of(TRUE.with_gravity((-2.54, 0.0, -9.48))),
-    r'changes by \+[\d.]+ kg after about (8|9|1[0-2])': np.where(
-        STATES.times[:, np.newaxis] > 10.0, effort_of(TRUE.with_payloads([LOAD])), effort_of()),
-}
+LOADED = np.where(
+    STATES.times[:, np.newaxis] > 10.0, effort_of(TRUE.with_payloads([LOAD])), effort_of())
+CONSTANTS = np.random.default_rng(0).uniform(0.7, 1.4, 6)
+CASES = [
+    ('opposite sign at elbow_joint', SIGNS * effort_of(), STATES),
+    ('opposite sign at all joints', -effort_of(), STATES),
+    ('lacks gravity', effort_of() - rigid_effort(TRUE, AT_REST), STATES),
+    ('base is tilted by 1', effort_of(TRUE.with_gravity((-2.54, 0.0, -9.48))), STATES),
+    (r'changes by \+[\d.]+ kg after about (8|9|1[0-2])', LOADED, STATES),
+    (r'shoulder_lift_joint is \+[12]\.?\d* ° too large', effort_of(),
+     STATES._replace(q=STATES.q + OFFSET)),
+    ('effort in mA', 60.0 * CONSTANTS * effort_of(), STATES),
+    ('effort in mA', 1000.0 * CONSTANTS * effort_of(), STATES)]
 
 
-@pytest.mark.parametrize('words', CASES)
-def test_a_cause_is_named(words):
-    found = find_contradictions(ARM, filtered(CASES[words]))
+@pytest.mark.parametrize(('words', 'effort', 'states'), CASES)
+def test_a_cause_is_named(words, effort, states):
+    found = find_contradictions(ARM, filtered(effort, states))
     assert not found.delay
-    assert len(found.causes) == 1
-    assert re.search(words, found.causes[0])
+    (cause,) = found.causes
+    assert re.search(words, cause)
 
 
-def test_the_offset_of_an_encoder_is_named():
-    motion = filtered(effort_of(), STATES._replace(q=STATES.q + OFFSET))
-    causes = find_contradictions(ARM, motion).causes
-    assert len(causes) == 1
-    assert re.search(r'shoulder_lift_joint is \+[12]\.?\d* ° too large', causes[0])
-
-
-@pytest.mark.parametrize('seed', range(3))
-def test_the_offset_of_an_encoder_of_a_light_arm_is_named(seed):
-    arm, states = load_arm(robot_urdf('ur3')), fourier_motion(ARM, 125.0, 30.0, seed)
-    effort = rigid_effort(changed_arm(arm, 0.15, seed), states, 0.1) + np.tanh(states.v / 0.03)
-    noise = 0.2 * np.random.default_rng(seed).normal(size=effort.shape)
+def test_the_offset_of_an_encoder_of_a_light_arm_is_named():
+    arm, states = load_arm(robot_urdf('ur3')), fourier_motion(ARM, 125.0, 30.0, 1)
+    effort = rigid_effort(changed_arm(arm, 0.15, 1), states, 0.1) + np.tanh(states.v / 0.03)
+    noise = 0.2 * np.random.default_rng(1).normal(size=effort.shape)
     read = series_of(arm, states._replace(q=states.q + OFFSET), effort + noise)
     causes = find_contradictions(arm, filter_motion(read)).causes
     assert len(causes) == 1
@@ -144,14 +136,9 @@ def planar_causes(seed, tilted, has_gravity=True):
     return find_contradictions(arm, filter_motion(series_of(arm, states, effort + noise))).causes
 
 
-@pytest.mark.parametrize('seed', range(4))
-def test_a_tilted_base_of_a_planar_arm_is_no_other_unit(seed):
-    causes = planar_causes(seed, tilted=True)
-    assert not any('mA' in cause for cause in causes)
-
-
-def test_an_offset_of_an_encoder_may_be_a_tilted_base():
-    (cause,) = planar_causes(1, tilted=True)
+def test_a_tilted_base_of_a_planar_arm_is_no_other_unit():
+    assert not any('mA' in cause for cause in planar_causes(0, tilted=True))
+    (cause,) = planar_causes(1, tilted=True)  # cannot be distinguished
     assert 'position of joint1' in cause
     assert 'or a tilted base' in cause
 
@@ -159,14 +146,6 @@ def test_an_offset_of_an_encoder_may_be_a_tilted_base():
 def test_a_third_of_gravity_is_none():
     (cause,) = planar_causes(1, tilted=False, has_gravity=False)
     assert 'lacks gravity' in cause
-
-
-@pytest.mark.parametrize('unit', [60.0, 1000.0])
-def test_another_unit_of_the_effort_is_named(unit):
-    constants = unit * np.random.default_rng(0).uniform(0.7, 1.4, 6)
-    motion = filter_motion(series_of(ARM, STATES, constants * (effort_of() + NOISE)))
-    (cause,) = find_contradictions(ARM, motion).causes
-    assert 'effort in mA' in cause
 
 
 def test_positions_and_velocities_in_degrees_contradict_the_effort_of_joints_without_limits():
@@ -182,9 +161,11 @@ def test_positions_and_velocities_in_degrees_contradict_the_effort_of_joints_wit
         arm, filter_motion(series_of(arm, many_turns, effort))) == (0.0, ())
 
 
-@pytest.mark.parametrize('seconds', [0.05, 0.2])
-def test_a_delay_is_found_and_removed(seconds):
-    motion = filtered(late(seconds))
+def test_a_delay_is_found_and_removed():
+    seconds = 0.2
+    effort = np.stack([np.interp(STATES.times - seconds, STATES.times, column)
+                       for column in effort_of().T], axis=1)
+    motion = filtered(effort)
     found = find_contradictions(ARM, motion)
     assert found.delay == pytest.approx(seconds, abs=2e-3)
     assert not found.causes
@@ -193,12 +174,10 @@ def test_a_delay_is_found_and_removed(seconds):
     assert moved.times[-1] == pytest.approx(motion.times[-1] - seconds, abs=0.011)
 
 
-@pytest.mark.parametrize('robot', [
-    'default', 'kinova', 'panda', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1'])
-@pytest.mark.parametrize('moves', [fourier_motion, moves_with_pauses])
+@pytest.mark.parametrize(('robot', 'moves'), [
+    ('default', fourier_motion), ('panda', moves_with_pauses), ('ur3', moves_with_pauses)])
 def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
-    arm = load_arm(default_arm_urdf() if robot == 'default' else robot_urdf(robot),
-                   JOINTS.get(robot, ()))
+    arm = load_arm(robot_urdf(robot), JOINTS.get(robot, ()))
     states = moves(arm, 100.0, 20.0, 3)
     effort = rigid_effort(changed_arm(arm, 0.15, 1), states, 0.1) + lugre_friction(states)
     noise = 0.1 * np.random.default_rng(0).normal(size=effort.shape)

@@ -12,13 +12,14 @@ import pytest
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting import figures
 
+pytest.importorskip('matplotlib')
+
 TIMES = np.linspace(0.0, 2.0, 5001)
 WAVES = np.column_stack([np.sin(3.0 * TIMES), 0.1 * np.cos(3.0 * TIMES)])
 
 
 @pytest.fixture
 def figure():
-    pytest.importorskip('matplotlib')
     return figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), (
         figures.position_panel(TIMES, WAVES, WAVES + 0.01),
         figures.error_panel(TIMES, 0.001 * WAVES),
@@ -34,7 +35,6 @@ def test_every_axis_has_its_unit(figure):
 
 
 def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
-    pytest.importorskip('matplotlib')
     figure = figures.joint_figure(
         'two joints', ('turn', 'slide'), ('revolute', 'prismatic'),
         [figures.effort_panel('Effort', TIMES, {'effort': WAVES})],
@@ -46,7 +46,6 @@ def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
 
 
 def test_the_legend_of_the_terms_is_one_line_inside_the_figure():
-    pytest.importorskip('matplotlib')
     names = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
     figure = figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), [
         figures.position_panel(TIMES, WAVES, WAVES),
@@ -65,6 +64,7 @@ def test_lines_show_the_values(figure):
     names = [line.get_label() for line in position.lines]
     assert names == ['reference', 'measured']
     x, y = effort.lines[1].get_data()
+    assert len(x) == 2501  # of 5001: every second one, as at most 2000 are meant to be drawn
     np.testing.assert_allclose(y, 2.0 * np.sin(3.0 * np.asarray(x)), atol=1e-12)
     assert np.ptp(error.lines[0].get_ydata()) == pytest.approx(2.0, abs=0.1)  # in mrad
 
@@ -91,7 +91,6 @@ def luminance(colour):
 
 
 def test_black_text_is_readable_on_all_colours_of_maps():
-    pytest.importorskip('matplotlib')
     from matplotlib.colors import to_hex
     for colours in (figures.SIGNED_COLOURS, figures.POSITIVE_COLOURS):
         for colour in figures.colour_map(colours)(np.linspace(0.0, 1.0, 33)):
@@ -135,12 +134,11 @@ def test_the_measured_line_is_visible_on_the_reference():
 
 
 def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
-    pytest.importorskip('matplotlib')
     with figures.styled_figure(4.0, 3.0, style={'font.size': 5.0}) as figure:
         axes = figure.subplots()
         figures.title_axes(axes, 'Title', 'a note')
         axes.set_xlabel('time [s]')
-    assert axes.xaxis.label.get_size() == figures.STYLE['axes.labelsize']
+    assert axes.xaxis.label.get_size() == 11.0
     assert not axes.spines['top'].get_visible()
     figure.canvas.draw()
     title, note = axes._left_title.get_window_extent(), axes.texts[0].get_window_extent()
@@ -148,17 +146,7 @@ def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
     assert title.y0 >= note.y1 - 1.0
 
 
-def test_the_file_is_a_picture_that_is_not_blank(figure, tmp_path):
-    from matplotlib.image import imread
-    figures.save_figure(figure, tmp_path / 'x.png')
-    pixels = imread(tmp_path / 'x.png')[..., :3]
-    assert pixels.shape[0] > 300
-    assert pixels.shape[1] > 1000
-    assert 0.01 < (pixels.min(axis=2) < 0.9).mean() < 0.5
-
-
 def test_values_of_zero_are_drawn_on_a_finite_axis():
-    pytest.importorskip('matplotlib')
     zeros = np.zeros((3, 1))
     figure = figures.joint_figure('still', ('a',), ('revolute',), (
         figures.effort_panel('Effort', np.arange(3.0), {'effort': zeros}),))

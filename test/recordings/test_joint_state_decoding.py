@@ -48,7 +48,7 @@ def serialized(state, little_endian=True):
         'sensor_msgs/msg/JointState', little_endian=little_endian))
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(deadline=None, derandomize=True, max_examples=50)
 @given(st.lists(states(), max_size=6), st.booleans())
 def test_what_was_serialized_is_read(messages, little_endian):
     decoded = decode_joint_states([serialized(m, little_endian) for m in messages])
@@ -93,7 +93,7 @@ def test_what_is_written_is_what_rosbags_writes():
             (sec, nanosec, '', ['left', 'b'], [position[i], [], effort[i]]))
 
 
-@settings(deadline=None, derandomize=True, max_examples=60)
+@settings(deadline=None, derandomize=True, max_examples=50)
 @given(states(), st.data())
 def test_bytes_of_any_kind_are_counted_or_read(state, data):
     whole = serialized(state)
@@ -123,7 +123,7 @@ def series_of(stamps):
     return RecordedJointStates('a test', stamps, decode_joint_states(messages)).series()
 
 
-@settings(deadline=None, derandomize=True)
+@settings(deadline=None, derandomize=True, max_examples=50)
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=12))
 def test_as_few_samples_as_possible_are_left_out(stamps):
     series = series_of(stamps)

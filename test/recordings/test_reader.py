@@ -4,9 +4,7 @@
 """Recordings: written data are read back, by this package and by plain rosbags."""
 
 import os
-from pathlib import Path
 import signal
-import tempfile
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -92,33 +90,16 @@ def test_rosbags_alone_reads_it(recording):
     assert qos['/joint_states'].reliability == QosReliability.RELIABLE
 
 
-def test_metadata_is_that_of_rosbag2(recording):
+def test_topics_and_metadata_are_those_of_rosbag2(recording):
     text = (recording / 'metadata.yaml').read_text(encoding='utf-8')
-    assert 'storage_identifier: mcap' in text
-    assert 'version: 9' in text
-    assert 'durability: transient_local' in text
-    assert [path.suffix for path in recording.iterdir() if path.name != 'metadata.yaml'] == [
-        '.mcap']
-
-
-def test_topics(recording):
+    for words in ('storage_identifier: mcap', 'version: 9', 'durability: transient_local'):
+        assert words in text
     with Recording(recording) as opened:
         assert [(t.name, t.message_type, t.message_count) for t in opened.topics] == [
             ('/joint_states', JOINT_STATE, 5), ('/pairs', PAIR, 5)]
         assert opened.topic('/pairs').qos == TopicQos(depth=7, transient_local=True)
         with pytest.raises(RecordingError, match=r"'/nothing'.*'/joint_states', '/pairs'"):
             opened.topic('/nothing')
-
-
-def test_bytes_are_not_touched(recording, tmp_path):
-    with AnyReader([recording]) as reader:
-        raws = [(t, bytes(raw)) for c, t, raw in reader.messages() if c.topic == '/pairs']
-    with RecordingWriter(tmp_path / 'copy', {PAIR: PAIR_TEXT}) as writer:
-        writer.add_topic('/pairs', PAIR)
-        for t, raw in raws:
-            writer.write('/pairs', t, raw)
-    with AnyReader([tmp_path / 'copy']) as reader:
-        assert [(t, bytes(raw)) for _, t, raw in reader.messages()] == raws
 
 
 # --- joint series --------------------------------------------------------------------------------
@@ -160,22 +141,6 @@ def test_without_stamps_the_times_of_the_recording_count(tmp_path):
         assert opened.joint_series('/joint_states').stamps_ns.tolist() == [1000, 1001, 1002]
 
 
-@settings(deadline=None, derandomize=True, max_examples=20)
-@given(st.lists(st.tuples(
-    st.integers(1, 2**33), st.floats(-1e9, 1e9), st.floats(-1e9, 1e9)),
-    min_size=1, max_size=20, unique_by=lambda sample: sample[0]).map(sorted))
-def test_a_series_is_what_was_written(samples):
-    with tempfile.TemporaryDirectory() as directory:
-        path = write_states(Path(directory, 'bag'), [
-            (stamp, 'ab', (x, y), (y, x)) for stamp, x, y in samples])
-        with Recording(path) as opened:
-            series = opened.joint_series('/joint_states')
-    assert series.stamps_ns.tolist() == [stamp for stamp, _, _ in samples]
-    assert series.position.tolist() == [[x, y] for _, x, y in samples]
-    assert series.velocity.tolist() == [[y, x] for _, x, y in samples]
-    assert series.passed_over == 0
-
-
 def test_the_first_seconds(tmp_path):
     path = write_states(tmp_path / 'bag', [
         (10**9 * i, 'a', (float(i),)) for i in range(1, 6)])
@@ -186,7 +151,7 @@ def test_the_first_seconds(tmp_path):
 
 
 @pytest.mark.parametrize(('braked', 'left'), [
-    ([], 100), (range(10), 90), (range(90, 100), 90), (range(40, 50), 90), (range(40, 44), 100),
+    ([], 100), (range(10), 90), (range(90, 100), 90), (range(40, 46), 94), (range(40, 44), 100),
     (range(100), 100)])
 def test_brakes_are_recognized_by_an_effort_of_nothing(braked, left):
     """At an end, or for more than 0.06 s; if all efforts are zero, none was measured."""
@@ -206,7 +171,7 @@ def test_brakes_are_recognized_by_an_effort_of_nothing(braked, left):
 @given(
     st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=60), st.floats(-50.0, 50.0),
     st.integers(0, 59))
-@settings(deadline=None)
+@settings(deadline=None, derandomize=True, max_examples=50)
 def test_whole_turns_are_removed_only_at_continuous_joints(steps, first, gap_at):
     """Unwrapped positions are the true ones, up to whole revolutions of each segment."""
     true = first + np.cumsum(steps)
@@ -224,6 +189,16 @@ def test_whole_turns_are_removed_only_at_continuous_joints(steps, first, gap_at)
         assert [len(rows) for rows in series.stretches()] == [gap_at, len(q) - gap_at]
 
 
+def test_gaps_that_split_a_series():
+    """Longer than 0.05 s, or than 2.5 median periods if these are longer."""
+    for period, gap, parts in (
+            (0.01, 0.049, 1), (0.01, 0.051, 2), (0.03, 0.074, 1), (0.03, 0.076, 2)):
+        stamps = np.rint(1e9 * np.concatenate([
+            period * np.arange(20), 19.0 * period + gap + period * np.arange(20)])).astype(int)
+        series = JointSeries(('a',), stamps, np.zeros((40, 1)), None, None, 0)
+        assert len(series.stretches()) == parts, (period, gap)
+
+
 def test_positions_that_do_not_wrap_are_unchanged():
     q = np.linspace(-20.0, 20.0, 200).reshape(100, 2)
     series = JointSeries(('a', 'b'), 10**7 * np.arange(100), q, None, None, 0)
@@ -234,17 +209,15 @@ def test_positions_that_do_not_wrap_are_unchanged():
 
 # --- selection of the topic ----------------------------------------------------------------------
 
-@pytest.mark.parametrize(('topics', 'chosen'), [
-    (['/joint_states', '/effort_command'], '/joint_states'),
-    (['/arm/states'], '/arm/states'),
-])
-def test_the_topic_of_joint_states(tmp_path, topics, chosen):
-    with RecordingWriter(tmp_path / 'bag') as writer:
-        for topic in topics:
-            writer.add_topic(topic, JOINT_STATE)
-            writer.write(topic, 1, joint_state(1, 'a', (1.0,)))
-    with Recording(tmp_path / 'bag') as opened:
-        assert opened.joint_state_topic() == chosen
+def test_the_topic_of_joint_states_is_the_usual_one_or_the_only_one(tmp_path):
+    for topics in (['/joint_states', '/effort_command'], ['/arm/states']):
+        path = tmp_path / str(len(topics))
+        with RecordingWriter(path) as writer:
+            for topic in topics:
+                writer.add_topic(topic, JOINT_STATE)
+                writer.write(topic, 1, joint_state(1, 'a', (1.0,)))
+        with Recording(path) as opened:
+            assert opened.joint_state_topic() == topics[0]
 
 
 def test_several_topics_to_choose_from_or_none(tmp_path):

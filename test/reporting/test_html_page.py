@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from report_page import ReportPage
 from robot_dynamics.reporting.figures import effort_panel, TimeBoundary
-from robot_dynamics.reporting.html_page import command_line, Grade, Origin, Page, summary, Verdict
+from robot_dynamics.reporting.html_page import command_line, Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.interactive import zoomable_figures
 
 VERDICTS = [
@@ -38,10 +38,6 @@ def test_a_report_begins_with_the_verdicts_then_names_its_origin():
     assert places == sorted(places)
     assert re.search(r'date \d{4}-\d\d-\d\d \d\d:\d\d [+-]\d{4}', page.text)
     assert '<code>identify</code>' in text
-
-
-def test_the_summary_counts_grades():
-    assert summary([VERDICTS[0]] * 3, 'links') == 'Verdict on 3 links: 3 good.'
 
 
 def figures():

@@ -187,10 +187,6 @@ class Page:
         return bool(is_inside and max(
             (right - left) / image['width'], (bottom - top) / image['height']) > 0.4)
 
-    def press_key(self, slider: int, key: str) -> None:
-        """Press a key at the n-th slider, such as Home for the smallest value."""
-        self.tab.get_by_role('slider').nth(slider).press(key)
-
     def shows(self, colour: str) -> bool:
         """Return whether the image soon contains a line of this colour."""
         return self._soon(lambda picture: self.has(picture, colour))

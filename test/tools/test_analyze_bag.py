@@ -78,16 +78,13 @@ def test_losses_are_printed(directory, capsys):
     assert '5 Hz: as given' in out
 
 
-def test_the_report_needs_nothing_else(written):
+def test_the_report_begins_with_the_verdict_names_its_origin_and_needs_nothing_else(
+    directory, written,
+):
     page = ReportPage((written / 'report.html').read_text(encoding='utf-8'))
     assert page.is_complete
     assert len(page.links) == 2
-    assert set(JOINTS) <= set(page.cells)
     assert (written / 'report.png').read_bytes().startswith(b'\x89PNG')
-
-
-def test_the_report_begins_with_the_verdict_and_names_its_origin(directory, written):
-    page = ReportPage((written / 'report.html').read_text(encoding='utf-8'))
     places = [page.text.index(words) for words in (
         'Verdict on 2 joints: 2 good.', 'the model predicts the effort', 'use the model',
         str(directory / 'arm.urdf'), f'robot_dynamics {robot_dynamics.__version__}',
@@ -134,13 +131,11 @@ def test_the_terms_are_a_recording_on_the_original_stamps(written):
     np.testing.assert_array_equal(stamps, MOTION.stamps_ns)
     assert [time_ns for time_ns, _ in messages] == MOTION.stamps_ns.tolist()
     np.testing.assert_allclose(sum(terms[name] for name in fields[:-1]), terms['effort'])
-    dynamics = ArmDynamics(MOTION.arm)
-    inside = slice(200, -200)
-    for k in range(200, 1000, 200):
-        one = dynamics.terms(MOTION.q[k], MOTION.v[k], MOTION.a[k])
-        np.testing.assert_allclose(terms['gravity'][k], one.gravity, atol=0.05)
-        assert messages[k][1].potential_energy == pytest.approx(one.potential_energy, abs=0.05)
-        assert messages[k][1].kinetic_energy == pytest.approx(one.kinetic_energy, abs=0.05)
+    k, inside = 600, slice(200, -200)
+    one = ArmDynamics(MOTION.arm).terms(MOTION.q[k], MOTION.v[k], MOTION.a[k])
+    np.testing.assert_allclose(terms['gravity'][k], one.gravity, atol=0.05)
+    assert messages[k][1].potential_energy == pytest.approx(one.potential_energy, abs=0.05)
+    assert messages[k][1].kinetic_energy == pytest.approx(one.kinetic_energy, abs=0.05)
     np.testing.assert_allclose(
         residual.effort[inside], (MOTION.tau - terms['effort'])[inside], atol=0.1)
 
@@ -162,39 +157,30 @@ def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys
 
 
 def test_a_folder_of_recordings(directory, capsys, tmp_path):
-    arguments = (directory / 'bags', '--output', tmp_path / 'out', '--no-report', '--jobs', 2)
-    status, out, err = run(directory, capsys, *arguments)
+    """The outputs inside of the folder are no recordings in the next run."""
+    shutil.copytree(directory / 'bags', tmp_path / 'bags')
+    out = tmp_path / 'bags' / 'out'
+    arguments = (tmp_path / 'bags', '--output', out, '--no-report', '--jobs', 2)
+    status, said, err = run(directory, capsys, *arguments)
     assert status == 1  # one recording is empty
-    assert [line.split()[0] for line in out.splitlines()[1:4]] == ['cut', 'lone.mcap', 'whole']
-    assert 'Together: 3 recordings of planar_arm' in out
+    assert [line.split()[0] for line in said.splitlines()[1:4]] == ['cut', 'lone.mcap', 'whole']
+    assert 'Together: 3 recordings of planar_arm' in said
     assert 'analyze_bag: recordings that could not be used: 1\n  empty: ' in err
     assert 'is empty' in err
     for name in ('cut', 'lone.mcap', 'whole'):
-        assert (tmp_path / 'out' / name / 'samples.csv').exists()
-        assert not (tmp_path / 'out' / name / 'report.html').exists()
-    status, out, _ = run(directory, capsys, *arguments)
-    assert (status, '3 of them from an earlier run' in out) == (1, True)
-
-
-def test_outputs_inside_the_folder_are_no_recordings(directory, capsys, tmp_path):
-    shutil.copytree(directory / 'bags' / 'whole', tmp_path / 'whole')
-    shutil.copytree(directory / 'bags' / 'cut', tmp_path / 'cut')
-    arguments = (tmp_path, '--output', tmp_path / 'out', '--no-report', '--jobs', 1)
-    for _ in range(2):
-        status, out, _ = run(directory, capsys, *arguments)
-        assert status == 0
-        assert 'Together: 2 recordings' in out
+        assert (out / name / 'samples.csv').exists()
+        assert not (out / name / 'report.html').exists()
+    status, said, _ = run(directory, capsys, *arguments)
+    assert (status, '3 of them from an earlier run' in said) == (1, True)
 
 
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['{bags}/whole', '--parquet'], '--parquet is given without --output'),
     (['{bags}/nothing'], "'.*nothing' does not exist, expected a file .mcap or .db3"),
-    (['{bags}/deep/empty'], 'is empty'),
     (['{bags}/whole', '--map', 'a'], "'a', expected two names such as fer_joint1=panda_joint1"),
     (['{bags}/whole', '--map', 'a=b'], '--map a=b matches no joint'),
     (['{bags}/whole', '--cutoff', '500'], 'cutoff is 500 Hz, expected at most'),
     (['{bags}/whole', '--topic', '/x'], r"no topic '/x', expected one of \['/joint_states'\]"),
-    (['{bags}/whole', '--jobs', '0'], "'0', expected a number of at least 1"),
     (['{bags}/whole', '--parameters', '/nowhere.yaml'], "'/nowhere.yaml' cannot be read"),
     (['{bags}/whole', '--urdf', '/nowhere.urdf'], "--urdf is '/nowhere.urdf'"),
 ])

@@ -16,7 +16,7 @@ from children import LONG
 from identification_bench import changed_arm, fourier_motion, rigid_effort
 import numpy as np
 import pytest
-from recordings import encoded, KnownMotion, START_NS, write_recording
+from recordings import encoded, START_NS, write_recording
 from report_page import ReportPage
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -26,11 +26,10 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.reader import Recording
-from robot_dynamics.tools.command_line import DONE, FAILED, MISTAKE
 from robot_dynamics.tools.identify import main
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -39,6 +38,7 @@ UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
 PUBLISHED = np.array([21.6, 5.9, 4.6, 9.6, 20.2, 25.7]) / 100.0
 """Residuals of the published model of that arm, on the last 40 % of those samples."""
 CONSISTENT = 1.2
+DONE, FAILED, MISTAKE = 0, 1, 2
 ARM = load_arm(default_arm_urdf())
 ROTORS, FRICTION = np.array([0.3, 0.1]), np.array([2.0, 1.0])
 
@@ -68,8 +68,14 @@ def output(tmp_path_factory, urdf):
     """Return the directory of an identification from one recording."""
     folder = tmp_path_factory.mktemp('identify')
     record(folder / 'bag')
-    assert run(folder, urdf) == DONE
+    assert run(folder, urdf, '--samples') == DONE
     return folder / 'out'
+
+
+@pytest.fixture(scope='module')
+def short(tmp_path_factory):
+    """Return a recording of 8 s."""
+    return record(tmp_path_factory.mktemp('short') / 'bag', duration=8.0)
 
 
 def run(folder, urdf, *options, bags=('bag',)):
@@ -132,17 +138,23 @@ def test_the_report_begins_with_the_verdict_and_the_links_with_their_masses(outp
         assert words in page.text
 
 
-def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(output):
-    arm = arm_from_parameters(
-        (output / 'identified.urdf').read_text(),
-        read_parameter_file(output / 'identified.yaml'))
+def test_nodes_start_with_what_was_written(output):
+    """The node answers with the identified model, and the simulated arm follows under it."""
+    path = output / 'identified.yaml'
+    written = read_parameter_file(path)
+    assert max(written['friction.sigmoid']) > 0.5
+    arm = arm_from_parameters((output / 'identified.urdf').read_text(), written)
     expected = ArmDynamics(arm)
-    q, v, a = random_states(arm, 4, seed=3)
-    arguments = ['--ros-args', '--params-file', str(output / 'identified.yaml'), '--']
-    with NodeProcess(DYNAMICS, arguments=arguments), RosClient() as client:
-        for state in zip(q, v, a):
+    arguments = [
+        '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
+    target = [0.4, -0.3]
+    with RosClient() as client, running(
+            NodeProcess(SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
+                        namespace='/rehearsal', arguments=arguments),
+            NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments)):
+        for state in zip(*random_states(arm, 4, seed=3)):
             response = client.call(
-                InverseDynamics, '/dynamics/inverse_dynamics', InverseDynamics.Request(
+                InverseDynamics, '/rehearsal/dynamics/inverse_dynamics', InverseDynamics.Request(
                     position=state[0], velocity=state[1], acceleration=state[2]))
             assert response.success, response.message
             assert len(response.motor_current) == 0
@@ -154,61 +166,29 @@ def test_a_node_loads_what_was_written_and_answers_with_the_identified_model(out
             # and this differs from the model of the URDF
             before = ArmDynamics(ARM).inverse_dynamics(*state)
             assert np.abs(np.array(response.effort) - before).max() > 0.5
-
-
-def test_both_nodes_start_with_what_was_written_and_the_simulated_arm_follows(output):
-    """The identified arm, including gear friction, under control by a node with its own files."""
-    path = output / 'identified.yaml'
-    assert max(read_parameter_file(path)['friction.sigmoid']) > 0.5
-    arguments = [
-        '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
-    target = [0.4, -0.3]
-    with RosClient() as client, NodeProcess(
-            SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
-            namespace='/rehearsal', arguments=arguments), \
-            NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments), \
-            client.collect(JointState, '/rehearsal/dynamics/reference') as references:
         assert list(client.get_parameter('/rehearsal/simulated_arm', 'friction.sigmoid')) == (
-            read_parameter_file(path)['friction.sigmoid'])
+            written['friction.sigmoid'])
         publisher = client.publisher(
             JointTrajectoryMsg, '/rehearsal/dynamics/joint_trajectory')
         client.wait_for(JointState, '/rehearsal/effort_command')  # a state has been received
         publisher.publish(JointTrajectoryMsg(
             joint_names=list(ARM.joint_names), points=[JointTrajectoryPoint(
                 positions=target, time_from_start=Duration(sec=2))]))
-        references.wait_for()
-        end = client.wait_for(
-            JointState, '/rehearsal/joint_states',
-            lambda state: bool(np.allclose(state.position, target, atol=1e-3)))
-    assert list(end.name) == list(ARM.joint_names)
+        client.wait_for(JointState, '/rehearsal/joint_states', lambda state: bool(
+            np.allclose(state.position, target, atol=1e-3)))
 
 
-def test_positions_that_wrap_are_identified_as_those_that_do_not(tmp_path, urdf):
-    """Exact effort of the hanging arm: its position within ±π steps by whole revolutions."""
-    motion = KnownMotion(seconds=16.0, rest=(np.pi, 0.0))
-    write_recording(tmp_path / 'bag', motion.messages(wrapped=True))
-    assert run(tmp_path, urdf) == DONE
-    figures = figures_of(tmp_path / 'out')
-    for model in ('urdf', 'base', 'consistent'):
-        assert max(figures['residual'][model]['test']) < 5e-3
-
-
-def test_a_revolute_joint_without_limits_is_used_as_continuous(tmp_path, capsys):
+def test_without_test_samples_the_folds_test_the_model(tmp_path, output, capsys):
+    """Of an arm whose revolute joints have no limits, and are used as continuous ones."""
     urdf = tmp_path / 'arm.urdf'
     urdf.write_text(re.sub(r'<limit [^>]*/>', '', default_arm_urdf().replace(
         'type="continuous"', 'type="revolute"')))
     record(tmp_path / 'bag')
-    assert run(tmp_path, urdf) == DONE
-    assert "joint 'joint1' is revolute and has no <limit>, it is used as continuous" in (
-        capsys.readouterr().err)
+    assert run(tmp_path, urdf, '--train-fraction', '1.0') == DONE
+    printed, err = capsys.readouterr()
+    assert "joint 'joint1' is revolute and has no <limit>, it is used as continuous" in err
     identified = load_arm(tmp_path / 'out/identified.urdf')
     assert set(identified.joint_kinds) == {'continuous'}
-
-
-def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, capsys):
-    record(tmp_path / 'bag')
-    assert run(tmp_path, urdf, '--train-fraction', '1.0') == DONE
-    printed = capsys.readouterr().out
     assert 'Residual on the cross-validation folds, RMS relative to the effort:' in printed
     assert 'none for the test' in printed
     for text in (printed, (tmp_path / 'out' / 'identified.yaml').read_text()):
@@ -226,13 +206,11 @@ def test_without_test_samples_the_folds_test_the_model(tmp_path, urdf, output, c
             assert (residual[model] < 0.1 * residual['urdf']).all()
 
 
-def test_the_samples_of_the_test_part_are_exported(tmp_path, urdf):
-    record(tmp_path / 'bag')
-    assert run(tmp_path, urdf, '--samples') == DONE
-    path = tmp_path / 'out' / 'test_samples_bag.csv'
+def test_the_samples_of_the_test_part_are_exported(output):
+    path = output / 'test_samples_bag.csv'
     columns = path.read_text().splitlines()[0].split(',')
     values = dict(zip(columns, np.loadtxt(path, delimiter=',', skiprows=1).T))
-    figures = figures_of(tmp_path / 'out')
+    figures = figures_of(output)
     assert len(values['time [s]']) == figures['samples']['test'] == 640
     assert values['time [s]'][0] == pytest.approx(9.6, abs=0.011)
     for j, name in enumerate(ARM.joint_names):
@@ -271,27 +249,6 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     figures = figures_of(tmp_path / 'out')
     assert run(tmp_path, urdf, '--jobs', '1', bags=['bags']) == FAILED  # from cached results
     assert figures_of(tmp_path / 'out') == figures
-
-
-@pytest.mark.soak
-def test_processes_and_a_dask_cluster_give_the_same(tmp_path, urdf):
-    distributed = pytest.importorskip('distributed', reason='needs the extra dask')
-    (tmp_path / 'bags').mkdir()
-    for seed in range(2):
-        record(tmp_path / 'bags' / f'bag{seed}', seed)
-    call = [str(tmp_path / 'bags'), '--urdf', str(urdf), '--output']
-    assert main([*call, str(tmp_path / 'one'), '--jobs', '1']) == DONE
-    with distributed.LocalCluster(
-            n_workers=1, threads_per_worker=1, dashboard_address=None,
-            host='127.0.0.1') as cluster:
-        assert main([
-            *call, str(tmp_path / 'dask'), '--dask', cluster.scheduler_address]) == DONE
-    one, other = (figures_of(tmp_path / name) for name in ('one', 'dask'))
-    assert one['samples'] == other['samples']
-    assert np.array(one['residual']['base']['test']) == pytest.approx(
-        np.array(other['residual']['base']['test']), rel=1e-6)
-    assert np.array(one['inertial_parameters']) == pytest.approx(
-        np.array(other['inertial_parameters']), rel=1e-4, abs=1e-6)
 
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
@@ -334,43 +291,23 @@ def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
     (['BAG', '--payload', 'tool0=1e3'], "is 1000 kg on 'tool0', expected at most"),
     (['BAG', '--train-fraction', '0.05'], 'samples for training together, expected at least'),
     (['BAG', '--topic', '/else'], "has no topic '/else'"),
+    (['BAG', '--payload', 'tool'], 'expected LINK=KG'),
+    (['BAG', '--train-fraction', '2'], 'a number in [0.001, 1]'),
+    (['BAG', '--jobs', '0'], 'at least 1'),
 ])
-def test_mistakes_are_reported_in_one_line(tmp_path, urdf, capsys, arguments, words):
-    if 'BAG' in arguments:
-        record(tmp_path / 'bag', duration=8.0)
-    given = [str(tmp_path / 'bag') if each == 'BAG' else each for each in arguments]
-    assert main([*given, '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) == MISTAKE
+def test_mistakes_are_reported(tmp_path, short, urdf, capsys, arguments, words):
+    given = [str(short) if each == 'BAG' else each for each in arguments]
+    try:
+        status = main([*given, '--urdf', str(urdf), '--output', str(tmp_path / 'out')])
+    except SystemExit as ended:
+        status = ended.code
+    assert status == MISTAKE
     said = capsys.readouterr().err
     assert words in said
     assert 'Traceback' not in said
 
 
-@pytest.mark.parametrize(('option', 'value', 'words'), [
-    ('--payload', 'tool', 'expected LINK=KG'),
-    ('--train-fraction', '2', r'a number in \[0.001, 1\]'),
-    ('--jobs', '0', 'at least 1'), ('--map', 'x', 'two names')])
-def test_options_are_checked(capsys, option, value, words):
-    with pytest.raises(SystemExit) as error:
-        main(['bag', '--urdf', 'x.urdf', option, value])
-    assert error.value.code == MISTAKE
-    assert words.replace('\\', '') in capsys.readouterr().err
-
-
 # --- a real arm ----------------------------------------------------------------------------------
-
-@pytest.mark.soak
-def test_an_arm_with_six_joints(tmp_path):
-    """As of the real arm below, with a recording made here, of masses that the URDF has not."""
-    record(tmp_path / 'bag', arm=load_arm(robot_urdf('ur10')))
-    urdf = tmp_path / 'ur10.urdf'
-    urdf.write_text(robot_urdf('ur10'))
-    assert run(tmp_path, urdf) == DONE
-    figures = figures_of(tmp_path / 'out')
-    assert figures['samples'] == {'train': 960, 'test': 640}
-    residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
-    for name in ('base', 'consistent'):
-        assert (residual[name] < [*[0.01] * 3, *[0.1] * 3]).all()  # the wrists' efforts are noise
-
 
 def test_a_real_ur10(tmp_path, capsys):
     if not UR10.exists():

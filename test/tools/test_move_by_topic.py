@@ -11,6 +11,7 @@ import subprocess
 from children import run, TIMEOUT
 import numpy as np
 import pytest
+from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
 from verb_bench import PROGRAM
 
@@ -26,23 +27,27 @@ def without_control_msgs(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize('side', ['tool', 'node'])
-def test_move_without_the_action(without_control_msgs, side):
+def test_move_without_the_action(without_control_msgs, ask, side):
     namespace = f'/without_{side}'
     node = NodeProcess(
-        DYNAMICS, {'condition_references': True}, namespace=namespace,
+        DYNAMICS, namespace=namespace,
         environment=without_control_msgs if side == 'node' else None)
-    with running(node, NodeProcess(SIMULATED_ARM, {'rate': 200.0}, namespace=namespace)):
-        def verb(*words: str) -> 'subprocess.CompletedProcess[str]':
-            return run(
-                [*PROGRAM, *words, '--node', f'{namespace}/dynamics', '--timeout',
-                 str(TIMEOUT)],
-                env=without_control_msgs if side == 'tool' else None, text=True,
-                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    arm = NodeProcess(SIMULATED_ARM, {
+        'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}, namespace=namespace)
+    with running(node, arm), DynamicsClient(f'{namespace}/dynamics', TIMEOUT) as client:
+        def move(*words: str) -> tuple[int, str, str]:
+            if side == 'node':
+                return ask('move', *words, client=client)
+            done = run(
+                [*PROGRAM, 'move', *words, '--node', f'{namespace}/dynamics', '--timeout',
+                 str(TIMEOUT)], env=without_control_msgs, text=True, stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE)
+            return done.returncode, done.stdout, done.stderr
 
-        done = verb('move', '0.5', '0.3', '--duration', '1', '--json')
-        assert done.returncode == 0, done.stderr
-        np.testing.assert_allclose(json.loads(done.stdout)['position'], [0.5, 0.3], atol=5e-3)
-        assert verb('command', 'gravity_compensation').returncode == 0
-        refused = verb('move', '0.1', '0.1')
-    assert refused.returncode == 1
-    assert 'rejected the goal: ' in refused.stderr
+        status, out, err = move('0.5', '0.3', '--duration', '1', '--json')
+        assert status == 0, err
+        np.testing.assert_allclose(json.loads(out)['position'], [0.5, 0.3], atol=5e-3)
+        assert ask('command', 'gravity_compensation', client=client)[0] == 0
+        status, _, err = move('0.1', '0.1')
+    assert status == 1
+    assert 'rejected the goal: ' in err

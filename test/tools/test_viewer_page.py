@@ -3,7 +3,6 @@
 
 """The viewer in a real browser, with real nodes: its display, and its controls."""
 
-from contextlib import contextmanager
 import os
 import re
 import signal
@@ -16,10 +15,8 @@ from disturbances import wrench
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.reporting.figures import BLUE, VERMILION
-from robots import must_have_everything, robot_path, robot_urdf
+from robots import must_have_everything
 from ros_harness import (
     DYNAMICS,
     KEEP_MANY,
@@ -41,58 +38,13 @@ import trimesh  # noqa: E402
 VIEWER = 'robot_dynamics.tools.viewer'
 TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
 COARSE = 0.5
-"""Scale of a page with meshes of 100,000 triangles, which software draws: a quarter the pixels."""
-PANDA_POSE = [0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8, 0.02]
-
-
-@contextmanager
-def viewed(browser, namespace, parameters=None, start=(), arguments=(), scale=COARSE):
-    """Run the nodes and the viewer; yield the page and the viewer."""
-    parameters = parameters or {}
-    nodes = (
-        NodeProcess(DYNAMICS, parameters, namespace=namespace),
-        NodeProcess(SIMULATED_ARM, {
-            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
-            **({'initial_position': list(start)} if len(start) else {})}, namespace=namespace))
-    viewer = NodeProcess(
-        VIEWER, namespace=namespace, arguments=('--port', '0', *arguments),
-        ready=re.compile('viewer: open'))
-    with running(*nodes), viewer, Page(
-            browser, address_of(viewer), scale) as page:
-        yield page, viewer
-
-
-def address_of(viewer):
-    return re.search(r'http://\S+', viewer.wait_for_log('viewer: open'))[0]
+"""Scale of the page, which software draws: a quarter the pixels."""
 
 
 def wait_for_position(states, joint, value, tolerance=0.01):
     """Wait until a joint is at the expected position."""
     return states.wait_for(lambda state: abs(
         dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
-
-
-# --- meshes --------------------------------------------------------------------------------------
-
-@pytest.mark.soak  # software draws the meshes of a real arm slowly
-@pytest.mark.parametrize(('robot', 'start', 'slider'), [
-    ('xarm7', [0.0, -0.5, 0.0, 0.8, 0.0, 1.0, 0.0], 4),
-    ('ur10', [0.3, -1.2, 1.5, -0.5, 0.5, 0.0], 3), ('panda', PANDA_POSE, 4)])
-def test_a_real_arm_with_its_meshes(browser, client, robot, start, slider):
-    path = robot_path(robot)
-    joint = load_arm(robot_urdf(robot)).joint_names[slider - 1]
-    parameters = {'robot_description_file': str(path)}
-    with viewed(
-            browser, '/meshes', parameters, start, ('--robot', str(path))) as (page, _), \
-            client.collect(JointState, '/meshes/joint_states', KEEP_MANY) as states:
-        assert 'not drawn' not in page.words()
-        page.wait_for_words('follows a reference')
-        before = page.picture()
-        assert before.std() > 0.03
-        page.press_key(slider, 'Home')
-        page.wait_for_words('follows a reference')
-        wait_for_position(states, joint, page.value(slider), 0.02)
-        assert page.differs_from(before, 0.01), 'the picture of the arm has not moved'
 
 
 # --- viewer and demo -----------------------------------------------------------------------------
@@ -133,7 +85,7 @@ def wait_for_line(process, pattern):
 # --- the default arm, on one page for all tests --------------------------------------------------
 
 @pytest.fixture(scope='module')
-def default_arm(browser, tmp_path_factory):
+def page(browser, tmp_path_factory):
     """Yield the page of the default arm with a mesh, and with a mesh that is missing."""
     directory = tmp_path_factory.mktemp('arm')
     trimesh.creation.box((0.1, 0.1, 1.0)).export(directory / 'box.stl')
@@ -142,19 +94,23 @@ def default_arm(browser, tmp_path_factory):
         urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
     path = directory / 'arm.urdf'
     path.write_text(urdf)
-    with viewed(
-            browser, '/default_arm', {'robot_description_file': str(path)}, (0.785, 0.524),
-            ('--robot', str(path))) as (page, viewer):
-        yield page, viewer
+    parameters = {'robot_description_file': str(path)}
+    nodes = (
+        NodeProcess(DYNAMICS, parameters, namespace='/default_arm'),
+        NodeProcess(SIMULATED_ARM, {
+            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
+            'initial_position': [0.785, 0.524]}, namespace='/default_arm'))
+    viewer = NodeProcess(
+        VIEWER, namespace='/default_arm', arguments=('--port', '0', '--robot', str(path)),
+        ready=re.compile('viewer: open'))
+    with running(*nodes), viewer:
+        address = re.search(r'http://\S+', viewer.wait_for_log('viewer: open'))[0]
+        with Page(browser, address, COARSE) as page:
+            yield page
 
 
-def test_a_missing_mesh_is_stated(default_arm):
-    page, _ = default_arm
+def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(page):
     page.wait_for_words('1 mesh is not drawn; the first one: gone.stl')
-
-
-def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(default_arm, client):
-    page, _ = default_arm
     page.wait_for_words('follows a reference')
     words = page.words()
     for expected in ('planar_arm', '2 joints', 'joint1 [rad]', 'joint2 [rad]', 'Attach', 'Push',
@@ -164,8 +120,7 @@ def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(default_arm,
     assert [error for error in page.errors if 'favicon' not in error] == []
 
 
-def test_the_arm_is_held_where_it_is(default_arm, client):
-    page, _ = default_arm
+def test_the_arm_is_held_where_it_is(page, client):
     with client.collect(JointTrajectory, TRAJECTORIES, KEEP_MANY) as trajectories:
         page.press('Hold here')
         page.wait_for_words('follows a reference')
@@ -173,8 +128,7 @@ def test_the_arm_is_held_where_it_is(default_arm, client):
     np.testing.assert_allclose(held.points[-1].positions, [0.785, 0.524], atol=0.01)
 
 
-def test_a_slider_moves_the_arm_and_its_picture(default_arm, client):
-    page, _ = default_arm
+def test_a_slider_moves_the_arm_and_its_picture(page, client):
     with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
         before = page.picture()
         assert before.std() > 0.05, 'the picture is blank'
@@ -188,8 +142,7 @@ def test_a_slider_moves_the_arm_and_its_picture(default_arm, client):
     assert page.differs_from(before, 0.02), 'the picture of the arm has not moved'
 
 
-def test_the_plots_draw_what_the_arm_does(default_arm):
-    page, _ = default_arm
+def test_the_plots_draw_what_the_arm_does(page):
     plots = page.tab.locator('.uplot canvas')
     assert plots.count() == 2
     inked = """canvas => {
@@ -199,8 +152,7 @@ def test_the_plots_draw_what_the_arm_does(default_arm):
     assert plots.nth(0).evaluate(inked) > 1000
 
 
-def test_a_load_is_attached_and_taken_off(default_arm, client):
-    page, _ = default_arm
+def test_a_load_is_attached_and_taken_off(page, client):
     with client.collect(InertiaStamped, '/default_arm/dynamics/payload', LATCHED) as payloads:
         place = page.place_of('Detach')
         page.press('Attach')
@@ -213,8 +165,7 @@ def test_a_load_is_attached_and_taken_off(default_arm, client):
         payloads.wait_for(lambda payload: payload.inertia.m == 0.0)
 
 
-def test_a_push_is_a_force_in_the_frame_of_the_link_and_ends(default_arm, client):
-    page, _ = default_arm
+def test_a_push_is_a_force_in_the_frame_of_the_link_and_ends(page, client):
     topic = '/default_arm/simulated_arm/external_wrench'
     with client.collect(WrenchStamped, topic, KEEP_MANY) as wrenches:
         wrenches.wait_matched()
@@ -230,8 +181,7 @@ def size_of(message):
     return float(np.linalg.norm((force.x, force.y, force.z)))
 
 
-def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(default_arm, client):
-    page, _ = default_arm
+def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(page, client):
     drawn = {f'/marks/{mark}' for mark in (
         'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
         'manipulability/0')}
@@ -244,20 +194,19 @@ def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(default_arm, clie
     pushes.publish(wrench('tool0'))
 
 
-def test_a_reset_puts_the_simulated_arm_back(default_arm, client):
-    page, _ = default_arm
+def test_a_reset_puts_the_simulated_arm_back(page, client):
     with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
         page.press('Reset')
         wait_for_position(states, 'joint1', 0.785)
 
 
-def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(default_arm):
+def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(page):
     """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
-    page, _ = default_arm
-    assert page.shows(BLUE)
-    assert not page.has(page.picture(), VERMILION)
+    blue, red = '#0072B2', '#D55E00'
+    assert page.shows(blue)
+    assert not page.has(page.picture(), red)
     page.tab.get_by_label('mass [kg]').fill('6')
     page.press('Attach')
     page.wait_for_words('payload of the controller: 6 kg on tool0')
-    assert page.shows(VERMILION)
+    assert page.shows(red)
     page.press('Detach')

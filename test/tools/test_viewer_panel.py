@@ -8,13 +8,12 @@ from contextlib import closing
 import numpy as np
 import numpy.testing as npt
 import pytest
-from robot_dynamics.reporting.figures import BLUE, GREY, ORANGE, PURPLE, VERMILION
 from robots import must_have_everything
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
 from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of, legend
-from robot_dynamics.tools.viewer.plots import LivePlot, SHOWN
+from robot_dynamics.tools.viewer.plots import LivePlot
 from viewer_bench import arm_called, one_joint
 
 
@@ -26,7 +25,7 @@ def test_the_hand_is_what_holds_the_tool(robot, link):
 
 def test_the_legend_has_the_colours_of_the_marks():
     text = legend()
-    for colour in (BLUE, ORANGE, VERMILION, GREY, PURPLE):
+    for colour in ('#0072B2', '#E69F00', '#D55E00', '#666666', '#CC79A7'):
         assert colour in text
 
 
@@ -36,7 +35,7 @@ def panel_of(server, arm):
     return closing(ArmPanel(server.gui, arm, lambda do: do()))
 
 
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda', 'kinova', 'tiago_no_hand'])
+@pytest.mark.parametrize('name', ['default', 'panda', 'tiago_no_hand'])
 def test_sliders_are_within_the_limits_of_their_joints(server, name):
     arm = arm_called(name)
     with panel_of(server, arm) as panel:
@@ -100,6 +99,7 @@ def drawn_of(plot):
 
 
 def test_a_plot_without_values_has_axes_and_says_so(plot):
+    assert [line['label'] for line in plot._handle.series] == ['t [s]', 'gravity', 'sum']
     plot.show(100.0)
     columns, span = drawn_of(plot)
     assert columns.shape == (3, 0)
@@ -110,16 +110,12 @@ def test_a_plot_without_values_has_axes_and_says_so(plot):
     assert plot._handle.title == 'a plot'
 
 
-def test_the_sum_of_the_terms_is_labelled_so(plot):
-    assert [line['label'] for line in plot._handle.series] == ['t [s]', 'gravity', 'sum']
-
-
 def test_a_plot_shows_the_last_seconds(plot):
     for time in np.arange(100.0, 140.0, 0.5):
         plot.add(time, [time, -time])
         plot.show(time)
     columns, (low, high) = drawn_of(plot)
-    times = np.arange(139.5 - SHOWN, 140.0, 0.5)
+    times = np.arange(124.5, 140.0, 0.5)  # the last 15 s
     npt.assert_allclose(columns, [times - 139.5, times, -times])
     assert low < -139.5
     assert high > 139.5
