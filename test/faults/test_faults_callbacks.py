@@ -13,12 +13,13 @@ from fault_table import fault, fault_cases
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import GetState
 import pytest
-from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from ros_harness import NodeProcess, RosClient, wait_until
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 GROUP = 'Exceptions in callbacks'
+LOG_PERIOD = 5.0
+"""[s] between two lines about the same callback."""
 REPORTED = 'at most one log line per 5 s; control continues'
 CALLS = 10
 

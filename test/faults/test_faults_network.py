@@ -70,8 +70,6 @@ def test_a_volatile_description(bench):
 
 
 @fault_cases('qos', GROUP, 'a publisher of `joint_states`: {}', 'its states are answered', (
-    ('best effort', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)),
-    ('reliable', QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)),
     ('reliable and transient local', LATCHED),
     ('best effort, with a deadline and a lease', PROMISING)))
 def test_any_publisher_of_states(bench, qos):
