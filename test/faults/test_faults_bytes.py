@@ -95,11 +95,21 @@ def send_until(
     return sent
 
 
-@fault(GROUP, f'`joint_states`: {DAMAGE}',
-       'dropped and reported, or answered with a finite command; commands resume')
+@fault(GROUP, f'`joint_states`: truncated between valid ones; then only {DAMAGE}',
+       'dropped and reported, or answered with a finite command; the valid ones are answered '
+       'without a fault; commands resume')
 def test_joint_states(bench, raw, seen):
-    before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
+    faults, memory_before = bench.known('command', 'faults: state_timeout'), bench.peak_memory()
+    send_until(
+        raw, f'{bench.namespace}/joint_states', JointState,
+        lambda: cut_short(bytes_of(STATE), JointState),
+        lambda: bench.figure('joint states', 'dropped: unreadable') > 0)
+    status = bench.wait_dropped('unreadable')
+    assert 'cannot be read, expected a serialized JointState' in status.message
+    assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
+    assert bench.figure('command', 'faults: state_timeout') == faults
     bench.driver.be_quiet()
+    before = bench.figure('joint states', 'dropped: unreadable')
     sent = send_until(
         raw, f'{bench.namespace}/joint_states', JointState,
         lambda: map(now_stamped, damaged(STATE)),
@@ -111,21 +121,6 @@ def test_joint_states(bench, raw, seen):
     unreadable = bench.known('joint states', 'dropped: unreadable') - before
     seen(f'{unreadable} of {sent} messages unreadable')
     assert bench.peak_memory() < memory_before + 100 * 2**20
-
-
-@fault(GROUP, '`joint_states`: truncated messages between valid ones',
-       'dropped and reported; the valid ones are answered without a fault')
-def test_damaged_joint_states_among_good_ones(bench, raw):
-    faults = bench.known('command', 'faults: state_timeout')
-    before = bench.known('joint states', 'dropped: unreadable')
-    send_until(
-        raw, f'{bench.namespace}/joint_states', JointState,
-        lambda: cut_short(bytes_of(STATE), JointState),
-        lambda: bench.figure('joint states', 'dropped: unreadable') > before)
-    status = bench.wait_dropped('unreadable', before)
-    assert 'cannot be read, expected a serialized JointState' in status.message
-    assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
-    assert bench.known('command', 'faults: state_timeout') == faults
 
 
 @fault(GROUP, '`joint_states`: a joint name that is not valid UTF-8',

@@ -129,17 +129,6 @@ def steady_effort(bench: FaultBench) -> np.ndarray:
     return np.array(bench.efforts.wait_for(is_steady).effort)
 
 
-@contextmanager
-def disturbed(clock: SimulatedClock, event: str) -> Iterator[None]:
-    """Stop the clock or make it jump."""
-    if event == 'stops':
-        with clock.stopped():
-            yield
-    else:
-        clock.jump(JUMP if event == 'jumps forwards' else -JUMP)
-        yield
-
-
 # --- stamps of the clock of this computer --------------------------------------------------------
 
 @STAMPS_OF_THE_WALL
@@ -149,10 +138,16 @@ def test_stamps_that_do_not_follow(bench):
     one, clock = bench
     effort = follow(one)
     one.efforts.clear()
-    for event in ('stops', 'jumps forwards', 'jumps back'):
-        with disturbed(clock, event):
-            one.next_status('command')
-            one.efforts.wait_count(len(one.efforts.messages) + 100)
+
+    def more_commands() -> None:
+        one.next_status('command')
+        one.efforts.wait_count(len(one.efforts.messages) + 100)
+
+    with clock.stopped():
+        more_commands()
+    for seconds in (JUMP, -JUMP):
+        clock.jump(seconds)
+        more_commands()
     efforts = np.array([m.effort for m in one.efforts.messages])
     assert efforts == pytest.approx(np.tile(effort, (len(efforts), 1)), abs=1e-6)
     one.set_point(one.driver.q)
@@ -184,20 +179,20 @@ def test_silence_and_deactivation_while_the_clock_stands(bench):
 
 @STAMPS_OF_THE_CLOCK
 @fault_cases(
-    ('event', 'reason'), GROUP, '/clock {}, and so do the stamps of joint states',
+    ('seconds', 'reason'), GROUP, '/clock {}, and so do the stamps of joint states',
     'the reference ends, with a report; the arm is held at its measured position; the command '
     'changes within `effort_rate_limit`', (
-        ('jumps forwards by 50 s', 'jumps forwards', 'stamp jumped ahead'),
-        ('jumps back by 50 s', 'jumps back', 'stamp went back')))
-def test_stamps_that_jump(bench, event, reason):
+        ('jumps forwards by 50 s', JUMP, 'stamp jumped ahead'),
+        ('jumps back by 50 s', -JUMP, 'stamp went back')))
+def test_stamps_that_jump(bench, seconds, reason):
     one, clock = bench
     follow(one)
     one.next_status('command')
     before = one.known('joint states', f'restarted: {reason}')
     faults = one.known('command', 'faults: state_timeout')
     one.efforts.clear()
-    with disturbed(clock, event):
-        wait_effort(one, G)
+    clock.jump(seconds)
+    wait_effort(one, G)
     one.efforts.check_steps(RATE)
     one.next_status('command')
     assert one.known('joint states', f'restarted: {reason}') == before + 1

@@ -10,17 +10,16 @@ from pathlib import Path
 import re
 import signal
 import subprocess
+import sys
 import threading
 import time
 from typing import Any
 
-from ament_index_python.packages import get_package_prefix, PackageNotFoundError
 import children
 from children import TIMEOUT
 from fault_bench import fault_bench, FaultBench, G
 from fault_table import fault
 import numpy as np
-import pytest
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
@@ -121,106 +120,76 @@ def test_during_long_service_calls(client, seen):
 
 # --- nothing to ramp -----------------------------------------------------------------------------
 
-def end_in_order(nodes: list[NodeProcess], words: str) -> None:
-    """Send SIGINT to one node, SIGTERM to another; check that they exit cleanly and log this."""
-    for node, end_signal in zip(nodes, (signal.SIGINT, signal.SIGTERM), strict=True):
-        signal_node(node, end_signal)
-    for node in nodes:
-        assert node.wait() == 0, node.log
-        assert 'Traceback' not in node.log, node.log
-        assert words in node.log
-
-
-@fault(GROUP, 'SIGINT before the first joint state, SIGTERM before a URDF arrives',
+@fault(GROUP, 'SIGINT before the first joint state, SIGTERM before a URDF arrives; SIGINT to '
+       '`simulated_arm` in wall time, SIGTERM in lock-step without a controller',
        f'no command; {IN_ORDER}')
-def test_before_it_commands(client):
-    nodes = [NodeProcess(DYNAMICS, parameters, namespace='/idle')
-             for parameters in ({}, {'joints': ['elbow']})]
-    with client.collect(JointState, '/idle/effort_command') as efforts, running(*nodes):
-        efforts.wait_matched(len(nodes))
-        end_in_order(nodes, 'Ending: no command was active.')
+def test_without_a_command(client):
+    words = 'Ending: no command was active.', 'Ending: the simulation stops.'
+    nodes = [NodeProcess(module, parameters, namespace=f'/idle{i}')
+             for i, (module, parameters) in enumerate((
+                 (DYNAMICS, {}), (DYNAMICS, {'joints': ['elbow']}),
+                 (SIMULATED_ARM, {}), (SIMULATED_ARM, {'lock_step': True})))]
+    with client.collect(JointState, '/idle0/effort_command') as efforts, running(*nodes):
+        efforts.wait_matched()
+        for node, end_signal in zip(nodes, 2 * (signal.SIGINT, signal.SIGTERM)):
+            signal_node(node, end_signal)
+        for i, node in enumerate(nodes):
+            assert node.wait() == 0, node.log
+            assert 'Traceback' not in node.log, node.log
+            assert words[i // 2] in node.log
         assert not efforts.messages
-
-
-# --- the simulated arm --------------------------------------------------------------------------
-
-@fault(GROUP, 'SIGINT to `simulated_arm` in wall time, SIGTERM in lock-step without a controller',
-       IN_ORDER)
-def test_the_simulated_arm(client):
-    nodes = [NodeProcess(SIMULATED_ARM, parameters, namespace='/arms')
-             for parameters in ({}, {'lock_step': True})]
-    with client.collect(JointState, '/arms/joint_states') as states, running(*nodes):
-        states.wait_matched(len(nodes))
-        states.wait_for()
-        end_in_order(nodes, 'Ending: the simulation stops.')
 
 
 # --- while it starts -----------------------------------------------------------------------------
 
-class Executable:
-    """A running process of the installed executable `dynamics_node`."""
-
-    def __init__(self) -> None:
-        try:
-            prefix = get_package_prefix('robot_dynamics')
-        except PackageNotFoundError:
-            pytest.skip('the package is not installed: scripts/setup does it')
-        self._process = children.popen(
-            [str(Path(prefix, 'lib', 'robot_dynamics', 'dynamics_node'))], text=True,
-            env={**os.environ, 'PYTHONUNBUFFERED': '1'},
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-
-    def wait_for_own_code(self) -> None:
-        """Wait until the process has a handler for SIGTERM, which Python does not install."""
-        def catches() -> bool:
-            status = Path(f'/proc/{self._process.pid}/status').read_text(encoding='utf-8')
-            caught = int(status.split('SigCgt:')[1].split()[0], 16)
-            return bool(caught >> (signal.SIGTERM - 1) & 1)
-
-        wait_until(catches, 'a handler of SIGTERM')
-
-    def wait_until_up(self) -> None:
-        """Wait until the process logs its model."""
-        assert self._process.stdout is not None
-        assert any('Model' in line for line in self._process.stdout)
-
-    def end(self, end_signal: signal.Signals) -> tuple[int, str]:
-        """Send a signal; return the exit status and the output."""
-        self._process.send_signal(end_signal)
-        try:
-            output, _ = self._process.communicate(timeout=TIMEOUT)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            raise
-        return self._process.returncode, output
+def started() -> subprocess.Popen[str]:
+    """Start what the executable `dynamics_node` runs."""
+    code = 'from robot_dynamics.ros.entry_points import dynamics_node as run; exit(run())'
+    return children.popen(
+        [sys.executable, '-c', code], text=True, env={**os.environ, 'PYTHONUNBUFFERED': '1'},
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
 
 
-@fault(GROUP, 'SIGINT at several times during the start of `ros2 run robot_dynamics '
-       'dynamics_node`, from the first line of its code until it is ready', IN_ORDER)
+def wait_for_own_code(process: subprocess.Popen[str]) -> None:
+    """Wait until the process has a handler for SIGTERM, which Python does not install."""
+    def catches() -> bool:
+        status = Path(f'/proc/{process.pid}/status').read_text(encoding='utf-8')
+        caught = int(status.split('SigCgt:')[1].split()[0], 16)
+        return bool(caught >> (signal.SIGTERM - 1) & 1)
+
+    wait_until(catches, 'a handler of SIGTERM')
+
+
+def status_after(process: subprocess.Popen[str], end_signal: signal.Signals) -> int:
+    """Send a signal; return the exit status, after a check of the output."""
+    process.send_signal(end_signal)
+    output, _ = process.communicate(timeout=TIMEOUT)
+    assert 'Traceback' not in output, output
+    return process.returncode
+
+
+@fault(GROUP, 'SIGINT at several times during the start of the executable `dynamics_node`, from '
+       'the first line of its code until it is ready', IN_ORDER)
 def test_an_interrupt_while_it_starts():
-    whole = Executable()
-    whole.wait_for_own_code()
+    whole = started()
+    wait_for_own_code(whole)
     began = time.monotonic()
-    whole.wait_until_up()
+    assert any('Model' in line for line in whole.stdout)
     duration = time.monotonic() - began
-    assert whole.end(signal.SIGINT)[0] == 0
+    assert status_after(whole, signal.SIGINT) == 0
     for fraction in (0.0, 0.3, 0.6, 0.9):
-        one = Executable()
-        one.wait_for_own_code()
+        one = started()
+        wait_for_own_code(one)
         threading.Event().wait(fraction * duration)  # the stimulus is this time
-        status, output = one.end(signal.SIGINT)
-        assert status == 0, output
-        assert 'Traceback' not in output, output
+        assert status_after(one, signal.SIGINT) == 0
 
 
-@fault(GROUP, 'SIGTERM as soon as the process of `ros2 run robot_dynamics dynamics_node` exists, '
-       'and within its first 0.3 s',
+@fault(GROUP, 'SIGTERM as soon as the process of the executable `dynamics_node` exists, and '
+       'within its first 0.3 s',
        'the signal ends the process before its code runs; later it exits with status 0; no '
        'traceback')
 def test_a_sigterm_as_soon_as_it_exists():
     for moment in (0.0, 0.05, 0.1, 0.3):
-        one = Executable()
+        one = started()
         threading.Event().wait(moment)  # the stimulus is this time
-        status, output = one.end(signal.SIGTERM)
-        assert status in (0, -signal.SIGTERM), output
-        assert 'Traceback' not in output, output
+        assert status_after(one, signal.SIGTERM) in (0, -signal.SIGTERM)

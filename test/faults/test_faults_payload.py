@@ -29,7 +29,6 @@ from std_msgs.msg import Header
 
 pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Payloads'
-NAN, INF = float('nan'), float('inf')
 MASS = 5.0
 """[kg]"""
 SHOULDER = 1.0 * np.sin(Q[0]), 0.8 * np.sin(Q[0] + Q[1])
@@ -82,15 +81,14 @@ def test_a_payload_that_fades_in(bench):
         ('a negative mass', {'mass': -1.0}, 'payload.inertia.m is -1'),
         ('an unknown link', {'mass': 1.0, 'link': 'wheel'},
          "payload.header.frame_id is 'wheel'"),
-        ('a centre of mass that is NaN', {'mass': 1.0, 'com': Vector3(y=NAN)},
+        ('a centre of mass that is NaN', {'mass': 1.0, 'com': Vector3(y=float('nan'))},
          'payload.inertia.com[1] (y) is nan'),
-        ('an impossible moment of inertia', {'mass': 1.0, 'ixx': 1.0},
-         'payload.inertia has the principal moments'),
         ('100 kg at the tip', {'mass': 100.0},
          "payload.inertia.m is 100 kg on 'tool0', expected at most 72.2 kg"),
         ('1 kg at a distance of 1 km', {'mass': 1.0, 'com': Vector3(z=1000.0)},
          "payload.inertia.com is 1000 m from the origin of 'tool0', expected at most 3.6 m"),
-        ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
+        ('an infinite transition time', {'mass': 1.0, 'seconds': float('inf')},
+         'transition_time is inf')))
 def test_an_invalid_payload(bench, request_, reported):
     answer = set_payload(bench, **request_)
     assert not answer.success

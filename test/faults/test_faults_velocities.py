@@ -9,7 +9,6 @@ The driver reports a motion of both joints that does not depend on the commands.
 """
 
 from collections.abc import Callable, Iterator
-import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, Q
@@ -24,7 +23,6 @@ AMPLITUDE, FREQUENCY = 0.15, 4.0
 ESTIMATED = (
     'a warning names the joint; its velocity is estimated from the positions; the motion ends '
     'with a stop; the measured velocity is used again once it agrees')
-FROZEN = 'fault `frozen_joint`; commands resume after 25 states that change'
 
 
 moving = Swing(Q, [AMPLITUDE, AMPLITUDE], FREQUENCY)
@@ -69,11 +67,7 @@ def wait_consistent(bench: FaultBench) -> None:
 
 @fault_cases(('change', 'joint'), GROUP, '{}', ESTIMATED, (
     ('wrong sign of the velocity of a joint', with_velocity(lambda v: -v, same), 'joint1'),
-    ('velocity of a joint always 0', with_velocity(same, lambda v: 0.0), 'joint2'),
-    ('all velocities always 0', with_velocity(lambda v: 0.0, lambda v: 0.0), 'joint'),
-    ('all velocities in degrees per second',
-     with_velocity(math.degrees, math.degrees), 'joint'),
-    ('twice the velocity of a joint', with_velocity(lambda v: 2.0 * v, same), 'joint1')))
+    ('velocity of a joint always 0', with_velocity(same, lambda v: 0.0), 'joint2')))
 def test_a_velocity_that_contradicts_the_positions(bench, change, joint):
     # The cause that the message names depends on the interval of the states, hence on load;
     # test_velocity_faults.py tests it.
@@ -88,24 +82,23 @@ def test_a_velocity_that_contradicts_the_positions(bench, change, joint):
     bench.wait_running()
 
 
-@fault_cases('j', GROUP, '{}', FROZEN, (
-    ('repeated position and velocity of a moving joint', [0]),
-    ('repeated positions and velocities of all moving joints, with new stamps', [0, 1])))
-def test_a_frozen_joint(bench, j):
+@fault(GROUP, 'repeated position and velocity of a moving joint',
+       'fault `frozen_joint`; commands resume after 25 states that change')
+def test_a_frozen_joint(bench):
     samples: list[tuple[float, float]] = []
 
     def frozen(message: JointState) -> JointState:
         moving(message)
         if not samples and abs(message.velocity[0]) > 0.4:
             samples.append((message.position[0], message.velocity[0]))
-        for k in j if samples else ():
-            message.position[k], message.velocity[k] = samples[0]
+        if samples:
+            message.position[0], message.velocity[0] = samples[0]
         return message
 
     before = bench.known('command', 'faults: frozen_joint')
     bench.driver.stream_changed(frozen)
     status = bench.wait_fault('frozen_joint')
-    assert f"position and velocity of 'joint{j[-1] + 1}' have not changed" in status.message
+    assert "position and velocity of 'joint1' have not changed" in status.message
     assert figure_of(status, 'faults: frozen_joint') == before + 1
     bench.driver.stream_changed(moving)
     bench.wait_message('reference', 'ended early: fault frozen_joint.*')
