@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, G, nanoseconds_of, Q, QUICK, STATE_TIMEOUT
-from fault_stimuli import DIRECT, NO_STREAM, RATE
+from fault_stimuli import check_rate, DIRECT, NO_STREAM, RATE
 from fault_table import fault
 import numpy as np
 import pytest
@@ -19,6 +19,8 @@ pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Fault actions'
 SILENCE = 'joint states time out'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
+LIMITS = [150.0, 60.0]
+"""Effort limits of the default arm [N·m]."""
 SLACK = 0.01
 """Largest offset [s] between the clock of stamps and the clock of timeouts."""
 Timed = tuple[float, JointState]
@@ -108,11 +110,17 @@ def test_hold_gravity_then_ramp(bench, seen):
     check_return(bench)
 
 
-@fault(GROUP, f'{SILENCE} while the command is 150 N·m; `hold_gravity_then_ramp`',
-       'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
+@fault(GROUP, 'a set-point 2 rad away with `condition_references: false`; joint states time out '
+       'while the command is at the effort limits; `hold_gravity_then_ramp`',
+       'the command changes to the effort limits and to g(q) within the rate limit, counted; then '
+       'g(q), ramp and no command')
 def test_hold_gravity_from_a_large_effort(bench):
+    before = bench.known('command', 'held back by effort rate')
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
-    bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
+    bench.efforts.wait_for(lambda message: list(message.effort) == LIMITS)
+    check_rate(bench.efforts)
+    assert all((np.abs(message.effort) <= LIMITS).all() for message in bench.efforts.messages)
+    bench.wait_figure('command', 'held back by effort rate', before + 1)
     bench.set_parameters(hold_time=60.0)  # longer than the change to g(q) takes
     bench.efforts.clear()
     bench.driver.be_quiet()

@@ -69,30 +69,16 @@ def signal_node(node: NodeProcess, end_signal: signal.Signals) -> float:
     return sent_at
 
 
-@fault(GROUP, 'SIGTERM while the node commands', RAMPED)
+@fault(GROUP, 'SIGTERM while the node commands, and SIGINT while the command ramps to zero',
+       RAMPED)
 def test_while_it_commands(client, seen):
     with commanding(client, ramp_time=3.0 * RAMP) as bench:
         sent_at = signal_node(bench.node, signal.SIGTERM)
+        bench.efforts.wait_for(lambda m: m.effort[0] > 0.9 * G[0])
+        signal_node(bench.node, signal.SIGINT)
         seen(check_ended(bench, sent_at))
         logged, = re.findall(r'\[([\d.]+)\] .*Ending: ', bench.node.log)
         assert float(logged) < bench.efforts.published()[-1][0]  # not after the ramp
-
-
-@fault(GROUP, 'SIGINT, and a second one while the command ramps to zero', RAMPED)
-def test_twice(client):
-    with commanding(client) as bench:
-        sent_at = signal_node(bench.node, signal.SIGINT)
-        bench.efforts.wait_for(lambda m: m.effort[0] > 0.9 * G[0])
-        signal_node(bench.node, signal.SIGINT)
-        check_ended(bench, sent_at)
-
-
-@fault(GROUP, 'SIGINT while the node holds the arm in a fault', RAMPED)
-def test_in_a_fault(client):
-    with commanding(client, hold_time=60.0) as bench:
-        bench.driver.be_quiet()
-        bench.wait_state_timeout()
-        check_ended(bench, signal_node(bench.node, signal.SIGINT))
 
 
 @fault(GROUP, 'SIGINT while the node commands and computes service requests',

@@ -142,7 +142,7 @@ def settle(bench: LifecycleBench, describe: Describe, xml: str, name: str) -> No
 
 @fault(GROUP, 'a description while the node commands with the embedded arm',
        'loaded immediately; the command changes to its g(q) within `effort_rate_limit`')
-def test_the_embedded_arm_gives_way_at_once(client, seen):
+def test_the_embedded_arm_gives_way_at_once(client):
     rate = 100.0
     with client.describing('/faults_embedded') as publish, lifecycle_bench(
             client, '/faults_embedded', {**PARAMETERS, 'effort_rate_limit': rate}) as one:
@@ -158,11 +158,5 @@ def test_the_embedded_arm_gives_way_at_once(client, seen):
                 nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
             change = np.abs(np.subtract(after.effort, before.effort)).max()
             assert change <= 2.0 * rate * max(dt, LONGEST_STEP)
-        moving = [1e-9 * nanoseconds_of(m.header.stamp) for _, m in sent
-                  if not np.allclose(m.effort, G, atol=1e-6)]
-        way = np.abs(np.subtract(hold_of(HEAVY), G)).max()
-        assert moving[-1] - moving[0] > 0.8 * way / rate
         assert 'Kept the model' not in one.node.log
         check_model(one, HEAVY)
-        assert one.figure('command', 'faults: state_timeout') == 0
-    seen(f'{way:.1f} N·m in {moving[-1] - moving[0]:.2f} s at {rate:g} N·m/s')

@@ -91,27 +91,17 @@ def test_a_reference_that_is_rejected(bench, make, reported):
     assert reported in words
     assert len(words) < 400
     assert 'Traceback' not in bench.node.log
+    status = bench.wait_status('reference', lambda status: reported in str(status))
+    assert status.level == DiagnosticStatus.WARN
+    assert figure_of(status, 'refused') == len(refusals(bench))
+    bench.set_point(Q)
+    bench.wait_status('reference', lambda status: status.level == DiagnosticStatus.OK)
     assert bench.known('command', 'faults: state_timeout') == faults
 
 
 def refusals(bench: FaultBench) -> list[str]:
     """Return the log lines about rejected references."""
     return [line for line in bench.node.log.splitlines() if 'Rejected a joint traj' in line]
-
-
-def test_diagnostics_report_rejections(bench):
-    bench.set_point(GOAL)
-    bench.wait_steady(TORQUE)
-    bench.trajectories.publish(trajectory())
-    reason = 'points is empty, expected at least one point'
-    status = bench.wait_status(
-        'reference', lambda status: reason in [value.value for value in status.values])
-    assert status.level == DiagnosticStatus.WARN
-    assert status.message == 'following' or ' from its goal' in status.message  # no arm moves
-    assert figure_of(status, 'refused') == len(refusals(bench))
-    bench.set_point(Q)
-    bench.check_alive()
-    bench.wait_status('reference', lambda status: status.level == DiagnosticStatus.OK)
 
 
 @fault_cases('message', GROUP, '{}', 'approached or followed at this speed', (
@@ -142,7 +132,7 @@ def test_a_stream_with_set_points_beyond_a_limit(bench):
         wait_until(lambda: stream.sent >= 20, 'twenty set-points')
     bench.wait_figure('reference', 'refused', refused + stream.sent)
     assert all(map(is_torque, bench.efforts.messages))
-    assert 1 <= len(refusals(bench)) - before <= 1 + (time.monotonic() - begun) / 5.0
+    assert 1 <= len(refusals(bench)) - before <= 2 + (time.monotonic() - begun) / 5.0
     bench.set_point(Q)
     bench.check_alive()
 

@@ -6,7 +6,6 @@
 from collections.abc import Iterator
 import random
 import re
-import threading
 
 from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
@@ -24,7 +23,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
 from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch
-from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
+from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT, wait_until
 from service_requests import REFUSALS, SERVICES
 from simulated_arms import default_dynamics
 from std_srvs.srv import SetBool
@@ -102,15 +101,10 @@ def test_many_clients_at_the_same_time(control, seen):
     with control.checked():
         for service in clients:
             assert service.wait_for_service(TIMEOUT)
-        done = threading.Semaphore(0)
-        futures = []
-        for j in range(positions.shape[1]):
-            for i, service in enumerate(clients):
-                request = InverseDynamics.Request(position=positions[i, j].tolist())
-                futures.append((positions[i, j], service.call_async(request)))
-                futures[-1][1].add_done_callback(lambda _: done.release())
-        for _ in futures:
-            assert done.acquire(timeout=TIMEOUT)
+        futures = [
+            (q, service.call_async(InverseDynamics.Request(position=q.tolist())))
+            for turn in positions.swapaxes(0, 1) for q, service in zip(turn, clients)]
+        wait_until(lambda: all(future.done() for _, future in futures), 'all answers')
         for q, future in futures:
             assert future.result().effort == pytest.approx(dynamics.rigid_body.gravity(q))
     for service in clients:

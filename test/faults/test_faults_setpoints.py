@@ -3,18 +3,17 @@
 
 """Faults during references: stream timeouts, steps, and states without velocities."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import fault_bench, FaultBench, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, check_rate, DIRECT, from_now, SetPoints
+from fault_bench import FaultBench, G, NAMES, nanoseconds_of, Q
+from fault_stimuli import altered, from_now, SetPoints
 from fault_table import fault
 import numpy as np
-import pytest
-from ros_harness import KEEP_MANY, RosClient, wait_until
+from ros_harness import KEEP_MANY, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -28,13 +27,6 @@ FAR = [Q[0] + 2.0, Q[1] - 2.0]
 LIMITS = 150.0, 60.0
 """Effort limits of the default arm [N·m]."""
 BENCH = {'parameters': NEVER}
-
-
-@pytest.fixture(scope='module')
-def direct(client: RosClient) -> Iterator[FaultBench]:
-    """Return a node that passes set-points to the control law without conditioning."""
-    with fault_bench(client, '/faults_direct', {**NEVER, **DIRECT}) as one:
-        yield one
 
 
 def rest(bench: FaultBench) -> None:
@@ -60,12 +52,6 @@ def is_gravity(message: Any) -> bool:
     return bool(np.allclose(message.effort, G, atol=1e-6))
 
 
-def wait_now(bench: FaultBench, predicate: Callable[[Any], bool]) -> None:
-    """Wait for a new command."""
-    bench.efforts.clear()
-    bench.efforts.wait_for(predicate)
-
-
 @fault(GROUP, 'set-points at 50 Hz that time out',
        'followed for `reference_timeout` (0.3 s in this test), then a planned stop, and the '
        'position is held; reported and counted; the next set-point is followed again')
@@ -73,7 +59,8 @@ def test_a_stream_that_pauses(bench):
     bench.check_alive()
     for paused in (1, 2):
         with SetPoints(bench, lambda: GOAL) as stream:
-            wait_now(bench, lambda message: not is_gravity(message))
+            bench.efforts.clear()
+            bench.efforts.wait_for(lambda message: not is_gravity(message))
             wait_until(lambda: stream.sent >= 10, 'ten set-points')
         bench.wait_message('reference', 'following')
         with short_timeout(bench):
@@ -113,21 +100,4 @@ def test_states_without_velocities(bench):
         assert all(map(is_gravity, torques.wait_count(50)))
         assert all(map(is_gravity, bench.efforts.messages))
     bench.set_parameters(require_measured_velocities=False)
-    rest(bench)
-
-
-@fault(GROUP, 'a set-point 2 rad away, `condition_references: false`',
-       'the command stays within the effort limits and `effort_rate_limit`')
-def test_a_set_point_that_jumps(direct):
-    bench = direct
-    bench.check_alive()
-    before = bench.known('command', 'held back by effort rate')
-    bench.set_point(FAR)
-    bench.efforts.wait_for(lambda message: np.abs(message.effort) == pytest.approx(LIMITS))
-    bench.set_point(Q)
-    wait_until(lambda: is_gravity(bench.efforts.messages[-1]), 'the hold torque again')
-    messages = bench.efforts.messages
-    assert all((np.abs(message.effort) <= LIMITS).all() for message in messages)
-    check_rate(bench.efforts)
-    bench.wait_figure('command', 'held back by effort rate', before + 1)
     rest(bench)

@@ -9,14 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.middleware.state_assembly import (
-    ForeignJointsError,
-    MOST_SOURCES,
-    StateAssembly,
-)
+from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, StateAssembly
 from sensor_msgs.msg import JointState
 
 rclpy_serialization = pytest.importorskip('rclpy.serialization')
@@ -26,8 +21,6 @@ MS = 1_000_000
 SECOND = 1000 * MS
 PERIOD = 2 * MS
 DECODER = JointStateDecoder()
-
-laws = settings(deadline=None, derandomize=True)
 
 
 def message(
@@ -43,19 +36,15 @@ def message(
     return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
 
 
-def test_a_message_with_all_joints_is_a_state_as_it_is():
+def test_a_message_with_all_joints_is_a_state_as_it_is_and_one_with_none_another_one():
     assembly = StateAssembly(NAMES)
     state = message(PERIOD, ['gripper', 'c', 'a', 'b'])
     assert assembly.take(state) is state
-
-
-def test_a_message_with_none_of_the_joints_is_another_one():
-    assembly = StateAssembly(NAMES)
     with pytest.raises(OtherJointsError, match='none of'):
         assembly.take(message(PERIOD, ['gripper']))
 
 
-@laws
+@settings(max_examples=50)
 @given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 def test_two_halves_are_answered_once_per_period(phase, seed):
     """For any time between both halves, and with jitter of 2 % of a period."""
@@ -118,16 +107,11 @@ def test_efforts_of_both_halves_are_assembled():
     assert effort.tolist() == [-16.0, -10.0, -14.0]
 
 
-def test_two_halves_at_time_0_are_a_state():
+def test_a_period_that_begins_at_time_0_is_measured():
     assembly = StateAssembly(NAMES)
     assert assembly.missing == []
     assert assembly.take(message(0, ['a', 'c'])) is None
     assert assembly.take(message(0, ['b'])) is not None
-
-
-def test_a_period_that_begins_at_time_0_is_measured():
-    assembly = StateAssembly(NAMES)
-    assembly.take(message(0, ['a', 'c']))
     assembly.take(message(PERIOD // 2, ['b']))
     assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
 
@@ -166,8 +150,8 @@ def test_the_first_interval_is_the_period():
     assembly = StateAssembly(NAMES)
     assembly.take(message(PERIOD, ['a', 'c']))
     assembly.take(message(2 * PERIOD, ['a', 'c']))
-    assert assembly.take(message(2 * PERIOD + PERIOD // 2, ['b'])) is not None
-    assert assembly.take(message(2 * PERIOD + 6 * PERIOD // 10, ['b'])) is None
+    assert assembly.take(message(2 * PERIOD + PERIOD * 54 // 100, ['b'])) is not None
+    assert assembly.take(message(2 * PERIOD + PERIOD * 56 // 100, ['b'])) is None
 
 
 def test_the_embedded_arm_has_its_joints_only():
@@ -179,16 +163,13 @@ def test_the_embedded_arm_has_its_joints_only():
         assert str(names) in str(caught.value)
 
 
-def test_a_joint_that_stands_twice_is_refused():
-    with pytest.raises(InvalidInputError, match=r"name has .*'a'"):
-        StateAssembly(NAMES).take(message(PERIOD, ['a', 'a']))
-
-
 def test_sources_that_are_remembered_are_bounded():
     assembly = StateAssembly(NAMES)
-    for i in range(5 * MOST_SOURCES):
+    sizes = set()
+    for i in range(100):
         assembly.take(message(PERIOD, ['a', f'joint{i}']))
-    assert len(assembly._parts) <= MOST_SOURCES
+        sizes.add(len(assembly._parts))
+    assert max(sizes) == 32
 
 
 def test_a_decoder_knows_the_layouts_of_several_publishers():
