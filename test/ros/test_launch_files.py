@@ -33,9 +33,6 @@ ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 SEVERAL = {'several_arms', 'leader_and_follower'}
 """Launch files for several arms, which choose the namespaces."""
-COMMON = {
-    'namespace', 'use_sim_time', 'autostart', 'params', 'log_level', 'robot_description',
-    'gravity'}
 HAS_LAUNCH = bool(shutil.which('ros2')) and importlib.util.find_spec('launch_ros') is not None
 with_launch = pytest.mark.skipif(
     not HAS_LAUNCH, reason='ros2 launch comes with apt, and has no wheel')
@@ -82,8 +79,9 @@ def test_every_common_argument_has_a_description_and_is_used():
 
     values = Recorded({name: default for name, (default, _) in ARGUMENTS.items()})
     arm_arguments(values, BOTH)
-    assert values.used == set(ARGUMENTS)
-    assert values.used >= COMMON
+    assert values.used == set(ARGUMENTS) == {
+        'robot', 'robot_description', 'params', 'namespace', 'use_sim_time', 'autostart',
+        'gravity', 'log_level'}
     assert all(len(text) > 30 and text.endswith('.') for _, text in ARGUMENTS.values())
 
 

@@ -82,20 +82,17 @@ def test_a_half_that_is_missing_is_named():
 def test_the_largest_age_of_a_sample_may_be_set():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assert assembly.take(message(PERIOD, ['b'])) is None
-    assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
+    for _ in range(2):  # a message that is received twice discards no samples
+        assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_a_half_without_velocities_leaves_the_state_without():
+def test_velocities_and_efforts_that_both_halves_have_are_assembled():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], has_velocity=False))
     state = assembly.take(message(PERIOD, ['a', 'c']))
     assert JointStateReader(NAMES).read(state)[1] is None
     assert JointStateReader(NAMES).effort(state) is None
-
-
-def test_efforts_of_both_halves_are_assembled():
-    assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
     state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
     assert state.stamp == stamp_bytes(2 * PERIOD)
@@ -114,13 +111,6 @@ def test_a_period_that_begins_at_time_0_is_measured():
     assert assembly.take(message(0, ['b'])) is not None
     assembly.take(message(PERIOD // 2, ['b']))
     assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
-
-
-def test_a_message_that_is_received_twice_discards_no_samples():
-    assembly = StateAssembly(NAMES, max_age=0.1)
-    assembly.take(message(PERIOD, ['b']))
-    for _ in range(2):
-        assert assembly.take(message(2 * PERIOD, ['a', 'c'])) is not None
 
 
 @pytest.mark.parametrize('interval', [-PERIOD, 2 * SECOND])
@@ -157,7 +147,7 @@ def test_the_first_interval_is_the_period():
 def test_the_embedded_arm_has_its_joints_only():
     assembly = StateAssembly(NAMES, is_exact=True)
     assert assembly.take(message(PERIOD, ['c', 'b', 'a'])) is not None
-    for names in (['a', 'b', 'c', 'd'], ['gripper'], [f'joint{i}' for i in range(7)]):
+    for names in (['a', 'b', 'c', 'd'], ['gripper']):
         with pytest.raises(ForeignJointsError, match='set robot_description_file') as caught:
             assembly.take(message(PERIOD, names))
         assert str(names) in str(caught.value)
