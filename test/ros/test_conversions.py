@@ -124,7 +124,7 @@ def test_trajectories_come_back(count):
     rows = np.random.default_rng(count).uniform(-3.0, 3.0, (3, 4, 2))
     rows[1, -1] = 0.0  # the last of several points is at rest
     trajectory = make_trajectory(
-        NAMES, [1e-9, 0.5, 7.123456789, 10.0], *rows[:count].tolist(), arm_joint_names=NAMES)
+        NAMES, [1e-9, 0.5, 7.123456789, 10.0], *rows[:count].tolist(), expected_joints=NAMES)
     sent = over_the_wire(conversions.trajectory_to_ros(trajectory))
     back = conversions.trajectory_from_ros(sent, NAMES)
     assert back.joint_names == trajectory.joint_names
