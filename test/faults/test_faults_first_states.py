@@ -11,7 +11,7 @@ import time
 
 import children
 from fault_bench import NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, NO_STREAM, shifted, wait_states
+from fault_stimuli import altered, shifted, wait_states
 from fault_table import fault
 import numpy as np
 from ros_harness import TIMEOUT
@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 GROUP = 'First joint states'
 FLOOD = Path(__file__).parents[1] / 'support' / 'state_flood.py'
-BENCH = {'parameters': NO_STREAM, 'stream': False}
+BENCH = {'stream': False}
 """The node receives no valid joint state until the last tests of this module."""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import check_rate, NO_STREAM, wait_effort, wait_states
+from fault_stimuli import check_rate, wait_effort, wait_states
 from fault_table import fault, fault_cases
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_bench import (
@@ -41,7 +41,7 @@ LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
 def bench(client: RosClient) -> Iterator[LifecycleBench]:
     """Return an active node with a description; tests restore its state."""
     with lifecycle_bench(client, '/faults_payload', {
-            **NO_STREAM, 'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as one:
+            'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as one:
         yield one
 
 

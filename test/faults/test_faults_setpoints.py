@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults during references: stream timeouts, steps, and states without velocities."""
+"""Faults during references: stream timeouts, and states without velocities."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,9 +23,6 @@ TIMEOUT = 0.3
 NEVER = {'reference_timeout': 60.0}
 """`reference_timeout` during a stream, longer than any pause on a loaded machine."""
 GOAL = [Q[0] + 0.01, Q[1]]
-FAR = [Q[0] + 2.0, Q[1] - 2.0]
-LIMITS = 150.0, 60.0
-"""Effort limits of the default arm [N·m]."""
 BENCH = {'parameters': NEVER}
 
 

@@ -17,15 +17,7 @@ from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from robot_dynamics.tools.command_line import read_parameters
-from ros_harness import (
-    DYNAMICS,
-    EXACT,
-    NodeProcess,
-    RosClient,
-    running,
-    SIMULATED_ARM,
-    wait_until,
-)
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -149,7 +141,8 @@ def test_changed_gains_change_the_computed_torque(client):
     trajectories = client.publisher(JointTrajectory, f'{NODE}/joint_trajectory')
     state = JointState(name=NAMES, position=q.tolist(), velocity=[0.0, 0.0])
     # The test sends single states; later tests use only the arm.
-    client.set_parameters(NODE, {**EXACT, 'state_timeout': 60.0})
+    client.set_parameters(NODE, {
+        'condition_references': False, 'scale_gains': False, 'state_timeout': 60.0})
     with client.collect(JointState, f'{NODE}/computed_torque') as torques, \
             client.collect(JointState, f'{NODE}/gravity_compensation') as gravity:
         state.header.stamp.sec = 1
