@@ -4,14 +4,14 @@
 """Each fault action: the commands during a fault, and the first commands after it."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from fault_bench import fault_bench, FaultBench, G, nanoseconds_of, Q, QUICK, STATE_TIMEOUT
-from fault_stimuli import DIRECT, NO_STREAM, RATE
+from fault_stimuli import check_rate, DIRECT, NO_STREAM, RATE
 from fault_table import fault
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient
 from sensor_msgs.msg import JointState
 
@@ -19,6 +19,8 @@ pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Fault actions'
 SILENCE = 'joint states time out'
 HOLD, RAMP = QUICK['hold_time'], QUICK['ramp_time']
+LIMITS = [150.0, 60.0]
+"""Effort limits of the default arm [N·m]."""
 SLACK = 0.01
 """Largest offset [s] between the clock of stamps and the clock of timeouts."""
 Timed = tuple[float, JointState]
@@ -80,11 +82,19 @@ def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
 
 def check_return(bench: FaultBench) -> None:
     """Check that the node resumes automatically, and that its first command is g(q)."""
-    bench.efforts.clear()
-    bench.driver.go_on()
-    assert bench.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
+    assert bench.first_answer(bench.driver.go_on).effort == pytest.approx(G, abs=1e-6)
     bench.check_alive()
     bench.node.wait_for_log('The fault has ended: commanding again')
+
+
+@contextmanager
+def acting(bench: FaultBench, action: str) -> Iterator[None]:
+    """Set the fault action; afterwards the node must resume, with the default action again."""
+    bench.set_parameters(fault_action=action)
+    bench.check_alive()
+    yield
+    check_return(bench)
+    bench.set_parameters(fault_action='hold_gravity_then_ramp')
 
 
 @fault(GROUP, f'{SILENCE}; `hold_gravity_then_ramp`',
@@ -100,11 +110,17 @@ def test_hold_gravity_then_ramp(bench, seen):
     check_return(bench)
 
 
-@fault(GROUP, f'{SILENCE} while the command is 150 N·m; `hold_gravity_then_ramp`',
-       'the command changes to g(q) within the rate limit; then g(q), ramp and no command')
+@fault(GROUP, 'a set-point 2 rad away with `condition_references: false`; joint states time out '
+       'while the command is at the effort limits; `hold_gravity_then_ramp`',
+       'the command changes to the effort limits and to g(q) within the rate limit, counted; then '
+       'g(q), ramp and no command')
 def test_hold_gravity_from_a_large_effort(bench):
+    before = bench.known('command', 'held back by effort rate')
     bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
-    bench.efforts.wait_for(lambda message: message.effort[0] == 150.0)
+    bench.efforts.wait_for(lambda message: list(message.effort) == LIMITS)
+    check_rate(bench.efforts)
+    assert all((np.abs(message.effort) <= LIMITS).all() for message in bench.efforts.messages)
+    bench.wait_figure('command', 'held back by effort rate', before + 1)
     bench.set_parameters(hold_time=60.0)  # longer than the change to g(q) takes
     bench.efforts.clear()
     bench.driver.be_quiet()
@@ -114,7 +130,7 @@ def test_hold_gravity_from_a_large_effort(bench):
     assert efforts == sorted(efforts, reverse=True)
     bench.set_parameters(hold_time=HOLD)
     bench.wait_silent()
-    assert (bench.efforts.steps() <= RATE * LONGEST_STEP + 1e-6).all()
+    bench.efforts.check_steps(RATE)
     check_return(bench)
 
 
@@ -122,34 +138,17 @@ def test_hold_gravity_from_a_large_effort(bench):
        'an immediate linear ramp to zero over `ramp_time`, then no command; the first command '
        'after recovery is g(q)')
 def test_ramp_to_zero(bench):
-    bench.set_parameters(fault_action='ramp_to_zero')
-    bench.check_alive()
-    check_course(*go_silent(bench), hold=0.0)
-    check_return(bench)
-    bench.set_parameters(fault_action='hold_gravity_then_ramp')
+    with acting(bench, 'ramp_to_zero'):
+        check_course(*go_silent(bench), hold=0.0)
 
 
 @fault(GROUP, f'{SILENCE}; `stop_publishing`',
        'no further command; the first command after recovery is g(q)')
 def test_stop_publishing(bench):
-    bench.set_parameters(fault_action='stop_publishing')
-    bench.check_alive()
-    (_, answer), action = go_silent(bench)
-    assert action == []
-    assert answer.effort == pytest.approx(G, abs=1e-6)
-    check_return(bench)
-    bench.set_parameters(fault_action='hold_gravity_then_ramp')
-
-
-@fault(GROUP, 'a set-point 2 rad away, sent while joint states are missing',
-       'rejected with the reason; the first command after recovery is g(q), and the arm is held')
-def test_a_reference_during_a_timeout(bench):
-    go_silent(bench)
-    bench.set_point([Q[0] + 2.0, Q[1] + 2.0])
-    bench.node.wait_for_log('no reference can be followed now: fault state_timeout')
-    bench.efforts.clear()
-    bench.driver.go_on()
-    bench.check_hold(100)
+    with acting(bench, 'stop_publishing'):
+        (_, answer), action = go_silent(bench)
+        assert action == []
+        assert answer.effort == pytest.approx(G, abs=1e-6)
 
 
 # --- a robot that compensates gravity ------------------------------------------------------------

@@ -4,7 +4,6 @@
 """Bytes that are not a valid message, on every topic that the nodes subscribe to."""
 
 from collections.abc import Callable, Iterable, Iterator
-import re
 import struct
 import time
 from typing import Any
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from disturbances import wrench
 from fault_bench import FaultBench, G, NAMES, NANOSECONDS, Q, V
 from fault_stimuli import check_rate
-from fault_table import fault, fault_cases
+from fault_table import fault
 import numpy as np
 import pytest
 from raw_publisher import bytes_of, RawPublisher
@@ -34,14 +33,16 @@ REFERENCE = JointTrajectory(
 DESCRIPTION = String(data='<robot name="none"><link name="base"/></robot>')
 EFFORT = JointState(name=NAMES, effort=G)
 WRENCH = wrench('tool0')
-Damage = Callable[[bytes, type], Iterable[bytes]]
 Seen = Callable[[str], Any]
-DAMAGES: dict[str, Damage] = {
-    'truncated to every length': cut_short,
-    'wrong element counts, up to 4 billion': lambda data, _: with_lies(data),
-    'random bytes within a message': lambda data, _: with_noise(data, 150),
-    'only random bytes': lambda data, _: noise(150),
-}
+DAMAGE = (
+    'truncated to every length, with wrong element counts up to 4 billion, with random bytes, or '
+    'only random bytes')
+
+
+def damaged(message: Any) -> list[bytes]:
+    """Return damaged forms of a message; test_message_bytes.py has more of them."""
+    data = bytes_of(message)
+    return [*cut_short(data, type(message)), *with_lies(data), *with_noise(data, 50), *noise(20)]
 
 
 @pytest.fixture(scope='module')
@@ -94,19 +95,23 @@ def send_until(
     return sent
 
 
-def damages(topic: str, expected: str) -> Any:
-    """Parametrize over the kinds of damage; each is one fault."""
-    return fault_cases('damage', GROUP, f'`{topic}`: {{}}', expected, DAMAGES.items())
-
-
-@damages('joint_states',
-         'dropped and reported, or answered with a finite command; commands resume')
-def test_joint_states(bench, raw, damage, seen):
-    before, memory_before = bench.known('joint states', 'dropped: unreadable'), bench.peak_memory()
+@fault(GROUP, f'`joint_states`: truncated between valid ones; then only {DAMAGE}',
+       'dropped and reported, or answered with a finite command; the valid ones are answered '
+       'without a fault; commands resume')
+def test_joint_states(bench, raw, seen):
+    faults, memory_before = bench.known('command', 'faults: state_timeout'), bench.peak_memory()
+    send_until(
+        raw, f'{bench.namespace}/joint_states', JointState,
+        lambda: cut_short(bytes_of(STATE), JointState),
+        lambda: 'cannot be read, expected a serialized JointState' in bench.next_status(
+            'joint states').message)
+    assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
+    assert bench.figure('command', 'faults: state_timeout') == faults
     bench.driver.be_quiet()
+    before = bench.figure('joint states', 'dropped: unreadable')
     sent = send_until(
         raw, f'{bench.namespace}/joint_states', JointState,
-        lambda: map(now_stamped, damage(bytes_of(STATE), JointState)),
+        lambda: map(now_stamped, damaged(STATE)),
         lambda: bench.figure('joint states', 'dropped: unreadable') > before)
     with bench.short_timeout():
         bench.wait_status('command', lambda status: status.level == DiagnosticStatus.ERROR)
@@ -115,21 +120,6 @@ def test_joint_states(bench, raw, damage, seen):
     unreadable = bench.known('joint states', 'dropped: unreadable') - before
     seen(f'{unreadable} of {sent} messages unreadable')
     assert bench.peak_memory() < memory_before + 100 * 2**20
-
-
-@fault(GROUP, '`joint_states`: truncated messages between valid ones',
-       'dropped and reported; the valid ones are answered without a fault')
-def test_damaged_joint_states_among_good_ones(bench, raw):
-    faults = bench.known('command', 'faults: state_timeout')
-    before = bench.known('joint states', 'dropped: unreadable')
-    send_until(
-        raw, f'{bench.namespace}/joint_states', JointState,
-        lambda: cut_short(bytes_of(STATE), JointState),
-        lambda: bench.figure('joint states', 'dropped: unreadable') > before)
-    status = bench.wait_dropped('unreadable', before)
-    assert 'cannot be read, expected a serialized JointState' in status.message
-    assert all(message.effort == pytest.approx(G, abs=1e-6) for message in bench.efforts.messages)
-    assert bench.known('command', 'faults: state_timeout') == faults
 
 
 @fault(GROUP, '`joint_states`: a joint name that is not valid UTF-8',
@@ -143,12 +133,12 @@ def test_a_name_that_is_not_utf_8(bench, raw):
     bench.wait_state_timeout()
 
 
-@damages('~/joint_trajectory', 'rejected and reported, or followed within all limits')
-def test_references(bench, raw, damage, seen):
+@fault(GROUP, f'`~/joint_trajectory`: {DAMAGE}',
+       'rejected and reported, or followed within all limits')
+def test_references(bench, raw, seen):
     before = bench.known('reference', 'refused')
     sent = send_until(
-        raw, bench.name('joint_trajectory'), JointTrajectory,
-        lambda: damage(bytes_of(REFERENCE), JointTrajectory),
+        raw, bench.name('joint_trajectory'), JointTrajectory, lambda: damaged(REFERENCE),
         lambda: bench.figure('reference', 'refused') > before)
     refused = bench.figure('reference', 'refused') - before
     seen(f'{refused} of {sent} rejected')
@@ -162,18 +152,25 @@ def test_references(bench, raw, damage, seen):
     wait_until(is_held_again, 'g(q)')
 
 
-@damages('robot_description', 'rejected and reported; the active model stays')
-def test_descriptions(bench, raw, damage):
+@fault(GROUP, f'`robot_description`: {DAMAGE}', 'rejected and reported; the active model stays')
+def test_descriptions(bench, raw):
     before = bench.node.log.count('Kept the model in use')
     send_until(
-        raw, f'{bench.namespace}/robot_description', String,
-        lambda: damage(bytes_of(DESCRIPTION), String),
+        raw, f'{bench.namespace}/robot_description', String, lambda: damaged(DESCRIPTION),
         lambda: bench.node.log.count('Kept the model in use') > before)
     assert bench.status('model').message == 'planar_arm'
 
 
-def check_arm(client: RosClient, arm: NodeProcess) -> None:
-    """Check that the simulated arm continues from its initial pose, with finite values."""
+@fault(GROUP, f'both topics of `simulated_arm`: {DAMAGE}',
+       'rejected and reported, or applied; the arm continues with finite states')
+def test_topics_of_the_simulated_arm(client, arm, raw):
+    for message, topic, refusal in (
+            (EFFORT, 'effort_command', 'Rejected an effort'),
+            (WRENCH, 'simulated_arm/external_wrench', 'Rejected a message of ~/external_wrench')):
+        # Messages that are published before the arm discovers the publisher are lost.
+        send_until(
+            raw, f'/faults_bytes_arm/{topic}', type(message), lambda one=message: damaged(one),
+            lambda words=refusal: words in arm.log)
     with client.collect(JointState, '/faults_bytes_arm/joint_states') as states:
         states.wait_matched()
         states.wait_for()
@@ -184,20 +181,3 @@ def check_arm(client: RosClient, arm: NodeProcess) -> None:
             for message in states.messages)
     assert 'Traceback' not in arm.log
     assert 'internal error' not in arm.log
-
-
-@fault_cases(
-    'damage', GROUP, 'both topics of `simulated_arm`: {}',
-    'rejected and reported, or applied; the arm continues with finite states', DAMAGES.items())
-def test_topics_of_the_simulated_arm(client, arm, raw, damage):
-    for message, topic, refusal in (
-            (EFFORT, 'effort_command', 'Rejected an effort'),
-            (WRENCH, 'simulated_arm/external_wrench', 'Rejected a message of ~/external_wrench')):
-        def is_refused(message: Any = message, topic: str = topic, words: str = refusal) -> bool:
-            for data in damage(bytes_of(message), type(message)):
-                raw.publish(f'/faults_bytes_arm/{topic}', type(message), data)
-            return re.search(words, arm.log) is not None
-
-        # Messages that are published before the arm discovers the publisher are lost.
-        wait_until(is_refused, refusal)
-    check_arm(client, arm)

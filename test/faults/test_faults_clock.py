@@ -17,11 +17,10 @@ from typing import Any
 
 from fault_bench import Driver, fault_bench, FaultBench, G, stamp_of
 from fault_stimuli import wait_effort
-from fault_table import fault
+from fault_table import fault, fault_cases
 from lifecycle_msgs.msg import Transition
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from ros_harness import RosClient, TIMEOUT
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -33,7 +32,6 @@ SIMULATED = {'use_sim_time': True, 'scale_gains': False}
 """At this rate limit, gain scaling would reduce the feedback below what the tests detect."""
 JUMP = 50.0
 """Jump of /clock, forwards or backwards [s]."""
-UNAFFECTED = 'commands, reference and diagnostics are not affected'
 
 
 class SimulatedClock:
@@ -93,19 +91,16 @@ class ClockDriver(Driver):
         return message
 
 
+STAMPS_OF_THE_WALL = pytest.mark.parametrize('bench', [Driver], indirect=True)
+STAMPS_OF_THE_CLOCK = pytest.mark.parametrize('bench', [ClockDriver], indirect=True)
 Bench = tuple[FaultBench, SimulatedClock]
-ORIGINS = {'wall': 1000.0, 'own epoch': 1000.0, 'epoch of today': None}
-"""Initial time of /clock [s] for each source of stamps; None: the current time."""
-STAMPS_OF_THE_WALL = pytest.mark.parametrize('bench', ['wall'], indirect=True)
-STAMPS_OF_THE_CLOCK = pytest.mark.parametrize(
-    'bench', ['own epoch', 'epoch of today'], indirect=True)
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Bench]:
-    """Return a node with `use_sim_time` and /clock, the source of stamps unless `wall`."""
-    clock = SimulatedClock(client, ORIGINS[request.param] or time.time())
-    driver = Driver if request.param == 'wall' else partial(ClockDriver, clock=clock)
+    """Return a node with `use_sim_time` and /clock, the source of stamps of a `ClockDriver`."""
+    clock = SimulatedClock(client, origin=1000.0)
+    driver = Driver if request.param is Driver else partial(ClockDriver, clock=clock)
     parameters = {**SIMULATED, 'effort_rate_limit': RATE}
     try:
         with fault_bench(client, '/faults_clock', parameters, driver_type=driver) as one:
@@ -134,55 +129,35 @@ def steady_effort(bench: FaultBench) -> np.ndarray:
     return np.array(bench.efforts.wait_for(is_steady).effort)
 
 
-def check_no_jump(bench: FaultBench) -> None:
-    """Check that all recorded commands respect the rate limit."""
-    assert bench.efforts.steps().max() <= RATE * LONGEST_STEP + 1e-9
-
-
-@contextmanager
-def disturbed(clock: SimulatedClock, event: str) -> Iterator[None]:
-    """Stop the clock or make it jump."""
-    if event == 'stops':
-        with clock.stopped():
-            yield
-    else:
-        clock.jump(JUMP if 'forwards' in event else -JUMP)
-        yield
-
-
 # --- stamps of the clock of this computer --------------------------------------------------------
 
-@fault(GROUP, '`use_sim_time: true`, and /clock has no publisher', UNAFFECTED)
-def test_without_a_clock(client):
-    with fault_bench(client, '/faults_no_clock', {
-            **SIMULATED, 'effort_rate_limit': RATE}) as bench:
-        effort = follow(bench)
-        bench.next_status('command')
-        assert steady_effort(bench) == pytest.approx(effort)
-
-
 @STAMPS_OF_THE_WALL
-@pytest.mark.parametrize('event', [
-    pytest.param(event, marks=fault(
-        GROUP, f'/clock {event}; joint states keep stamps of the real time', UNAFFECTED))
-    for event in ('stops', 'jumps forwards by 50 s', 'jumps back by 50 s')])
-def test_stamps_that_do_not_follow(bench, event):
+@fault(GROUP, '/clock stops, or jumps forwards and back by 50 s; joint states keep stamps of the '
+       'real time', 'commands, reference and diagnostics are not affected')
+def test_stamps_that_do_not_follow(bench):
     one, clock = bench
     effort = follow(one)
     one.efforts.clear()
-    with disturbed(clock, event):
+
+    def more_commands() -> None:
         one.next_status('command')
         one.efforts.wait_count(len(one.efforts.messages) + 100)
-        efforts = np.array([m.effort for m in one.efforts.messages])
-        assert efforts == pytest.approx(np.tile(effort, (len(efforts), 1)), abs=1e-6)
+
+    with clock.stopped():
+        more_commands()
+    for seconds in (JUMP, -JUMP):
+        clock.jump(seconds)
+        more_commands()
+    efforts = np.array([m.effort for m in one.efforts.messages])
+    assert efforts == pytest.approx(np.tile(effort, (len(efforts), 1)), abs=1e-6)
     one.set_point(one.driver.q)
     one.check_alive()
 
 
 @STAMPS_OF_THE_WALL
-@fault(GROUP, '/clock stops, and the driver stops publishing',
-       'fault action, ramp, diagnostics and recovery take their usual times')
-def test_silence_while_the_clock_stands(bench):
+@fault(GROUP, '/clock stops; then the driver stops publishing, and the node is deactivated',
+       'fault action, ramps, diagnostics and recovery take their usual times')
+def test_silence_and_deactivation_while_the_clock_stands(bench):
     one, clock = bench
     follow(one)
     with clock.stopped():
@@ -190,20 +165,12 @@ def test_silence_while_the_clock_stands(bench):
         one.driver.be_quiet()
         one.wait_state_timeout()
         one.wait_silent()
-        check_no_jump(one)
+        one.efforts.check_steps(RATE)
         one.next_status('command')
         one.check_alive()
-
-
-@STAMPS_OF_THE_WALL
-@fault(GROUP, '/clock stops before deactivation', 'the command ramps to zero as usual')
-def test_deactivation_while_the_clock_stands(bench):
-    one, clock = bench
-    one.check_alive()
-    with clock.stopped():
         assert one.change(Transition.TRANSITION_DEACTIVATE)
         one.wait_silent()
-        check_no_jump(one)
+        one.efforts.check_steps(RATE)
         assert one.change(Transition.TRANSITION_ACTIVATE)
         one.check_alive()
 
@@ -211,23 +178,22 @@ def test_deactivation_while_the_clock_stands(bench):
 # --- stamps of /clock ----------------------------------------------------------------------------
 
 @STAMPS_OF_THE_CLOCK
-@pytest.mark.parametrize(('event', 'reason'), [
-    pytest.param(event, reason, marks=fault(
-        GROUP, f'/clock {event}, and so do the stamps of joint states',
-        'the reference ends, with a report; the arm is held at its measured position; the '
-        'command changes within `effort_rate_limit`'))
-    for event, reason in (('jumps forwards by 50 s', 'stamp jumped ahead'),
-                          ('jumps back by 50 s', 'stamp went back'))])
-def test_stamps_that_jump(bench, event, reason):
+@fault_cases(
+    ('seconds', 'reason'), GROUP, '/clock {}, and so do the stamps of joint states',
+    'the reference ends, with a report; the arm is held at its measured position; the command '
+    'changes within `effort_rate_limit`', (
+        ('jumps forwards by 50 s', JUMP, 'stamp jumped ahead'),
+        ('jumps back by 50 s', -JUMP, 'stamp went back')))
+def test_stamps_that_jump(bench, seconds, reason):
     one, clock = bench
     follow(one)
     one.next_status('command')
     before = one.known('joint states', f'restarted: {reason}')
     faults = one.known('command', 'faults: state_timeout')
     one.efforts.clear()
-    with disturbed(clock, event):
-        wait_effort(one, G)
-    check_no_jump(one)
+    clock.jump(seconds)
+    wait_effort(one, G)
+    one.efforts.check_steps(RATE)
     one.next_status('command')
     assert one.known('joint states', f'restarted: {reason}') == before + 1
     assert one.known('command', 'faults: state_timeout') == faults
@@ -247,6 +213,6 @@ def test_stamps_that_freeze(bench):
     with clock.stopped():
         one.wait_state_timeout()
         one.wait_silent()
-        check_no_jump(one)
+        one.efforts.check_steps(RATE)
         one.wait_figure('joint states', 'not new (stamp repeated)', 1)
     one.check_alive()

@@ -11,37 +11,37 @@ import time
 
 import children
 from fault_bench import NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, NO_STREAM, shifted, wait_states
-from fault_table import fault, fault_cases
+from fault_stimuli import altered, shifted, wait_states
+from fault_table import fault
 import numpy as np
 from ros_harness import TIMEOUT
 from sensor_msgs.msg import JointState
 
 GROUP = 'First joint states'
 FLOOD = Path(__file__).parents[1] / 'support' / 'state_flood.py'
-BENCH = {'parameters': NO_STREAM, 'stream': False}
+BENCH = {'stream': False}
 """The node receives no valid joint state until the last tests of this module."""
 
 
-@fault_cases(
-    ('change', 'reported'), GROUP, 'first joint state: {}', 'dropped and reported; no command', (
-        ('an empty message', lambda _: JointState(), ''),
-        ('a missing joint', altered(name=NAMES[:1], position=Q[:1], velocity=[]),
-         "no samples of ['joint2']"),
-        ('NaN in a position', altered(position=[Q[0], float('nan')]), 'is nan'),
-        ('a stamp 10 s in the past', shifted(-10.0), 's old'),
-        ('a stamp 10 s in the future', shifted(10.0), 's in the future')))
-def test_nothing_before_the_first_valid_state(bench, change, reported):
-    bench.driver.go_on()
-    bench.driver.change = change
-    if reported:
-        bench.wait_status('joint states', lambda status: reported in status.message)
-    else:
-        bench.wait_dropped('other joints')
-    wait_states(bench, 20)
+FIRST = (
+    (lambda _: JointState(), 'dropped: other joints'),
+    (altered(name=NAMES[:1], position=Q[:1], velocity=[]), "no samples of ['joint2']"),
+    (altered(position=[Q[0], float('nan')]), 'is nan'),
+    (shifted(-10.0), 's old'),
+    (shifted(10.0), 's in the future'))
+"""Changes of the first joint states, and what the diagnostics report."""
+
+
+@fault(GROUP, 'first joint states: empty, without a joint, NaN in a position, stamps 10 s in the '
+       'past, then in the future', 'dropped and reported; no command')
+def test_nothing_before_the_first_valid_state(bench):
+    for change, reported in FIRST:
+        bench.driver.stream_changed(change)
+        bench.wait_status('joint states', lambda one, text=reported: text in str(one))
+        wait_states(bench, 20)
+        assert bench.status('command').message == 'waiting for the first state'
     bench.driver.be_quiet()
-    assert bench.status('command').message == 'waiting for the first state'
-    assert bench.known('command', 'published') == 0
+    assert bench.figure('command', 'published') == 0
     assert bench.efforts.messages == []
 
 

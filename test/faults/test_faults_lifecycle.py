@@ -4,12 +4,13 @@
 """Lifecycle faults: the node publishes commands only while it is active."""
 
 from collections.abc import Iterator
+from pathlib import Path
 import time
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
 from fault_stimuli import follow, from_now, overflow, wait_effort
-from fault_table import fault, fault_cases
+from fault_table import fault
 from lifecycle_bench import (
     ACTIVATE,
     CLEANUP,
@@ -31,7 +32,6 @@ GROUP = 'Lifecycle'
 RAMP_TIME = 0.3
 PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6, 'scale_gains': False}
 """Without `scale_gains` even an implausible measured velocity is used, as `latch` needs."""
-NOT_CHANGED = '`success` false immediately; no change, commands continue'
 
 
 @pytest.fixture(scope='module')
@@ -56,21 +56,6 @@ def check_no_model(bench: LifecycleBench) -> None:
         'no model yet' in value.value for value in status.values))
     assert bench.efforts.messages == []
     assert not [m for m in bench.gravity.messages if nanoseconds_of(m.header.stamp) >= moment]
-
-
-@fault(GROUP, '`autostart: false`: states and a set-point before configuration',
-       'no command; services and `~/joint_trajectory` report that there is no model')
-def test_unconfigured_until_asked(client):
-    with lifecycle_bench(
-            client, '/faults_unconfigured', {**PARAMETERS, 'autostart': False}) as one:
-        check_no_model(one)
-        assert one.change(CONFIGURE)
-        one.check_answers()
-        one.check_silent()
-        assert one.change(ACTIVATE)
-        first = one.efforts.wait_for()
-        assert first.effort == pytest.approx(G, abs=1e-6)
-        one.check_alive()
 
 
 @fault(GROUP, 'a set-point while the node is inactive, then activation while states stream',
@@ -107,15 +92,13 @@ def test_deactivation_ramps_to_zero(bench, seen):
     seen(f'{len(ramp)} commands in a ramp of {ramp[-1][0] - ramp[0][0]:.2f} s')
 
 
-@fault_cases('request_of', GROUP, '{}', NOT_CHANGED, (
-    ('activation of an active node', {'transition': ACTIVATE}),
-    ('configuration of an active node', {'transition': CONFIGURE}),
-    ('cleanup of an active node', {'transition': CLEANUP}),
-    ('an unknown transition number', {'transition': 200}),
-    ('an unknown transition name', {'label': 'fly'}),
-    ('an internal transition', {'transition': 10})))
-def test_wrong_transitions(bench, request_of):
-    assert not bench.change(**request_of)
+@fault(GROUP, 'activation, configuration or cleanup of an active node; an unknown number or name '
+       'of a transition; an internal transition',
+       '`success` false immediately; no change, commands continue')
+def test_wrong_transitions(bench):
+    for transition in (ACTIVATE, CONFIGURE, CLEANUP, 200, 10):
+        assert not bench.change(transition)
+    assert not bench.change(label='fly')
     assert bench.state() == 'active'
 
 
@@ -148,8 +131,10 @@ def test_no_model_while_unconfigured(client, bench):
     assert bench.change(ACTIVATE)
 
 
-@fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration',
-       'the fault persists, and no command is published after activation, until `~/reset_fault`')
+@fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration; '
+       '`~/reset_fault` while the node is inactive',
+       'the fault persists, and no command is published after activation; after the reset '
+       'commands resume at the next activation, not earlier')
 def test_a_latched_fault_survives_transitions(bench):
     latch(bench)
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
@@ -157,27 +142,30 @@ def test_a_latched_fault_survives_transitions(bench):
             assert bench.change(transition)
         assert 'waits for ~/reset_fault' in bench.wait_fault('non_finite').message
         bench.check_silent()
-    response = bench.ask('reset_fault', Trigger)
-    assert response.success
-    assert response.message.startswith('reset non_finite')
-
-
-@fault_cases(
-    'transitions', GROUP, '`~/reset_fault` after a latched fault while the node is {}',
-    '`success` true; commands resume at the next activation, not earlier', (
-        ('inactive', [DEACTIVATE]), ('unconfigured', [DEACTIVATE, CLEANUP])))
-def test_a_reset_while_not_active(bench, transitions):
-    latch(bench)
-    for transition in transitions:
-        assert bench.change(transition)
-    response = bench.ask('reset_fault', Trigger)
-    assert response.success
-    assert response.message.startswith('reset non_finite')
-    assert not bench.ask('reset_fault', Trigger).success  # the fault is already reset
-    if CLEANUP in transitions:
-        assert bench.change(CONFIGURE)
+    assert bench.change(DEACTIVATE)
+    check_reset(bench)
     bench.check_silent()
     assert bench.change(ACTIVATE)
+
+
+@fault(GROUP, '`~/reset_fault` after a latched fault while the node is unconfigured',
+       '`success` true; commands resume at the next activation, not earlier')
+def test_a_reset_while_unconfigured(bench):
+    latch(bench)
+    assert bench.change(DEACTIVATE)
+    assert bench.change(CLEANUP)
+    check_reset(bench)
+    assert bench.change(CONFIGURE)
+    bench.check_silent()
+    assert bench.change(ACTIVATE)
+
+
+def check_reset(bench: LifecycleBench) -> None:
+    """Check that `~/reset_fault` resets the latched fault, once."""
+    response = bench.ask('reset_fault', Trigger)
+    assert response.success
+    assert response.message.startswith('reset non_finite')
+    assert not bench.ask('reset_fault', Trigger).success
 
 
 def latch(bench: LifecycleBench) -> None:
@@ -190,59 +178,63 @@ def latch(bench: LifecycleBench) -> None:
     wait_effort(bench, G)
 
 
-# --- configuration that fails --------------------------------------------------------------------
+# --- configuration that fails, and shutdown ------------------------------------------------------
 
-@fault(GROUP, 'configuration with an invalid file, which is then corrected',
-       '`success` false, the reason in the log, unconfigured; configured after the correction')
-def test_an_invalid_file_that_is_corrected(client, tmp_path):
-    file = tmp_path / 'arm.urdf'
+@pytest.fixture(scope='module')
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a file for a description."""
+    return tmp_path_factory.mktemp('lifecycle') / 'arm.urdf'
+
+
+@pytest.fixture(scope='module')
+def other(client: RosClient, file: Path) -> Iterator[LifecycleBench]:
+    """Return a node that is not configured, with a file and gains that a test corrects."""
+    with lifecycle_bench(client, '/faults_corrected', {
+            **PARAMETERS, 'autostart': False, 'robot_description_file': str(file),
+            'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
+        yield one
+
+
+@fault(GROUP, '`autostart: false`: states and a set-point before configuration; configuration '
+       'with an invalid file and a wrong number of gains, which are then corrected',
+       'no command; services and `~/joint_trajectory` report that there is no model; `success` '
+       'false, the reason in the log, unconfigured; configured after the correction')
+def test_what_fails_and_is_corrected(client, file, other):
     bad = BAD_DESCRIPTIONS['a negative mass']
     file.write_text(bad.xml, encoding='utf-8')
-    with lifecycle_bench(client, '/faults_corrected', {
-            **PARAMETERS, 'autostart': False, 'robot_description_file': str(file)}) as one:
-        for _ in range(2):
-            assert not one.change(CONFIGURE)
-            assert one.state() == 'unconfigured'
-        one.node.wait_for_log(f'Not configured: .*{bad.words}')
-        file.write_text(MASSLESS, encoding='utf-8')
-        assert not one.change(CONFIGURE)
-        one.node.wait_for_log('Not configured: .*model check mass')
-        check_no_model(one)
-        file.write_text(ARM, encoding='utf-8')
-        assert one.change(CONFIGURE)
-        one.check_answers()
-        assert one.change(ACTIVATE)
-        one.check_alive()
-
-
-@fault(GROUP, 'configuration with a wrong number of gains, which is then corrected',
-       '`success` false, the reason in the log, unconfigured; configured after the correction')
-def test_wrong_gains_that_are_corrected(client):
-    node = '/faults_gains/dynamics'
-    with lifecycle_bench(client, '/faults_gains', {
-            **PARAMETERS, 'autostart': False, 'joints': NAMES, 'gains.kp': [1.0] * 3}) as one:
-        assert not one.change(CONFIGURE)
-        one.node.wait_for_log(r'Not configured: gains\.kp has 3 values, expected 2')
-        assert one.state() == 'unconfigured'
-        client.set_parameters(node, {'gains.kp': [100.0, 100.0]})
-        assert one.change(CONFIGURE)
-        assert one.change(ACTIVATE)
-        one.check_alive()
+    for _ in range(2):
+        assert not other.change(CONFIGURE)
+        assert other.state() == 'unconfigured'
+    other.node.wait_for_log(f'Not configured: .*{bad.words}')
+    file.write_text(MASSLESS, encoding='utf-8')
+    assert not other.change(CONFIGURE)
+    other.node.wait_for_log('Not configured: .*model check mass')
+    check_no_model(other)
+    file.write_text(ARM, encoding='utf-8')
+    assert not other.change(CONFIGURE)
+    other.node.wait_for_log(r'Not configured: gains\.kp has 3 values, expected 2')
+    assert other.state() == 'unconfigured'
+    client.set_parameters('/faults_corrected/dynamics', {'gains.kp': [100.0, 100.0]})
+    assert other.change(CONFIGURE)
+    other.check_answers()
+    other.check_silent()
+    assert other.change(ACTIVATE)
+    assert other.efforts.wait_for().effort == pytest.approx(G, abs=1e-6)
+    other.check_alive()
 
 
 @fault(GROUP, 'shutdown while the node commands',
        'the command ramps to exactly 0 over `ramp_time`, then no command; no transition leaves '
        'this state')
-def test_shutdown_ramps_to_zero(client):
-    with lifecycle_bench(client, '/faults_shutdown', PARAMETERS) as one:
-        one.check_alive()
-        begun = time.time()
-        assert one.change(SHUTDOWN)
-        one.efforts.wait_for(lambda message: not any(message.effort))
-        ended, last = one.efforts.published()[-1]
-        assert list(last.effort) == [0.0, 0.0]
-        assert ended - begun > 0.5 * RAMP_TIME
-        one.check_silent()
-        for transition in (CONFIGURE, ACTIVATE, CLEANUP):
-            assert not one.change(transition)
-        assert one.state() == 'finalized'
+def test_shutdown_ramps_to_zero(other):
+    other.check_alive()
+    begun = time.time()
+    assert other.change(SHUTDOWN)
+    other.efforts.wait_for(lambda message: not any(message.effort))
+    ended, last = other.efforts.published()[-1]
+    assert list(last.effort) == [0.0, 0.0]
+    assert ended - begun > 0.5 * RAMP_TIME
+    other.check_silent()
+    for transition in (CONFIGURE, ACTIVATE, CLEANUP):
+        assert not other.change(transition)
+    assert other.state() == 'finalized'

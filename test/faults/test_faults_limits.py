@@ -4,7 +4,6 @@
 """Limits of position, velocity and effort: commands that they change, and that they do not."""
 
 from collections.abc import Iterator
-import math
 from typing import Any
 
 from fault_bench import FaultBench, figure_of, G, nanoseconds_of, Q
@@ -18,7 +17,7 @@ from fault_stimuli import (
     wait_effort,
     wait_states,
 )
-from fault_table import fault, fault_cases
+from fault_table import fault
 import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
@@ -38,8 +37,6 @@ DEFAULT_GAINS = {'gains.kp': [100.0], 'gains.kd': [20.0]}
 URDF = default_arm_urdf().replace('type="continuous"', 'type="revolute"').replace(
     '<limit ', f'<limit lower="{LOWER}" upper="{UPPER}" ')
 BODY = ArmDynamics(load_arm(URDF)).rigid_body
-MARGIN = 0.0087
-"""The default of `position_limit_tolerance` [rad]."""
 
 
 BENCH = {'parameters': {**NO_STREAM, **DIRECT, 'robot_description': URDF}}
@@ -82,97 +79,62 @@ def be_at(bench: FaultBench, q: Any) -> None:
         bench.efforts.wait_count(20)
 
 
-def wait_first(bench: FaultBench, joint: int, value: float) -> None:
-    """Wait for a new command with this value for a joint."""
-    bench.efforts.clear()
-    bench.efforts.wait_for(lambda message: abs(message.effort[joint] - value) < 1e-6)
-
-
 # --- position ------------------------------------------------------------------------------------
 
-@fault_cases(
-    ('joint', 'limit', 'sign'), GROUP, 'a joint 0.005 rad {}; feedback pushes toward the limit',
-    'no acceleration of that joint toward the limit, counted; away from it the effort is not '
-    'limited', (
-        ('before its upper limit', 0, UPPER - 0.005, 1.0),
-        ('past its upper limit', 0, UPPER + 0.005, 1.0),
-        ('before its lower limit', 1, LOWER + 0.005, -1.0),
-        ('past its lower limit', 1, LOWER - 0.005, -1.0)))
-def test_a_position_limit_ahead(bench, joint, limit, sign):
-    q = list(Q)
-    q[joint] = limit
+@fault(GROUP, 'a joint 0.005 rad before its upper limit; feedback pushes toward the limit',
+       'no acceleration of that joint toward the limit, counted; away from it the effort is not '
+       'limited')
+def test_a_position_limit_ahead(bench):
+    q = [UPPER - 0.005, Q[1]]
     be_at(bench, q)
     before = bench.known('command', 'held back by position limit')
-    other = 1 - joint
-    goal = np.clip(q, LOWER, UPPER).tolist()
-    goal[other] -= 0.1  # shows that the reference is followed
-    amplitude = [0.0, 0.0]
-    amplitude[joint] = 0.002
-    swing = Swing(q, amplitude, 25.0)
+    swing = Swing(q, [0.002, 0.0], 25.0)
     bench.set_parameters(effort_rate_limit=1e6)  # which has priority over the other limits
     bench.driver.change = swing  # damping pushes toward the limit
     wait_states(bench, 20)
     bench.efforts.clear()
-    bench.set_point(goal)
-    bench.efforts.wait_for(lambda message: abs(message.effort[other] - bench.hold[other]) > 5.0)
+    bench.set_point([q[0], q[1] - 0.1])  # joint2 shows that the reference is followed
+    bench.efforts.wait_for(lambda message: abs(message.effort[1] - bench.hold[1]) > 5.0)
     bench.wait_status('command', lambda status: (
         figure_of(status, 'held back by position limit') > before
         and status.message == 'held back by a limit'))
-    pushes = [sign * acceleration(swing, message)[joint]
-              for message in bench.efforts.wait_count(200)]
+    pushes = [acceleration(swing, message)[0] for message in bench.efforts.wait_count(200)]
     assert max(pushes) < 0.1
     bench.driver.go_on()
     bench.set_parameters(**STIFF)
-    goal = np.clip(q, LOWER, UPPER).tolist()
-    goal[joint] -= sign * AWAY
-    bench.set_point(goal)
-    wait_first(bench, joint, -sign * EFFORT[joint])
+    bench.set_point([q[0] - AWAY, q[1]])
+    bench.efforts.clear()
+    bench.efforts.wait_for(lambda message: abs(message.effort[0] + EFFORT[0]) < 1e-6)
 
 
-@fault_cases(
-    ('joint', 'position', 'reported'), GROUP, 'a joint {}',
-    'fault `position_limit` that names joint and distance: the arm '
-    'is held while joint states are valid; ends automatically after five valid states', (
-        ('0.009 rad past its upper limit', 0, UPPER + 0.009,
-         "position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"),
-        ('0.1 rad past its lower limit', 1, LOWER - 0.1,
-         "position of 'joint2' is -1.1, 0.1 past its limit, expected at most 0.0087")))
-def test_a_position_past_its_limit(bench, joint, position, reported):
+@fault(GROUP, 'a joint 0.0086 rad past its upper limit, then 0.009 rad past it',
+       'no fault within the tolerance of 0.0087 rad; then the fault `position_limit`, which names '
+       'joint and distance: the arm is held while joint states are valid; ends automatically '
+       'after five valid states')
+def test_a_position_past_its_limit(bench):
     before = bench.known('command', 'faults: position_limit')
-    bench.driver.q[joint] = position
-    assert reported in bench.wait_fault('position_limit').message
+    be_at(bench, [UPPER + 0.0086, Q[1]])
+    assert bench.figure('command', 'faults: position_limit') == before
+    bench.driver.q[0] = UPPER + 0.009
+    assert ("position of 'joint1' is 1.009, 0.009 past its limit, expected at most 0.0087"
+            in bench.wait_fault('position_limit').message)
     wait_effort(bench, gravity(bench.driver.q))
     bench.efforts.clear()
     for message in bench.efforts.wait_count(200):  # for longer than hold_time and ramp_time
         assert message.effort == pytest.approx(gravity(bench.driver.q), abs=1e-6)
     assert 'position_limit' in bench.status('command').message
-    center, amplitude = list(bench.driver.q), [0.0, 0.0]
-    center[joint] += math.copysign(0.04, position)
-    amplitude[joint] = 0.01
-    swing = bench.driver.change = Swing(center, amplitude, 30.0)
+    swing = bench.driver.change = Swing([UPPER + 0.049, Q[1]], [0.01, 0.0], 30.0)
     bench.efforts.wait_for(lambda message: (  # damping
-        swing.at(nanoseconds_of(message.header.stamp))[1][joint]
-        * acceleration(swing, message)[joint] < -0.1))
+        swing.at(nanoseconds_of(message.header.stamp))[1][0]
+        * acceleration(swing, message)[0] < -0.1))
     assert bench.known('command', 'faults: position_limit') == before + 1
-
-
-@fault(GROUP, f'a joint {MARGIN} rad past its limit', 'no fault: within the tolerance')
-def test_a_position_within_the_margin(bench):
-    before = bench.known('command', 'faults: position_limit')
-    be_at(bench, [UPPER + 0.0086, Q[1]])
-    bench.efforts.clear()
-    bench.efforts.wait_count(20)
-    assert bench.figure('command', 'faults: position_limit') == before
 
 
 # --- velocity ------------------------------------------------------------------------------------
 
-@fault_cases(
-    'sign', GROUP,
-    'joint1 at 12 rad/s, and a reference that accelerates it {}; its limit is 10 rad/s',
-    'no acceleration along the motion, counted; braking is not limited', (
-        ('forwards', 1.0), ('backwards', -1.0)))
-def test_overspeed(bench, sign):
+@fault(GROUP, 'joint1 at 12 rad/s, and a reference that accelerates it; its limit is 10 rad/s',
+       'no acceleration along the motion, counted; braking is not limited')
+def test_overspeed(bench):
     before = bench.known('command', 'held back by velocity limit')
     center = [0.0, 0.0]  # where joint1 exerts no Coriolis torque on joint2
     bench.set_parameters(effort_rate_limit=1e6, **{'gains.kp': [15.0], 'gains.kd': [0.1]})
@@ -184,7 +146,7 @@ def test_overspeed(bench, sign):
     bench.efforts.clear()
     bench.efforts.wait_count(50)  # the jump to the swing may have caused a doubt by then
     wait_agreement(bench)
-    bench.set_point([center[0] + sign * 0.4, 0.0])
+    bench.set_point([center[0] + 0.4, 0.0])
     bench.wait_figure('command', 'held back by velocity limit', before + 1)
     bench.efforts.clear()
     motion = [(swing.at(nanoseconds_of(m.header.stamp))[1][0], acceleration(swing, m)[0])
@@ -197,40 +159,18 @@ def test_overspeed(bench, sign):
 
 # --- effort --------------------------------------------------------------------------------------
 
-@fault_cases(
-    'scale', GROUP,
-    'a reference that needs more than the effort limit, `effort_limit_fraction` {}',
-    'clamped to the URDF limit × `effort_limit_fraction`, counted; changes within the rate limit',
-    (('1.0', 1.0), ('0.5', 0.5)))
-def test_an_effort_beyond_its_limit(bench, scale):
-    bench.set_parameters(effort_limit_fraction=scale, **STIFF)
-    limits = scale * np.array(EFFORT)
-    before = bench.known('command', 'held back by effort limit')
-    for sign in (1.0, -1.0):
-        bench.set_point(np.add(Q, 0.2 * sign).tolist())
-        wait_effort(bench, sign * limits)
-    bench.wait_figure('command', 'held back by effort limit', before + 1)
-    messages = bench.efforts.messages
-    assert all((np.abs(message.effort) <= limits).all() for message in messages)
-    check_rate(bench.efforts)
-
-
-@fault(GROUP, '`effort_limit_fraction` is lowered while the command is at its limit',
-       'the command changes to the new limit within the rate limit')
-def test_a_limit_that_falls(bench):
+@fault(GROUP, 'a reference that needs more than the effort limit; then `effort_limit_fraction` is '
+       'lowered to 0.5', 'clamped to the URDF limit × `effort_limit_fraction`, counted; changes '
+       'within the rate limit')
+def test_an_effort_beyond_its_limit(bench):
     bench.set_parameters(**STIFF)
-    bench.set_point([Q[0] + 0.2, Q[1] + 0.2])
-    wait_first(bench, 0, EFFORT[0])
+    before = bench.known('command', 'held back by effort limit')
+    for sign in (-1.0, 1.0):
+        bench.set_point(np.add(Q, 0.2 * sign).tolist())
+        wait_effort(bench, sign * np.array(EFFORT))
+    bench.wait_figure('command', 'held back by effort limit', before + 1)
     bench.set_parameters(effort_limit_fraction=0.5)
     wait_effort(bench, [75.0, 30.0])
+    messages = bench.efforts.messages
+    assert all((np.abs(message.effort) <= EFFORT).all() for message in messages)
     check_rate(bench.efforts)
-
-
-@fault(GROUP, '`effort_rate_limit` of 100 N·m/s, and a set-point 0.2 rad away',
-       'the command changes within that limit')
-def test_a_slower_rate(bench, seen):
-    bench.set_parameters(effort_rate_limit=100.0, **STIFF)
-    bench.set_point([Q[0] + 0.2, Q[1]])
-    bench.efforts.wait_for(lambda message: message.effort[0] > 0.0)
-    check_rate(bench.efforts, 100.0)
-    seen(f'{len(bench.efforts.messages)} commands checked')

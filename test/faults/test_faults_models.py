@@ -6,12 +6,11 @@
 from collections.abc import Callable, Iterator
 
 from bad_descriptions import BAD_DESCRIPTIONS
-from fault_bench import G, nanoseconds_of, Q
+from fault_bench import G, LONGEST_STEP, nanoseconds_of, Q
 from fault_table import fault, fault_cases
 from lifecycle_bench import ACTIVATE, DEACTIVATE, lifecycle_bench, LifecycleBench
 import numpy as np
 import pytest
-from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from ros_harness import RosClient
@@ -67,7 +66,12 @@ def wait_model(bench: LifecycleBench, name: str, new_one_waits: bool = False) ->
         for value in status.values))
 
 
-@fault_cases('bad', GROUP, '{}', KEPT, BAD_DESCRIPTIONS.items())
+KINDS = ('text that is not XML', 'a loop', 'joints that move no mass',
+         'XML that expands to gigabytes (nested entities)', 'a million tags')
+"""Each is rejected elsewhere; test_start_errors.py has all."""
+
+
+@fault_cases('bad', GROUP, '{}', KEPT, ((kind, BAD_DESCRIPTIONS[kind]) for kind in KINDS))
 def test_a_bad_description(bench, describe, bad):
     bench.check_alive()
     describe(bad.xml)
@@ -90,9 +94,8 @@ def test_a_new_model_waits_until_commands_have_ended(bench, describe):
         wait_model(bench, 'arm_4')
     bench.wait_silent()
     assert np.allclose(bench.efforts.messages[-1].effort, 0.0)
-    bench.efforts.clear()
-    bench.driver.go_on()
-    assert bench.efforts.wait_for().effort == pytest.approx(hold_of(HEAVY), abs=1e-6)
+    first = bench.first_answer(bench.driver.go_on)
+    assert first.effort == pytest.approx(hold_of(HEAVY), abs=1e-6)
     check_model(bench, HEAVY)
 
 
@@ -110,22 +113,18 @@ def test_a_new_model_is_loaded_while_inactive(bench, describe):
     check_model(bench, HEAVY)
 
 
-@pytest.mark.parametrize(('last', 'words'), [
-    pytest.param(last, words, marks=fault(GROUP, injected, expected))
-    for last, words, injected, expected in (
-        (LIGHT, '', 'another arm while the node commands, then the active arm again',
-         'no model waits; the active model stays; control continues'),
-        (BAD_DESCRIPTIONS['a loop'].xml, BAD_DESCRIPTIONS['a loop'].words,
-         'another arm while the node commands, then an invalid one',
-         'rejected; no model waits, as only the newest counts; the active model stays'))])
-def test_the_newest_description_counts(bench, describe, last, words):
+@fault(GROUP, 'another arm while the node commands, then the active arm again, or an invalid one',
+       'no model waits, as only the newest description counts; the active model stays; control '
+       'continues')
+def test_the_newest_description_counts(bench, describe):
     settle(bench, describe, LIGHT, 'arm_2')
-    describe(HEAVY)
-    wait_model(bench, 'arm_2', new_one_waits=True)
-    describe(last)
-    wait_model(bench, 'arm_2')
-    if words:
-        bench.node.wait_for_log(f'Kept the model in use: .*{words}')
+    bad = BAD_DESCRIPTIONS['a negative mass']
+    for last in (LIGHT, bad.xml):
+        describe(HEAVY)
+        wait_model(bench, 'arm_2', new_one_waits=True)
+        describe(last)
+        wait_model(bench, 'arm_2')
+    bench.node.wait_for_log(f'Kept the model in use: .*{bad.words}')
     bench.driver.be_quiet()
     bench.wait_state_timeout()
     bench.wait_silent()
@@ -143,8 +142,8 @@ def settle(bench: LifecycleBench, describe: Describe, xml: str, name: str) -> No
 
 @fault(GROUP, 'a description while the node commands with the embedded arm',
        'loaded immediately; the command changes to its g(q) within `effort_rate_limit`')
-def test_the_embedded_arm_gives_way_at_once(client, seen):
-    rate = 50.0
+def test_the_embedded_arm_gives_way_at_once(client):
+    rate = 100.0
     with client.describing('/faults_embedded') as publish, lifecycle_bench(
             client, '/faults_embedded', {**PARAMETERS, 'effort_rate_limit': rate}) as one:
         one.check_alive()
@@ -159,11 +158,5 @@ def test_the_embedded_arm_gives_way_at_once(client, seen):
                 nanoseconds_of(after.header.stamp) - nanoseconds_of(before.header.stamp))
             change = np.abs(np.subtract(after.effort, before.effort)).max()
             assert change <= 2.0 * rate * max(dt, LONGEST_STEP)
-        moving = [1e-9 * nanoseconds_of(m.header.stamp) for _, m in sent
-                  if not np.allclose(m.effort, G, atol=1e-6)]
-        way = np.abs(np.subtract(hold_of(HEAVY), G)).max()
-        assert moving[-1] - moving[0] > 0.8 * way / rate
         assert 'Kept the model' not in one.node.log
         check_model(one, HEAVY)
-        assert one.figure('command', 'faults: state_timeout') == 0
-    seen(f'{way:.1f} N·m in {moving[-1] - moving[0]:.2f} s at {rate:g} N·m/s')

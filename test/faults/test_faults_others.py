@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Other nodes: publishers of the same topics, nodes of the same name, other arms."""
+"""Other nodes: publishers of the same topics, and a node of the same name."""
 
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from fault_table import fault, fault_cases
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -64,18 +63,3 @@ def test_a_second_publisher_of_joint_states(client):
             assert '[WARN]' in line
         finally:
             client.node.destroy_publisher(publisher)
-
-
-@fault(GROUP, 'two arms in two namespaces',
-       'each status contains the full name of its node; the statuses of the two arms differ')
-def test_two_arms_report_under_different_names(client):
-    left, right = '/faults_left', '/faults_right'
-    reports = []
-    with running(*(NodeProcess(DYNAMICS, namespace=namespace) for namespace in (left, right))), \
-            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
-        for name in (f'{left}/dynamics: command', f'{right}/dynamics: command'):
-            reports.append(diagnostics.wait_for(lambda message, name=name: any(
-                status.name == name for status in message.status)))
-    names = [{status.name for status in report.status} for report in reports]
-    assert not names[0] & names[1]
-    assert len(names[0]) == len(names[1]) > 5

@@ -25,7 +25,7 @@ def reset(bench: FaultBench) -> Any:
 @fault(GROUP, 'a velocity of 10²⁰⁰ rad/s in the first state after a pause of 0.2 s, at which the '
        'computed torque overflows',
        'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
-       'valid')
+       'valid; without a fault there is nothing to reset')
 def test_an_effort_that_is_not_finite(bench):
     follow(bench, bench.driver.q)
     overflow(bench)
@@ -47,10 +47,6 @@ def test_an_effort_that_is_not_finite(bench):
     answer = reset(bench)
     assert answer.success
     assert answer.message.startswith('reset non_finite: ')
-
-
-@fault(GROUP, '`~/reset_fault` without a fault', '`success` false; the message reports it')
-def test_nothing_to_reset(bench):
     answer = reset(bench)
     assert not answer.success
     assert answer.message == 'there is no fault'

@@ -9,7 +9,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import check_rate, NO_STREAM, wait_effort, wait_states
+from fault_stimuli import check_rate, wait_effort, wait_states
 from fault_table import fault, fault_cases
 from geometry_msgs.msg import Inertia, InertiaStamped, Vector3
 from lifecycle_bench import (
@@ -29,14 +29,20 @@ from std_msgs.msg import Header
 
 pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Payloads'
-NAN, INF = float('nan'), float('inf')
 MASS = 5.0
 """[kg]"""
 SHOULDER = 1.0 * np.sin(Q[0]), 0.8 * np.sin(Q[0] + Q[1])
 """Horizontal distance of the elbow from the shoulder, and of the tip from the elbow [m]."""
 LOADED = np.array(G) - 9.81 * MASS * np.array([sum(SHOULDER), SHOULDER[1]])
 """g(q) with this mass at the tip [N·m]; q = 0 is upright."""
-BENCH = {'parameters': NO_STREAM}
+
+
+@pytest.fixture(scope='module')
+def bench(client: RosClient) -> Iterator[LifecycleBench]:
+    """Return an active node with a description; tests restore its state."""
+    with lifecycle_bench(client, '/faults_payload', {
+            'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as one:
+        yield one
 
 
 def set_payload(
@@ -73,27 +79,16 @@ def test_a_payload_that_fades_in(bench):
     ('request_', 'reported'), GROUP, '{}',
     'rejected with a message that names the field; the command does not change', (
         ('a negative mass', {'mass': -1.0}, 'payload.inertia.m is -1'),
-        ('a mass that is NaN', {'mass': NAN}, 'payload.inertia.m is nan'),
-        ('an infinite mass', {'mass': INF}, 'payload.inertia.m is inf'),
         ('an unknown link', {'mass': 1.0, 'link': 'wheel'},
          "payload.header.frame_id is 'wheel'"),
-        ('a centre of mass that is NaN', {'mass': 1.0, 'com': Vector3(y=NAN)},
+        ('a centre of mass that is NaN', {'mass': 1.0, 'com': Vector3(y=float('nan'))},
          'payload.inertia.com[1] (y) is nan'),
-        ('an impossible moment of inertia', {'mass': 1.0, 'ixx': 1.0},
-         'payload.inertia has the principal moments'),
-        ('a moment of inertia without a mass', {'mass': 0.0, 'ixx': 1.0, 'iyy': 1.0, 'izz': 1.0},
-         'payload.inertia.m is 0 with a moment of inertia'),
         ('100 kg at the tip', {'mass': 100.0},
          "payload.inertia.m is 100 kg on 'tool0', expected at most 72.2 kg"),
-        ('a payload of 10³⁰⁸ kg', {'mass': 1.7e308},
-         'payload.inertia.m is 1.7e+308, expected a number in [0, 1e+09]'),
-        ('a million kilograms at the tip', {'mass': 1e6},
-         "payload.inertia.m is 1e+06 kg on 'tool0', expected at most 72.2 kg"),
         ('1 kg at a distance of 1 km', {'mass': 1.0, 'com': Vector3(z=1000.0)},
          "payload.inertia.com is 1000 m from the origin of 'tool0', expected at most 3.6 m"),
-        ('a negative transition time', {'mass': 1.0, 'seconds': -1.0}, 'transition_time is -1'),
-        ('a transition time that is NaN', {'mass': 1.0, 'seconds': NAN}, 'transition_time is nan'),
-        ('an infinite transition time', {'mass': 1.0, 'seconds': INF}, 'transition_time is inf')))
+        ('an infinite transition time', {'mass': 1.0, 'seconds': float('inf')},
+         'transition_time is inf')))
 def test_an_invalid_payload(bench, request_, reported):
     answer = set_payload(bench, **request_)
     assert not answer.success
@@ -159,43 +154,39 @@ def restart(bench: LifecycleBench) -> bool:
     return bench.change(CONFIGURE)
 
 
-@pytest.fixture
+@pytest.fixture(scope='module')
 def managed(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return an active node without a description; tests may publish one on the topic."""
+    """Return an active node without a description; the last test publishes one on the topic."""
     with lifecycle_bench(client, '/faults_kept_payload', {'ramp_time': 0.1}) as one:
         yield one
 
 
 @fault(GROUP, 'a payload of 5 kg, then `cleanup`, `configure` and activation',
        'the payload is active before the first command')
-def test_a_payload_survives_cleanup(managed):
-    managed.check_alive()
-    assert set_payload(managed, MASS).success
-    wait_effort(managed, LOADED)
-    assert restart(managed)
-    managed.wait_ended()
-    assert managed.change(ACTIVATE)
-    assert managed.efforts.wait_for().effort == pytest.approx(LOADED, abs=1e-5)
-    wait_payloads(managed, "5 kg on 'tool0'")
+def test_a_payload_survives_cleanup(bench):
+    assert set_payload(bench, MASS).success
+    wait_effort(bench, LOADED)
+    assert restart(bench)
+    bench.wait_ended()
+    assert bench.change(ACTIVATE)
+    assert bench.efforts.wait_for().effort == pytest.approx(LOADED, abs=1e-5)
+    wait_payloads(bench, "5 kg on 'tool0'")
+    assert set_payload(bench, 0.0).success
 
 
 @fault(GROUP, '`configure` with a payload that the arm cannot carry',
        'configuration fails with an error that names the payload, until it is removed')
-def test_a_payload_that_does_not_suit_the_next_model(client):
-    with lifecycle_bench(client, '/faults_heavy_payload', {
-            'ramp_time': 0.1, 'robot_description': default_arm_urdf()}) as bench:
-        bench.check_alive()
-        with permitted(bench):
-            assert set_payload(bench, 100.0).success
-        assert not restart(bench)
-        assert bench.state() == 'unconfigured'
-        bench.node.wait_for_log("Not configured: .* were set .100 kg on 'tool0'")
-        status = bench.wait_status('payload', lambda one: one.level == DiagnosticStatus.ERROR)
-        assert 'expected at most 72.2 kg' in status.message
-        assert set_payload(bench, 0.0).message == 'no payload'
-        assert bench.change(CONFIGURE)
-        assert bench.change(ACTIVATE)
-        bench.check_alive()
+def test_a_payload_that_does_not_suit_the_next_model(bench):
+    with permitted(bench):
+        assert set_payload(bench, 100.0).success
+    assert not restart(bench)
+    assert bench.state() == 'unconfigured'
+    bench.node.wait_for_log("Not configured: .* were set .100 kg on 'tool0'")
+    status = bench.wait_status('payload', lambda one: one.level == DiagnosticStatus.ERROR)
+    assert 'expected at most 72.2 kg' in status.message
+    assert set_payload(bench, 0.0).message == 'no payload'
+    assert bench.change(CONFIGURE)
+    assert bench.change(ACTIVATE)
 
 
 @fault(GROUP, '`configure` with a payload that the embedded arm cannot carry',

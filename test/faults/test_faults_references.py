@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from raw_publisher import bytes_of
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_interfaces.srv import InverseDynamicsTrajectory
 from ros_harness import wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -57,36 +56,6 @@ def is_torque(message: Any) -> bool:
     return bool(np.allclose(message.effort, TORQUE, atol=1e-5))
 
 
-@fault_cases(('message', 'reported'), GROUP, '{}', REFUSED, (
-    ('no joint names', trajectory(point(), names=[]), 'joint_names is empty'),
-    ('a joint of another robot', trajectory(point(), names=['joint1', 'wheel']),
-     "joint_names has 'wheel'"),
-    ('a missing joint', trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
-    ('NaN in a position', trajectory(point([NAN, 0.0])),
-     'points[0].positions[0] (joint1) is nan'),
-    ('fewer positions than joints', trajectory(point(Q[:1])),
-     'points[0].positions has 1 values, expected 2'),
-    ('accelerations without velocities', trajectory(
-        point(Q, 1.0, accelerations=[0.0, 0.0]), point(Q, 2.0)),
-     'points[0].velocities is empty although accelerations are given'),
-    ('a goal 50 rad beyond the position limits', trajectory(point([50.0, 0.0])),
-     'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
-    ('a path that exceeds a position limit',
-     trajectory(point(seconds=1.0), point([0.0, -2.1], 2.0), point(seconds=3.0)),
-     'points[1].positions (joint2) is -2.1, expected a value within its limits [-2, 2.5]'),
-    ('a set-point with a velocity of 1e9 rad/s', trajectory(point(velocities=[0.0, 1e9])),
-     'points[0].velocities (joint2) is 1e+09, expected a value within its limits [-10, 10]'),
-    ('equal times', trajectory(point(Q, 1.0), point(Q, 1.0)),
-     'points[1].time_from_start is 1.0 s, expected more than'),
-    ('a start time 100 s ago, and an end in the past', trajectory(
-        point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9)),
-     'expected an end in the future'),
-    ('a start time in 1970', trajectory(point(Q, 1.0), point(Q, 2.0), stamp=Time(sec=1)),
-     'expected an end in the future')))
-def test_a_malformed_reference(bench, message, reported):
-    check_refused(bench, message, reported)
-
-
 def many_points(count: int) -> JointTrajectory:
     return trajectory(*[point(Q, 1e-3 * i) for i in range(count)])
 
@@ -95,31 +64,26 @@ def many_joints(count: int) -> JointTrajectory:
     return trajectory(point(), names=[*NAMES, *(f'other{i}' for i in range(count))])
 
 
+def ended() -> JointTrajectory:
+    return trajectory(point(Q, 1.0), point(Q, 2.0), stamp=stamp_of(time.time_ns() - 100 * 10**9))
+
+
 @fault_cases(('make', 'reported'), GROUP, '{}', REFUSED, (
+    ('a missing joint', lambda: trajectory(point(Q[:1]), names=NAMES[:1]), "lacks ['joint2']"),
+    ('NaN in a position', lambda: trajectory(point([NAN, 0.0])),
+     'points[0].positions[0] (joint1) is nan'),
+    ('a goal 50 rad beyond the position limits', lambda: trajectory(point([50.0, 0.0])),
+     'points[0].positions (joint1) is 50, expected a value within its limits [-2, 2.5]'),
+    ('a start time 100 s ago, and an end in the past', ended, 'expected an end in the future'),
     ('100,000 points', lambda: many_points(100_000), 'bytes, expected at most 1000000'),
-    ('5000 points', lambda: many_points(5000), 'points has 5000 points, expected at most'),
-    ('200,000 joints', lambda: many_joints(200_000), 'bytes, expected at most 1000000'),
     ('40,000 joints', lambda: many_joints(40_000), "joint_names has 'other0'")))
-def test_a_reference_that_is_too_large(bench, make, reported):
-    data = bytes_of(make())  # this may delay the driver, a thread of this process
-    bench.set_point(Q)
-    bench.check_alive()
+def test_a_reference_that_is_rejected(bench, make, reported):
+    data = bytes_of(make())
     faults = bench.known('command', 'faults: state_timeout')
-    check_refused(bench, data, reported)
-    assert bench.figure('command', 'faults: state_timeout') == faults
-
-
-def refusals(bench: FaultBench) -> list[str]:
-    """Return the log lines about rejected references."""
-    return [line for line in bench.node.log.splitlines() if 'Rejected a joint traj' in line]
-
-
-def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported: str) -> None:
-    """Check that the message is rejected in one log line, and the active reference continues."""
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     before = len(refusals(bench))
-    bench.trajectories.publish(message)
+    bench.trajectories.publish(data)
     wait_until(lambda: len(refusals(bench)) > before, 'a refusal')
     bench.efforts.clear()
     assert all(map(is_torque, bench.efforts.wait_count(20)))
@@ -127,32 +91,22 @@ def check_refused(bench: FaultBench, message: JointTrajectory | bytes, reported:
     assert reported in words
     assert len(words) < 400
     assert 'Traceback' not in bench.node.log
-
-
-def test_diagnostics_report_rejections(bench):
-    bench.set_point(GOAL)
-    bench.wait_steady(TORQUE)
-    bench.trajectories.publish(trajectory())
-    reason = 'points is empty, expected at least one point'
-    status = bench.wait_status(
-        'reference', lambda status: reason in [value.value for value in status.values])
+    status = bench.wait_status('reference', lambda status: reported in str(status))
     assert status.level == DiagnosticStatus.WARN
-    assert status.message == 'following' or ' from its goal' in status.message  # no arm moves
     assert figure_of(status, 'refused') == len(refusals(bench))
     bench.set_point(Q)
-    bench.check_alive()
     bench.wait_status('reference', lambda status: status.level == DiagnosticStatus.OK)
+    assert bench.known('command', 'faults: state_timeout') == faults
 
 
-@pytest.mark.parametrize('message', [
-    pytest.param(message, id=words, marks=fault(GROUP, words, expected))
-    for words, expected, message in (
-        ('a last point after 68 years', 'followed at this speed', trajectory(
-            point(GOAL, 2.0**31 - 1.0))),
-        ('a start time 1000 s ahead', 'approached until that time', trajectory(
-            point(GOAL), stamp=stamp_of(time.time_ns() + 1000 * 10**9))),
-        ('a start time in 2038', 'approached until that time', trajectory(
-            point(GOAL), stamp=Time(sec=2**31 - 1))))])
+def refusals(bench: FaultBench) -> list[str]:
+    """Return the log lines about rejected references."""
+    return [line for line in bench.node.log.splitlines() if 'Rejected a joint traj' in line]
+
+
+@fault_cases('message', GROUP, '{}', 'approached or followed at this speed', (
+    ('a last point after 68 years', trajectory(point(GOAL, 2.0**31 - 1.0))),
+    ('a start time in 2038', trajectory(point(GOAL), stamp=Time(sec=2**31 - 1)))))
 def test_a_reference_that_takes_long(bench, message):
     bench.set_point(Q)
     bench.check_alive()
@@ -172,13 +126,13 @@ def test_a_stream_with_set_points_beyond_a_limit(bench):
     bench.set_point(GOAL)
     bench.wait_steady(TORQUE)
     before, refused = len(refusals(bench)), bench.known('reference', 'refused')
-    goals = count(3.0, 0.01)
+    goals, begun = count(3.0, 0.01), time.monotonic()
     bench.efforts.clear()
     with SetPoints(bench, lambda: [next(goals), 0.0]) as stream:
         wait_until(lambda: stream.sent >= 20, 'twenty set-points')
     bench.wait_figure('reference', 'refused', refused + stream.sent)
     assert all(map(is_torque, bench.efforts.messages))
-    assert 1 <= len(refusals(bench)) - before <= 1 + stream.sent // 200 + 1
+    assert 1 <= len(refusals(bench)) - before <= 2 + (time.monotonic() - begun) / 5.0
     bench.set_point(Q)
     bench.check_alive()
 
@@ -197,22 +151,3 @@ def test_a_goal_that_is_clipped(client, bench):
     bench.set_point(Q)
     bench.check_alive()
     bench.set_parameters(infeasible_trajectory='reject')
-
-
-@fault(GROUP, '`~/inverse_dynamics_trajectory` with positions and velocities beyond the limits',
-       '`feasible` false; the message names joint, value, limits and time')
-def test_a_trajectory_beyond_limits_is_not_feasible(bench):
-    def ask(*points: JointTrajectoryPoint) -> Any:
-        return bench.ask('inverse_dynamics_trajectory', InverseDynamicsTrajectory,
-                         trajectory=trajectory(*points))
-
-    assert ask(point(Q), point(GOAL, 5.0)).feasible
-    answer = ask(point(Q), point([0.0, 3.0], 5.0))
-    assert answer.success
-    assert not answer.feasible
-    assert list(answer.warnings) == [
-        "position of 'joint2' is 3 at 5 s, outside its limits [-2, 2.5]"]
-    answer = ask(point([0.0, 0.0]), point([0.0, 1.5], 0.1))
-    assert not answer.feasible
-    assert "velocity of 'joint2' is 15 at 0 s, outside its limits [-10, 10]" in answer.warnings
-    bench.check_alive()

@@ -4,10 +4,8 @@
 """Invalid service requests: each is answered or ignored, and control continues."""
 
 from collections.abc import Iterator
-import itertools
 import random
 import re
-import threading
 
 from action_clients import Client, seconds
 from action_msgs.msg import GoalStatus
@@ -15,7 +13,7 @@ from control_msgs.action import FollowJointTrajectory
 from damaged_bytes import HEAD, noise, with_noise
 from fault_bench import G, NAMES, Q, V
 from fault_table import fault, fault_cases
-from large_requests import LargeRequests, POINTS, SAMPLES, WRENCHES
+from large_requests import LargeRequests, POINTS, SAMPLES
 from lifecycle_msgs.srv import ChangeState
 import numpy as np
 import pytest
@@ -25,7 +23,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from request_bench import ControlContinues
 from robot_dynamics_interfaces.srv import InverseDynamics, InverseDynamicsBatch
-from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT
+from ros_harness import NO_SHARED_MEMORY, RosClient, TIMEOUT, wait_until
 from service_requests import REFUSALS, SERVICES
 from simulated_arms import default_dynamics
 from std_srvs.srv import SetBool
@@ -57,22 +55,11 @@ def raw(control: ControlContinues) -> Iterator[RawRequests]:
 
 # --- malformed -----------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('service', [
-    pytest.param(service, marks=fault(
-        GROUP, f'malformed requests to `~/{service}`: {words}', REFUSED))
-    for service, words in (
-        ('inverse_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links, overflow'),
-        ('inverse_dynamics_batch', 'incomplete samples, different counts, NaN, overflow'),
-        ('inverse_dynamics_trajectory', 'empty, two points at the same time'),
-        ('forward_dynamics', 'empty, NaN, wrong lengths, wrong names, unknown links'),
-        ('manipulator_equation', 'empty, NaN, wrong lengths, wrong names, overflow'),
-        ('set_payload', 'an unknown link, a negative or infinite time'),
-        ('estimate_payload', 'no estimation, an unknown link, contradictory fields'))])
-def test_malformed_requests(control, service):
-    cases = [(fields, words) for name, fields, words in REFUSALS if name == service]
-    assert cases
+@fault(GROUP, 'malformed requests to every service: empty, NaN, wrong lengths, names, links or '
+       'times, overflow', REFUSED)
+def test_malformed_requests(control):
     with control.checked():
-        for fields, words in cases:
+        for service, fields, words in REFUSALS:
             response = control.ask(service, SERVICES[service], **fields)
             assert re.search(words, response.message), response.message
             # no field is filled in
@@ -81,26 +68,19 @@ def test_malformed_requests(control, service):
 
 # --- huge ----------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('case', 'message'), [
-    pytest.param(case, message, marks=fault(GROUP, words, expected))
-    for case, message, words, expected in (
-        ('batch', '', f'a batch of {SAMPLES:,} samples', 'correct answer; control continues'),
-        ('points', "effort of 'joint1' is .* times its limit",
-         f'a trajectory of {POINTS:,} points', 'correct answer; control continues'),
-        ('wrenches', '', f'{WRENCHES:,} external wrenches', 'correct answer; control continues'),
-        ('names', r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$",
-         '200,000 joint names', REFUSED),
-        ('one_name', r"^joint_names has 'xxx.* … .*x', expected \['joint1', 'joint2'\]$",
-         'a joint name of 10 million characters',
-         'rejected with a short message; control continues'),
-        ('link_name', r"^payload\.header\.frame_id is 'xxx.* … .*x', expected one of the links",
-         'a link name of 10 million characters',
-         'rejected with a short message; control continues'),
-    )])
-def test_large_requests(control, large, case, message, seen):
+@fault_cases(('case', 'message', 'is_accepted'), GROUP, '{}',
+             'correct answer, or rejected with a short message; control continues', (
+    (f'a batch of {SAMPLES:,} samples', 'batch', '', True),
+    (f'a trajectory of {POINTS:,} points', 'points', "effort of 'joint1' is .* its limit", True),
+    ('200,000 joint names', 'names',
+     r"^joint_names has 'joint3', expected \['joint1', 'joint2'\]$", False),
+    ('a link name of 10 million characters', 'link_name',
+     r"^payload\.header\.frame_id is 'xxx.* … .*x', expected one of the links", False)))
+def test_large_requests(control, large, case, message, is_accepted, seen):
     with control.checked():
         answer = large.call(case)
     assert answer.is_right
+    assert answer.success == is_accepted
     assert re.search(message, answer.message), answer.message[:200]
     assert len(answer.message) < 5000
     seen(f'answered in {answer.seconds:.2g} s; longest gap between commands '
@@ -121,15 +101,10 @@ def test_many_clients_at_the_same_time(control, seen):
     with control.checked():
         for service in clients:
             assert service.wait_for_service(TIMEOUT)
-        done = threading.Semaphore(0)
-        futures = []
-        for j in range(positions.shape[1]):
-            for i, service in enumerate(clients):
-                request = InverseDynamics.Request(position=positions[i, j].tolist())
-                futures.append((positions[i, j], service.call_async(request)))
-                futures[-1][1].add_done_callback(lambda _: done.release())
-        for _ in futures:
-            assert done.acquire(timeout=TIMEOUT)
+        futures = [
+            (q, service.call_async(InverseDynamics.Request(position=q.tolist())))
+            for turn in positions.swapaxes(0, 1) for q, service in zip(turn, clients)]
+        wait_until(lambda: all(future.done() for _, future in futures), 'all answers')
         for q, future in futures:
             assert future.result().effort == pytest.approx(dynamics.rigid_body.gravity(q))
     for service in clients:
@@ -166,43 +141,20 @@ def begins(count: int) -> bytes:
     return count.to_bytes(4, 'little').ljust(LENGTH, b'\1')
 
 
-@fault(GROUP, 'random bytes as requests, to every service', IGNORED)
-def test_random_bytes_as_requests(control, raw, seen):
+@fault(GROUP, 'requests to every service: random bytes, truncated, with a wrong element count, 4 '
+       'billion or 500 million', f'{IGNORED}; the node uses at most 1 GiB of memory')
+def test_damaged_requests(control, raw, seen):
     source = random.Random(1)
-    requests = [
-        (name, kind, source.randbytes(LENGTH)) for name, kind in RAW_TYPES.items()
-        for _ in range(8)]
+    whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
+    requests = [(name, kind, data) for name, kind in RAW_TYPES.items() for data in (
+        source.randbytes(LENGTH), source.randbytes(LENGTH), begins(2**32 - 1), begins(2**29),
+        *(whole[start:start + LENGTH] for start in (0, 12, 24)))]
     with control.checked():
         raw.send(requests)
         for name in SERVICES:  # all services still answer
             assert not control.ask(name, SERVICES[name]).message.startswith('internal')
     assert control.bench.peak_memory() < MOST_MEMORY
-    seen(f'{len(requests)} requests; longest gap between commands '
-         f'{1e3 * control.longest_pause:.0f} ms')
-
-
-@fault(GROUP, 'truncated requests', IGNORED)
-def test_truncated_requests(control, raw):
-    whole = serialize_message(InverseDynamics.Request(joint_names=NAMES, position=Q))[4:]
-    requests = [
-        (name, SERVICES[name], whole[start:start + LENGTH])
-        for name in ('inverse_dynamics', 'inverse_dynamics_batch', 'manipulator_equation')
-        for start in (0, 12, 24)]
-    with control.checked():
-        raw.send(requests)
-        control.bench.check_answers()
-
-
-@fault(GROUP, 'requests with a wrong element count, 4 billion or 500 million',
-       f'{IGNORED}; the node uses at most 1 GiB of memory')
-def test_counts_that_no_memory_holds(control, raw, seen):
-    requests = [
-        (name, kind, begins(count)) for name, kind in RAW_TYPES.items()
-        for count in (2**32 - 1, 2**29)]
-    with control.checked():
-        raw.send(requests)
-    assert control.bench.peak_memory() < MOST_MEMORY
-    seen(f'at most {control.bench.peak_memory() / 2**20:.0f} MiB')
+    seen(f'{len(requests)} requests; at most {control.bench.peak_memory() / 2**20:.0f} MiB')
 
 
 @fault(GROUP, 'a request with an element count of 8 million names, without names',
@@ -231,18 +183,16 @@ def with_counts(data: bytes) -> Iterator[bytes]:
             yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
 
 
-@fault_cases(
-    'damage', GROUP, 'requests to all services of the action, while a goal is executed: {}',
-    'ignored, or answered; the next goal succeeds', (
-        ('wrong element counts, 4 billion or 500 million', with_counts),
-        ('random bytes within a request', lambda data: with_noise(data, 50)),
-        ('only random bytes', lambda _: noise(50))))
-def test_damaged_requests_of_the_action(client, control, seen, damage):
-    damaged = [
-        [(ACTION + name, kind, data[HEAD:].ljust(LENGTH + 1, b'\0')[:WIDE])
-         for data in damage(bytes(serialize_message(kind.Request(**fields))))]
-        for name, (kind, fields) in REQUESTS.items()]
-    requests = [one for many in itertools.zip_longest(*damaged) for one in many if one]
+@fault(GROUP, 'requests to all services of the action, while a goal is executed: with wrong '
+       'element counts, 4 billion or 500 million, with random bytes, or only random bytes',
+       'ignored, or answered; the next goal succeeds')
+def test_damaged_requests_of_the_action(client, control, seen):
+    requests = []
+    for name, (kind, fields) in REQUESTS.items():
+        whole = bytes(serialize_message(kind.Request(**fields)))
+        requests += [
+            (ACTION + name, kind, data[HEAD:].ljust(LENGTH + 1, b'\0')[:WIDE])
+            for data in (*with_counts(whole), *with_noise(whole, 20), *noise(10))]
     action = Client(client, control.bench.namespace)
     with RawRequests(control.bench.namespace) as raw, control.checked():
         sent = action.send(HOLD)

@@ -3,7 +3,6 @@
 
 """Faults of the stamps and publishers of joint states: age, jumps, two publishers."""
 
-from collections.abc import Callable
 import time
 from typing import Any
 
@@ -35,8 +34,7 @@ DROPPED = 'dropped and reported; fault `state_timeout` without valid states; com
 
 @fault_cases(('seconds', 'reason', 'words'), GROUP, 'stamps {}', DROPPED, (
     ('10 s in the past', -10.0, 'too old', 's old, expected at most 9 s (state_max_age)'),
-    ('10 s in the future', 10.0, 'from the future', 's in the future, expected at most 9 s'),
-    ('54 years in the past', -1.7e9, 'too old', 's old')))
+    ('10 s in the future', 10.0, 'from the future', 's in the future, expected at most 9 s')))
 def test_stamps_of_another_time(bench, seconds, reason, words):
     before = bench.known('joint states', f'dropped: {reason}')
     bench.driver.change = shifted(seconds)
@@ -50,19 +48,16 @@ def moving(message: JointState) -> JointState:
     return message
 
 
-@fault_cases(
-    'change', GROUP, '{}', 'not new: the last command is repeated, then fault `state_timeout`; '
-    'counted; commands resume', (
-        ('constant stamps', lambda message: message),
-        ('constant stamps with changing positions', moving)))
-def test_frozen_stamps(bench, change):
+@fault(GROUP, 'constant stamps with changing positions', 'not new: the last command is repeated, '
+       'then fault `state_timeout`; counted; commands resume')
+def test_frozen_stamps(bench):
     bench.set_parameters(command='gravity_compensation')  # no feedback, whatever the position
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
     stamp = time.time_ns()
     freeze = stamped(stamp)
     bench.efforts.clear()
-    bench.driver.change = lambda message: change(freeze(message))
+    bench.driver.change = lambda message: moving(freeze(message))
     bench.wait_figure('joint states', 'not new (stamp repeated)', before + 1)
     bench.wait_state_timeout()
     bench.wait_silent()
@@ -97,7 +92,7 @@ def test_use_sim_time_at_run_time_changes_the_rule(bench):
     'automatically', (
         ('two publishers with poses 3 rad apart', {'q': ELSEWHERE}, shifted(0.0), 'jump'),
         ('two publishers, one with stamps 1 s behind', {}, shifted(-1.0), 'stamp went back')))
-def test_two_publishers(bench, driver, change, reason, seen):
+def test_two_publishers(bench, driver, change, reason):
     before = bench.known('command', 'faults: several_publishers')
     dropped = bench.known('joint states', f'dropped: {reason}')
     with another_publisher(bench, change, **driver):
@@ -115,7 +110,6 @@ def test_two_publishers(bench, driver, change, reason, seen):
             assert (poses.min(axis=0) - 1e-6 <= message.effort).all()
             assert (message.effort <= poses.max(axis=0) + 1e-6).all()
         assert bench.status('command').level == DiagnosticStatus.ERROR
-    seen('one continuous fault while both publish')
 
 
 # --- one publisher -------------------------------------------------------------------------------
@@ -132,56 +126,26 @@ def leave(bench: FaultBench) -> None:
     bench.efforts.wait_for(lambda message: not np.allclose(message.effort, G, atol=1.0))
 
 
-def disturb_until_noticed(
-    bench: FaultBench, reason: str, disturb: Callable[[], None], undo: Callable[[], None],
-) -> None:
-    """
-    Publish inconsistent states of one publisher until the node restarts its estimates.
-
-    States far apart in time, as on a loaded machine, are not inconsistent: hence the repetition.
-    """
-    before = bench.figure('joint states', f'restarted: {reason}')
-
-    def is_noticed() -> bool:
-        undo()
-        wait_states(bench, 2)
-        disturb()
-        return bench.figure('joint states', f'restarted: {reason}') > before
-
-    wait_until(is_noticed, f'a restart because of {reason}')
-
-
 @fault(PUBLISHERS, 'one publisher whose position jumps by 3 rad',
        'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
        'is held at its measured position; the command changes within the rate limit')
 def test_one_publisher_that_jumps(bench):
     leave(bench)
     faults = bench.known('command', 'faults: several_publishers')
+    before = bench.figure('joint states', 'restarted: jump')
 
-    def stand_at(q: list[float]) -> None:
-        bench.driver.q = q
+    def is_noticed() -> bool:
+        """Jump; states far apart in time, as on a loaded machine, are not inconsistent."""
+        bench.driver.q = list(Q)
+        wait_states(bench, 2)
+        bench.driver.q = ELSEWHERE
+        return bench.figure('joint states', 'restarted: jump') > before
 
-    disturb_until_noticed(
-        bench, 'jump', lambda: stand_at(ELSEWHERE), lambda: stand_at(list(Q)))
+    wait_until(is_noticed, 'a restart because of a jump')
     wait_effort(bench, gravity(ELSEWHERE))
     bench.wait_message('reference', 'ended early: joint states restarted: jump')
     assert bench.known('command', 'faults: several_publishers') == faults
     bench.driver.q = list(Q)
     bench.efforts.clear()
     wait_effort(bench, G)
-    check_rate(bench.efforts)
-
-
-@fault(PUBLISHERS, 'one publisher whose stamps go back by 1 s',
-       'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
-       'is held at its measured position; the command changes within the rate limit')
-def test_one_publisher_that_is_set_back(bench):
-    leave(bench)
-    def shift(seconds: float) -> None:
-        bench.driver.change = shifted(seconds)
-
-    disturb_until_noticed(bench, 'stamp went back', lambda: shift(-1.0), lambda: shift(0.0))
-    bench.wait_message('reference', 'ended early: joint states restarted: stamp went back')
-    wait_until(
-        lambda: np.allclose(bench.efforts.messages[-1].effort, G, atol=1e-6), 'g(q)')
     check_rate(bench.efforts)

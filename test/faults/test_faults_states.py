@@ -33,19 +33,13 @@ def check_dropped(bench: FaultBench, change: Change, reason: str, reported: str 
 @fault_cases(('fields', 'reported'), GROUP, '{}', DROPPED, (
     ('NaN in a position of a joint in use', {'position': [NAN, 0.0]},
      "position of 'joint1' is"),
-    ('infinity in a position of a joint in use', {'position': [0.0, INF]},
-     "position of 'joint2' is"),
     ('infinity in a velocity of a joint in use', {'velocity': [0.0, -INF]},
      "velocity of 'joint2' is"),
     ('a duplicate joint', {'name': [*NAMES, 'joint1'], 'position': [*Q, 0.0], 'velocity': []},
      "name has 'joint1' twice"),
     ('fewer positions than names', {'position': Q[:1]}, 'position has 1 values, expected 2'),
-    ('more positions than names', {'position': [*Q, 0.0]},
-     'position has 3 values, expected 2'),
-    ('fewer velocities than names', {'velocity': [0.0]}, 'velocity has 1 values, expected 2'),
     ('more velocities than names', {'velocity': [0.0] * 3},
-     'velocity has 3 values, expected 2'),
-    ('no position', {'position': []}, 'position has 0 values, expected 2')))
+     'velocity has 3 values, expected 2')))
 def test_a_state_that_cannot_be_used(bench, fields, reported):
     check_dropped(bench, altered(**fields), 'invalid', reported)
 
@@ -76,7 +70,6 @@ def test_velocities_that_are_missing(bench, velocity):
 @fault_cases(
     'change', GROUP, '{}', 'ignored and counted; fault `state_timeout` without valid states; '
     'commands resume', (
-        ('an empty message', lambda _: JointState()),
         ('positions without names', altered(name=[])),
         ('only joints of another robot', altered(name=['left', 'right']))))
 def test_a_state_of_no_joint_of_this_arm(bench, change):
@@ -84,14 +77,12 @@ def test_a_state_of_no_joint_of_this_arm(bench, change):
 
 
 @fault_cases('fields', GROUP, '{}', ANSWERED, (
-    ('NaN efforts', {'effort': [NAN, NAN]}),
+    ('another order of joints, and NaN efforts', {
+        'name': NAMES[::-1], 'position': Q[::-1], 'effort': [NAN, NAN]}),
     ('fewer efforts than names', {'effort': [1.0]}),
-    ('NaN and infinity for joints not in use', {
-        'name': [*NAMES, 'wheel'], 'position': [*Q, NAN], 'velocity': [0.0, 0.0, INF]}),
-    ('another order of joints', {'name': NAMES[::-1], 'position': Q[::-1]}),
-    ('additional joints', {
+    ('additional joints, with NaN and infinity', {
         'name': ['wheel', NAMES[0], 'lid', NAMES[1]],
-        'position': [9.0, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, 1.0, 0.0]}),
+        'position': [NAN, Q[0], -9.0, Q[1]], 'velocity': [1.0, 0.0, INF, 0.0]}),
     ('a duplicate joint that is not in use', {
         'name': ['wheel', *NAMES, 'wheel'], 'position': [1.0, *Q, 2.0], 'velocity': []}),
     ('no stamp (0)', {'header': JointState().header})))
@@ -104,12 +95,11 @@ def test_an_anomalous_state(bench, fields):
     assert bench.status('command').level != DiagnosticStatus.ERROR
 
 
-def many_joints(names: list[str], count: int) -> Change:
+def many_joints(count: int) -> Change:
     """Return a change that adds other joints, up to `count` in total."""
-    others = [f'other{i}' for i in range(count - len(names))]
+    others = [f'other{i}' for i in range(count - 2)]
     message = JointState(
-        name=[*others, *names], position=[0.0] * len(others) + Q[:len(names)],
-        velocity=[0.0] * count)
+        name=[*others, *NAMES], position=[0.0] * len(others) + Q, velocity=[0.0] * count)
 
     def change(state: JointState) -> JointState:
         message.header = state.header
@@ -121,16 +111,13 @@ def many_joints(names: list[str], count: int) -> Change:
 @fault(GROUP, '10,000 additional joints', ANSWERED)
 def test_many_joints(bench):
     bench.efforts.clear()
-    bench.driver.change = many_joints(NAMES, 10_000)
+    bench.driver.change = many_joints(10_000)
     bench.check_hold(5)
 
 
-@fault_cases(
-    'names', GROUP, 'a message of 200,000 joints, {}',
-    'dropped undecoded, because decoding would delay control; reported in a short line; '
-    'fault `state_timeout` without valid states; commands resume', (
-        ('including those of the arm', NAMES), ('without those of the arm', [])))
-def test_a_message_of_200_000_joints(bench, names):
-    check_dropped(
-        bench, many_joints(names, 200_000), 'unreadable', 'bytes, expected at most 1000000')
+@fault(GROUP, 'a message of 200,000 joints', 'dropped undecoded, because decoding would delay '
+       'control; reported in a short line; fault `state_timeout` without valid states; commands '
+       'resume')
+def test_a_message_of_200_000_joints(bench):
+    check_dropped(bench, many_joints(200_000), 'unreadable', 'bytes, expected at most 1000000')
     assert max(map(len, bench.node.log.splitlines())) < 400

@@ -43,7 +43,7 @@ def check(read: cdr_templates.SensedState, message: JointState) -> None:
         assert np.array_equal(values, np.array(wanted), equal_nan=True)
 
 
-@settings(deadline=None, derandomize=True, max_examples=300)
+@settings(max_examples=100)
 @given(messages=st.lists(STATES, min_size=1, max_size=4), order=st.lists(st.integers(0, 3)))
 def test_states_are_read_as_rclpy_reads_them(messages, order):
     """For any sequence of layouts, including repetitions of earlier ones."""
@@ -65,19 +65,14 @@ def test_what_pads_the_names_may_be_anything():
     check(decoder.decode(data), message)
 
 
-def test_other_names_of_the_same_lengths_are_seen():
-    decoder = cdr_templates.JointStateDecoder()
-    for names in (['left', 'lift'], ['left', 'lifT'], ['left', 'lift']):
-        check(decoder.decode(serialize_message(state('', names, [1.0, 2.0], [], []))), state(
-            '', names, [1.0, 2.0], [], []))
-
-
-def test_numbers_are_no_copies_of_one_message():
-    """A stored state does not change when the next one is read."""
-    decoder = cdr_templates.JointStateDecoder()
-    read = [decoder.decode(serialize_message(state('', ['a'], [float(i)], [], [])))
-            for i in range(3)]
-    assert [float(one.position[0]) for one in read] == [0.0, 1.0, 2.0]
+def test_other_names_of_the_same_lengths_are_seen_and_a_stored_state_does_not_change():
+    decoder, read = cdr_templates.JointStateDecoder(), []
+    messages = [state('', names, [float(i), 2.0], [], []) for i, names in enumerate(
+        (['left', 'lift'], ['left', 'lifT'], ['left', 'lift'], ['left', 'lift']))]
+    for message in messages:
+        read.append(decoder.decode(serialize_message(message)))
+    for one, message in zip(read, messages):
+        check(one, message)
 
 
 def test_bytes_that_end_early_are_left_to_rclpy():
@@ -98,9 +93,9 @@ def outcome(read: Any, data: bytes) -> Any:
         return None
 
 
-@pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_efforts_are_written_as_rclpy_writes_them(n):
-    names = [f'joint{i}' for i in range(n)]
+@pytest.mark.parametrize('n', [1, 7])
+def test_efforts_and_motions_are_written_as_rclpy_writes_them(n):
+    names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     named, bare = cdr_templates.effort_template(names), cdr_templates.array_template(n)
     strict = get_typestore(Stores.ROS2_JAZZY)  # rejects data with extra bytes
     for shift in (0.0, 0.5):
@@ -117,14 +112,9 @@ def test_efforts_are_written_as_rclpy_writes_them(n):
         strict.deserialize_cdr(bare.filled(bytes(8), efforts), 'std_msgs/msg/Float64MultiArray')
         array = deserialize_message(bare.filled(bytes(8), efforts), Float64MultiArray)
         assert list(array.data) == efforts.tolist()
-
-
-@pytest.mark.parametrize('n', [1, 2, 7, 60])
-def test_motion_without_effort_is_written_as_rclpy_reads_it(n):
-    names = ['joint' + 'x' * i for i in range(n)]  # with any number of padding bytes
     q, v = np.arange(2.0 * n).reshape(2, n) - 0.5
     data = cdr_templates.state_template(names, has_effort=False).filled(bytes(8), q, v)
     message = deserialize_message(data, JointState)
     assert message == state('', names, q.tolist(), v.tolist(), [], 0, 0)
-    strict = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, 'sensor_msgs/msg/JointState')
-    assert list(strict.velocity) == v.tolist()
+    read = strict.deserialize_cdr(data, 'sensor_msgs/msg/JointState')
+    assert list(read.velocity) == v.tolist()

@@ -44,11 +44,8 @@ def commander(request: pytest.FixtureRequest) -> Iterator[Commander]:
         yield Commander(client, f'/{request.node.name}/commands')
 
 
-def test_without_a_subscriber_commands_may_be_published(commander):
+def test_no_subscriber_or_the_same_order_opens_the_topic(commander):
     assert commander.order.allows()
-
-
-def test_the_same_order_opens_the_topic(commander):
     with commander.subscriber('controller', NAMES):
         wait_until(commander.order.allows, 'an order that is the same')
     assert commander.order.fault is None

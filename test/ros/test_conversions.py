@@ -6,8 +6,8 @@
 import re
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import InertiaStamped, WrenchStamped
-from hypothesis import assume, given, settings
+from geometry_msgs.msg import WrenchStamped
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -28,8 +28,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
+READER = JointStateReader(NAMES)
+"""A reader that gets messages with changing orders of the joints."""
 
-laws = settings(deadline=None, derandomize=True)
+laws = settings(max_examples=50)
 numbers = st.floats(-1e6, 1e6)
 
 
@@ -51,19 +53,15 @@ def test_matrices_travel_row_by_row_whatever_their_layout():
     A = np.array([[1.0, 2.0], [3.0, 4.0]])
     assert list(conversions.floats_to_ros(A)) == [1.0, 2.0, 3.0, 4.0]
     assert list(conversions.floats_to_ros(A.T)) == [1.0, 3.0, 2.0, 4.0]
-    assert list(conversions.floats_to_ros(np.zeros(0))) == []
 
 
 @laws
-@given(st.integers(0, (2**31 - 1) * 10**9 + 999_999_999))
+@given(st.integers(-1, (2**31 - 1) * 10**9 + 999_999_999))
+@example(-1)
 def test_stamps_keep_every_nanosecond(stamp_ns):
     sent = over_the_wire(conversions.stamp_to_ros(stamp_ns))
     assert conversions.stamp_from_ros(sent) == stamp_ns
-
-
-def test_a_stamp_before_the_epoch_comes_back():
-    assert conversions.stamp_from_ros(conversions.stamp_to_ros(-1)) == -1
-    assert conversions.stamp_to_ros(-1) == Time(sec=-1, nanosec=999_999_999)
+    assert sent == Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
 
 
 # --- payload -------------------------------------------------------------------------------------
@@ -82,15 +80,10 @@ def test_payloads_come_back(mass, com, seed):
     assert back.inertia.tolist() == payload.inertia.tolist()
 
 
-def test_no_payload_is_a_mass_of_zero():
-    assert conversions.payload_from_ros(ARM, conversions.payload_to_ros(None)) is None
-    # for any link name: without mass the link has no meaning
-    message = InertiaStamped()
-    message.header.frame_id = 'no such link'
+def test_no_payload_is_a_mass_of_zero_and_other_links_are_refused():
+    message = conversions.payload_to_ros(None)
+    message.header.frame_id = 'no such link'  # without mass the link has no meaning
     assert conversions.payload_from_ros(ARM, message) is None
-
-
-def test_a_payload_on_no_link_names_the_links():
     message = conversions.payload_to_ros(make_payload('hand', 1.0))
     with pytest.raises(InvalidInputError, match=r"header\.frame_id is 'hand'.*'tool0'"):
         conversions.payload_from_ros(ARM, message)
@@ -98,19 +91,14 @@ def test_a_payload_on_no_link_names_the_links():
 
 # --- wrenches ------------------------------------------------------------------------------------
 
-@laws
-@given(st.lists(st.lists(numbers, min_size=6, max_size=6), max_size=3))
-def test_wrenches_arrive(rows):
-    messages = []
-    for row in rows:
-        message = WrenchStamped()
-        message.header.frame_id = 'tool0'
-        force, torque = message.wrench.force, message.wrench.torque
-        force.x, force.y, force.z, torque.x, torque.y, torque.z = row
-        messages.append(message)
-    wrenches = conversions.wrenches_from_ros(ARM, messages)
-    assert [[*w.force, *w.torque] for w in wrenches] == rows
-    assert {w.link for w in wrenches} <= {'tool0'}
+def test_wrenches_arrive():
+    message = WrenchStamped()
+    message.header.frame_id = 'tool0'
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = row = [1.0, 2, 3, -4, 5, 6e5]
+    one, other = conversions.wrenches_from_ros(ARM, [message, message])
+    assert [*one.force, *one.torque] == [*other.force, *other.torque] == row
+    assert one.link == other.link == 'tool0'
 
 
 def test_bad_wrenches_say_which_one():
@@ -131,32 +119,20 @@ def test_bad_wrenches_say_which_one():
 
 # --- trajectories --------------------------------------------------------------------------------
 
-@laws
-@given(
-    st.lists(st.integers(1, 10**10), min_size=1, max_size=5),
-    st.sampled_from(['positions', 'velocities', 'accelerations']),
-    st.integers(0, 2**32 - 1))
-def test_trajectories_come_back(gaps_ns, highest, seed):
-    random = np.random.default_rng(seed)
-    times = [1e-9 * t for t in np.cumsum(gaps_ns).tolist()]
-    rows = random.uniform(-3.0, 3.0, (3, len(times), 2))
+@pytest.mark.parametrize('count', [1, 2, 3], ids=['positions', 'velocities', 'accelerations'])
+def test_trajectories_come_back(count):
+    rows = np.random.default_rng(count).uniform(-3.0, 3.0, (3, 4, 2))
     rows[1, -1] = 0.0  # the last of several points is at rest
-    given_fields = 1 + ['positions', 'velocities', 'accelerations'].index(highest)
-    q, v, a = (
-        rows[k].tolist() if k < given_fields else () for k in range(3))
-    trajectory = make_trajectory(NAMES, times, q, v, a, NAMES)
+    trajectory = make_trajectory(
+        NAMES, [1e-9, 0.5, 7.123456789, 10.0], *rows[:count].tolist(), expected_joints=NAMES)
     sent = over_the_wire(conversions.trajectory_to_ros(trajectory))
     back = conversions.trajectory_from_ros(sent, NAMES)
     assert back.joint_names == trajectory.joint_names
-    for point, original in zip(back.points, trajectory.points, strict=True):
-        assert round(1e9 * point.time_from_start) == round(1e9 * original.time_from_start)
-        for field in ('position', 'velocity', 'acceleration'):
-            here, there = getattr(point, field), getattr(original, field)
-            assert (here is None) == (there is None)
-            assert here is None or here.tolist() == there.tolist()
-
-
-def test_a_trajectory_is_sorted_by_name():
+    for k, (point, original) in enumerate(zip(back.points, trajectory.points, strict=True)):
+        assert point.time_from_start == pytest.approx(original.time_from_start, rel=0, abs=5e-10)
+        values = point.position, point.velocity, point.acceleration
+        assert [value.tolist() for value in values[:count]] == rows[:count, k].tolist()
+        assert values[count:] == (None,) * (3 - count)
     message = JointTrajectory(joint_names=['joint2', 'joint1'], points=[
         JointTrajectoryPoint(positions=[2.0, 1.0])])
     point, = conversions.trajectory_from_ros(message, NAMES).points
@@ -194,25 +170,16 @@ def test_joint_states_are_read_by_name(names, seed):
     random = np.random.default_rng(seed)
     q, v, tau = random.standard_normal((3, 4)).tolist()
     message = JointState(name=names, position=q, velocity=v, effort=tau)
-    reader = JointStateReader(NAMES)
     for _ in range(2):  # the order is cached at the first message
-        position, velocity = reader.read(message)
+        position, velocity = READER.read(message)
         assert position.tolist() == [q[names.index(name)] for name in NAMES]
         assert velocity.tolist() == [v[names.index(name)] for name in NAMES]
-        effort = reader.effort(message)
+        effort = READER.effort(message)
         assert effort.tolist() == [tau[names.index(name)] for name in NAMES]
 
 
-def test_a_reader_follows_a_change_of_order():
-    reader = JointStateReader(NAMES)
-    for names in (['joint1', 'joint2'], ['joint2', 'joint1'], ['x', 'joint1', 'joint2']):
-        q = [float(i) for i in range(len(names))]
-        assert reader.read(JointState(name=names, position=q))[0].tolist() == [
-            q[names.index(name)] for name in NAMES]
-
-
-@given(st.lists(st.sampled_from(['joint1', 'joint2', 'x']), max_size=4))
 @laws
+@given(st.lists(st.sampled_from(['joint1', 'joint2', 'x']), max_size=4))
 def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names):
     assume(not all(names.count(joint) == 1 for joint in NAMES))
     message = JointState(name=names, position=[0.0] * len(names))
@@ -225,25 +192,24 @@ def test_joint_states_that_lack_a_joint_or_double_one_are_refused(names):
     (float('nan'), False), (-float('inf'), False), (1.5e9, True)])
 def test_numbers_that_no_arm_has_are_refused_by_joint(number, is_finite):
     names, values = ['joint2', 'x', 'joint1'], [number, float('nan'), -1e9]
-    reader = JointStateReader(NAMES)
     words = f"of 'joint2' is {number:g}, expected a "
     with pytest.raises(InvalidInputError, match=re.escape(
             f'effort {words}number in [-1e+09, 1e+09]')):
-        reader.finite_effort(JointState(name=names, effort=values))
+        READER.finite_effort(JointState(name=names, effort=values))
     if is_finite:  # a measured state may exceed bounds: a non-finite effort is then a fault
-        q, v = reader.read(JointState(name=names, position=values, velocity=values))
+        q, v = READER.read(JointState(name=names, position=values, velocity=values))
         assert q[1] == v[1] == number
     else:
         with pytest.raises(InvalidInputError, match=f'position {words}finite number'):
-            reader.read(JointState(name=names, position=values))
+            READER.read(JointState(name=names, position=values))
         if np.isnan(number):  # sent by drivers that do not measure the velocity
-            assert reader.read(JointState(
+            assert READER.read(JointState(
                 name=names, position=[0.0] * 3, velocity=values))[1] is None
             return
         with pytest.raises(InvalidInputError, match=f'velocity {words}finite number'):
-            reader.read(JointState(name=names, position=[0.0] * 3, velocity=values))
+            READER.read(JointState(name=names, position=[0.0] * 3, velocity=values))
     # A measured state may lack a joint.
-    effort = reader.effort(JointState(name=names, effort=values))
+    effort = READER.effort(JointState(name=names, effort=values))
     assert effort[0] == -1e9
 
 

@@ -9,7 +9,7 @@ launch files run as well.
 """
 
 import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 import importlib.util
 from pathlib import Path
@@ -27,17 +27,12 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.launch_arguments import ARGUMENTS, arm_arguments, values_by_arm
 from robots import robot_path
 from ros_harness import DYNAMICS as DYNAMICS_MODULE
-from ros_harness import NodeProcess, running
-from ros_harness import SIMULATED_ARM as SIMULATED_ARM_MODULE
 from sensor_msgs.msg import JointState
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 SEVERAL = {'several_arms', 'leader_and_follower'}
 """Launch files for several arms, which choose the namespaces."""
-COMMON = {
-    'namespace', 'use_sim_time', 'autostart', 'params', 'log_level', 'robot_description',
-    'gravity'}
 HAS_LAUNCH = bool(shutil.which('ros2')) and importlib.util.find_spec('launch_ros') is not None
 with_launch = pytest.mark.skipif(
     not HAS_LAUNCH, reason='ros2 launch comes with apt, and has no wheel')
@@ -54,17 +49,12 @@ def calls(path: Path, function: str) -> list[ast.Call]:
 # --- the launch files as texts -------------------------------------------------------------------
 
 @every_file
-def test_every_launch_file_declares_the_common_arguments(path):
+def test_every_argument_is_declared_described_and_used(path):
     call, = calls(path, 'declared')
     left_out = {keyword.arg for keyword in call.keywords
                 if isinstance(keyword.value, ast.Constant) and keyword.value.value is None}
     several = path.name.partition('.')[0] in SEVERAL
     assert left_out == ({'namespace'} if several else set())
-    assert set(ARGUMENTS) >= COMMON
-
-
-@every_file
-def test_every_other_argument_has_a_description_and_is_used(path):
     text = path.read_text(encoding='utf-8')
     for call in calls(path, 'DeclareLaunchArgument'):
         name = ast.literal_eval(call.args[0])
@@ -89,7 +79,9 @@ def test_every_common_argument_has_a_description_and_is_used():
 
     values = Recorded({name: default for name, (default, _) in ARGUMENTS.items()})
     arm_arguments(values, BOTH)
-    assert values.used == set(ARGUMENTS)
+    assert values.used == set(ARGUMENTS) == {
+        'robot', 'robot_description', 'params', 'namespace', 'use_sim_time', 'autostart',
+        'gravity', 'log_level'}
     assert all(len(text) > 30 and text.endswith('.') for _, text in ARGUMENTS.values())
 
 
@@ -127,12 +119,11 @@ def test_arguments_become_parameters():
 
 def test_a_parameter_file_may_give_the_description(tmp_path):
     urdf = write(tmp_path / 'arm.urdf', default_arm_urdf())
-    for section in ('/**', '/left/dynamics'):
-        params = write(tmp_path / 'arm.yaml', (
-            f'{section}: {{ros__parameters: {{robot_description_file: {urdf}}}}}'))
-        arm = arm_of(params=params, namespace='left')
-        assert arm.description == default_arm_urdf()
-        assert arm.overrides == {}
+    params = write(tmp_path / 'arm.yaml', (
+        f'/left/dynamics: {{ros__parameters: {{robot_description_file: {urdf}}}}}'))
+    arm = arm_of(params=params, namespace='left')
+    assert arm.description == default_arm_urdf()
+    assert arm.overrides == {}
     params = write(
         tmp_path / 'arm.yaml', '/**: {ros__parameters: {robot_description: "<robot/>"}}')
     assert arm_of(params=params).description == '<robot/>'
@@ -141,8 +132,8 @@ def test_a_parameter_file_may_give_the_description(tmp_path):
 
 
 @pytest.mark.parametrize(('namespace', 'outer', 'expected'), [
-    ('', '', '/'), ('left', '', '/left'), ('/left/', '', '/left'), ('left', '/cell', '/cell/left'),
-    ('', '/cell', '/cell'), ('/left', '/cell', '/left'), ('a/b', '', '/a/b')])
+    ('', '', '/'), ('/left/', '', '/left'), ('left', '/cell', '/cell/left'),
+    ('', '/cell', '/cell'), ('/left', '/cell', '/left')])
 def test_namespaces_are_absolute(namespace, outer, expected):
     assert arm_of((DYNAMICS,), outer, namespace=namespace).namespace == expected
 
@@ -153,6 +144,8 @@ def test_each_of_several_arms_has_its_files():
     assert (left['namespace'], left['params'], left['robot']) == ('left', 'a.yaml', 'arm.urdf')
     assert (right['namespace'], right['params'], right['robot']) == ('right', 'b.yaml', 'arm.urdf')
     assert [arm['params'] for arm in values_by_arm({**values, 'params': ''})] == ['', '']
+    with pytest.raises(RobotDynamicsError, match="is 'a.yaml,b.yaml', expected one file for all"):
+        values_by_arm({**values, 'arms': 'a,b,c'})
 
 
 @pytest.mark.parametrize(('values', 'words'), [
@@ -161,8 +154,6 @@ def test_each_of_several_arms_has_its_files():
         marks=fault(
             'External files and web pages', 'a launch argument names a missing parameter file',
             'rejected with the path, before any node is started')),
-    ({'params': str(ROOT)}, ', which cannot be read: '),
-    ({'robot': '/no/such.urdf'}, ', which cannot be read: '),
     ({'robot': 'package://no_such_package/arm.urdf'},
      ", but there is no package 'no_such_package' in this environment"),
     ({'robot': 'http://nowhere/arm.urdf'}, ', expected a path, file:// or package://')])
@@ -174,15 +165,8 @@ def test_a_file_that_cannot_be_read_is_an_error(values, words):
     assert str(error.value).startswith(f'launch argument {name} is {value!r}{words}')
 
 
-def test_several_arms_with_another_number_of_files_are_an_error():
-    with pytest.raises(RobotDynamicsError, match="is 'a,b', expected one file for all arms"):
-        values_by_arm({'arms': 'a,b,c', 'params': 'a,b', 'robot': ''})
-
-
 @pytest.mark.parametrize(('values', 'words'), [
-    ({'use_sim_time': 'maybe'}, 'use_sim_time'), ({'gravity': '[0, 0]'}, 'gravity'),
-    ({'gravity': 'down'}, 'gravity'), ({'log_level': 'loud'}, 'loud'),
-    ({'namespace': 'my arm'}, '__ns:=/my arm')])
+    ({'gravity': 'down'}, 'gravity'), ({'namespace': 'my arm'}, '__ns:=/my arm')])
 def test_the_node_rejects_an_invalid_argument(values, words):
     """The node gets what the launch files pass on, ends with status 1, and names the argument."""
     arm = arm_of((DYNAMICS,), **values)
@@ -195,7 +179,7 @@ def test_the_node_rejects_an_invalid_argument(values, words):
     assert words in done.stdout.splitlines()[-1]
 
 
-# --- nodes at work, and the launch files where launch is installed -------------------------------
+# --- the launch files where launch is installed --------------------------------------------------
 
 def launch(file: str, *arguments: str) -> list[str]:
     """Return the command that launches a file of this package."""
@@ -231,27 +215,14 @@ def test_ros2_launch_describes_all_arguments(path):
 ARM = 'joints: [joint1, joint2], state_timeout: 60.0, state_max_age: 0.0'
 
 
-@contextmanager
-def nodes_of(arms: Mapping[str, str]) -> Iterator[None]:
-    """Run both nodes of each arm with its parameter file, without a launch file."""
-    modules = (SIMULATED_ARM_MODULE, DYNAMICS_MODULE)
-    with running(*(
-            NodeProcess(module, namespace=f'/{arm}',
-                        arguments=('--ros-args', '--params-file', params))
-            for arm, params in arms.items() for module in modules)):
-        yield
-
-
-@pytest.mark.parametrize('by', ['nodes', pytest.param('launch', marks=with_launch)])
-def test_the_loops_of_two_arms_close(by, client, tmp_path):
+@with_launch
+def test_the_loops_of_two_arms_close(client, tmp_path):
     left = write(tmp_path / 'left.yaml', (
         f'/**: {{ros__parameters: {{{ARM}, rate: 50.0, gravity: [0.0, 0.0, -1.62]}}}}'))
     right = write(tmp_path / 'right.yaml', (
         f'/**: {{ros__parameters: {{{ARM}, rate: 50.0}}}}\n'
         '/right/dynamics: {ros__parameters: {effort_limit_fraction: 0.5}}'))
-    arms = nodes_of({'left': left, 'right': right}) if by == 'nodes' else launched(
-        'several_arms', f'params:={left},{right}', 'tf:=false')
-    with arms:
+    with launched('several_arms', f'params:={left},{right}', 'tf:=false'):
         for arm in ('left', 'right'):
             client.wait_for(JointState, f'/{arm}/effort_command')
             client.wait_for(JointState, f'/{arm}/joint_states')
@@ -264,31 +235,11 @@ def test_the_loops_of_two_arms_close(by, client, tmp_path):
 
 
 @with_launch
-@pytest.mark.parametrize('sections', [('/**', '/cell/dynamics'), ('/cell/dynamics', '/**')])
-def test_arguments_of_ros2_launch_take_precedence_over_the_file(sections, client, tmp_path):
-    file = write(tmp_path / 'arm.yaml', '\n'.join(
-        f'{section}: {{ros__parameters: {{{ARM}, gravity: [0.0, 0.0, -1.0], autostart: true, '
-        'robot_description_file: /no/such.urdf}}' for section in sections))
-    urdf = write(tmp_path / 'arm.urdf', default_arm_urdf())
-    with launched('closed_loop', f'params:={file}', 'namespace:=cell', f'robot:={urdf}',
-                  'gravity:=[0, 0, -3]', 'autostart:=false', 'use_sim_time:=false', 'tf:=false'):
-        got = {name: client.get_parameter('/cell/dynamics', name) for name in (
-            'autostart', 'use_sim_time', 'robot_description_file', 'robot_description')}
-        assert got == {'autostart': False, 'use_sim_time': False, 'robot_description_file': '',
-                       'robot_description': default_arm_urdf()}
-        for name in BOTH:
-            assert list(client.get_parameter(f'/cell/{name}', 'gravity')) == [0.0, 0.0, -3.0]
-        client.forget('/cell')
-
-
-@with_launch
-@pytest.mark.parametrize(('file', 'argument'), [
-    ('beside_robot', 'params:=no/such.yaml'), ('closed_loop', 'robot:=/no/such.urdf'),
-    ('rviz', 'params:=no/such.yaml'),
-    ('several_arms', 'params:=no/such.yaml'), ('leader_and_follower', 'params:=no/such.yaml')])
-def test_ros2_launch_starts_no_node_for_an_invalid_argument(file, argument):
+@every_file
+def test_ros2_launch_starts_no_node_for_an_invalid_argument(path):
     done = children.run(
-        launch(file, argument), text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        launch(path.name.partition('.')[0], 'params:=no/such.yaml'), text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     assert done.returncode == 1, done.stdout
-    assert f'launch argument {argument.partition(":=")[0]} is' in done.stdout
+    assert 'launch argument params is' in done.stdout
     assert 'process started' not in done.stdout

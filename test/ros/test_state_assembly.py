@@ -9,14 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.cdr_templates import JointStateDecoder, SensedState, stamp_bytes
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
-from robot_dynamics.ros.middleware.state_assembly import (
-    ForeignJointsError,
-    MOST_SOURCES,
-    StateAssembly,
-)
+from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, StateAssembly
 from sensor_msgs.msg import JointState
 
 rclpy_serialization = pytest.importorskip('rclpy.serialization')
@@ -26,8 +21,6 @@ MS = 1_000_000
 SECOND = 1000 * MS
 PERIOD = 2 * MS
 DECODER = JointStateDecoder()
-
-laws = settings(deadline=None, derandomize=True)
 
 
 def message(
@@ -43,19 +36,15 @@ def message(
     return DECODER.decode(bytes(rclpy_serialization.serialize_message(state)))
 
 
-def test_a_message_with_all_joints_is_a_state_as_it_is():
+def test_a_message_with_all_joints_is_a_state_as_it_is_and_one_with_none_another_one():
     assembly = StateAssembly(NAMES)
     state = message(PERIOD, ['gripper', 'c', 'a', 'b'])
     assert assembly.take(state) is state
-
-
-def test_a_message_with_none_of_the_joints_is_another_one():
-    assembly = StateAssembly(NAMES)
     with pytest.raises(OtherJointsError, match='none of'):
         assembly.take(message(PERIOD, ['gripper']))
 
 
-@laws
+@settings(max_examples=50)
 @given(st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
 def test_two_halves_are_answered_once_per_period(phase, seed):
     """For any time between both halves, and with jitter of 2 % of a period."""
@@ -93,20 +82,17 @@ def test_a_half_that_is_missing_is_named():
 def test_the_largest_age_of_a_sample_may_be_set():
     assembly = StateAssembly(NAMES, max_age=0.1)
     assert assembly.take(message(PERIOD, ['b'])) is None
-    assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
+    for _ in range(2):  # a message that is received twice discards no samples
+        assert assembly.take(message(PERIOD + 100 * MS, ['a', 'c'])) is not None
     assert assembly.take(message(PERIOD + 101 * MS, ['a', 'c'])) is None
 
 
-def test_a_half_without_velocities_leaves_the_state_without():
+def test_velocities_and_efforts_that_both_halves_have_are_assembled():
     assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], has_velocity=False))
     state = assembly.take(message(PERIOD, ['a', 'c']))
     assert JointStateReader(NAMES).read(state)[1] is None
     assert JointStateReader(NAMES).effort(state) is None
-
-
-def test_efforts_of_both_halves_are_assembled():
-    assembly = StateAssembly(NAMES, max_age=1.0)
     assembly.take(message(PERIOD, ['b'], 5.0, has_effort=True))
     state = assembly.take(message(2 * PERIOD, ['c', 'a'], 7.0, has_effort=True))
     assert state.stamp == stamp_bytes(2 * PERIOD)
@@ -118,36 +104,26 @@ def test_efforts_of_both_halves_are_assembled():
     assert effort.tolist() == [-16.0, -10.0, -14.0]
 
 
-def test_two_halves_at_time_0_are_a_state():
+def test_a_period_that_begins_at_time_0_is_measured():
     assembly = StateAssembly(NAMES)
     assert assembly.missing == []
     assert assembly.take(message(0, ['a', 'c'])) is None
     assert assembly.take(message(0, ['b'])) is not None
-
-
-def test_a_period_that_begins_at_time_0_is_measured():
-    assembly = StateAssembly(NAMES)
-    assembly.take(message(0, ['a', 'c']))
     assembly.take(message(PERIOD // 2, ['b']))
     assert assembly.take(message(PERIOD, ['a', 'c'])) is not None
 
 
-def test_a_message_that_is_received_twice_discards_no_samples():
-    assembly = StateAssembly(NAMES, max_age=0.1)
-    assembly.take(message(PERIOD, ['b']))
-    for _ in range(2):
-        assert assembly.take(message(2 * PERIOD, ['a', 'c'])) is not None
-
-
-@pytest.mark.parametrize('interval', [-PERIOD, 2 * SECOND])
-def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval):
-    """For any largest age."""
+@pytest.mark.parametrize(('interval', 'is_used'), [
+    (-PERIOD, False), (2 * SECOND - MS, True), (2 * SECOND, False)])
+def test_after_a_reset_or_a_long_pause_no_old_sample_is_used(interval, is_used):
+    """For any largest age; an interval below 2 s is none."""
     assembly = StateAssembly(NAMES, max_age=10.0)
     start = 2 * PERIOD
     assembly.take(message(start, ['b']))
     assert assembly.take(message(start, ['a', 'c'])) is not None
-    assert assembly.take(message(start + interval, ['a', 'c'])) is None
-    assert assembly.missing == ['b']
+    state = assembly.take(message(start + interval, ['a', 'c']))
+    assert (state is not None) == is_used
+    assert assembly.missing == ([] if is_used else ['b'])
 
 
 def test_a_single_late_message_hardly_changes_the_largest_age():
@@ -166,34 +142,32 @@ def test_the_first_interval_is_the_period():
     assembly = StateAssembly(NAMES)
     assembly.take(message(PERIOD, ['a', 'c']))
     assembly.take(message(2 * PERIOD, ['a', 'c']))
-    assert assembly.take(message(2 * PERIOD + PERIOD // 2, ['b'])) is not None
-    assert assembly.take(message(2 * PERIOD + 6 * PERIOD // 10, ['b'])) is None
+    assert assembly.take(message(2 * PERIOD + PERIOD * 54 // 100, ['b'])) is not None
+    assert assembly.take(message(2 * PERIOD + PERIOD * 56 // 100, ['b'])) is None
 
 
 def test_the_embedded_arm_has_its_joints_only():
     assembly = StateAssembly(NAMES, is_exact=True)
     assert assembly.take(message(PERIOD, ['c', 'b', 'a'])) is not None
-    for names in (['a', 'b', 'c', 'd'], ['gripper'], [f'joint{i}' for i in range(7)]):
+    for names in (['a', 'b', 'c', 'd'], ['gripper']):
         with pytest.raises(ForeignJointsError, match='set robot_description_file') as caught:
             assembly.take(message(PERIOD, names))
         assert str(names) in str(caught.value)
 
 
-def test_a_joint_that_stands_twice_is_refused():
-    with pytest.raises(InvalidInputError, match=r"name has .*'a'"):
-        StateAssembly(NAMES).take(message(PERIOD, ['a', 'a']))
-
-
 def test_sources_that_are_remembered_are_bounded():
     assembly = StateAssembly(NAMES)
-    for i in range(5 * MOST_SOURCES):
+    sizes = set()
+    for i in range(100):
         assembly.take(message(PERIOD, ['a', f'joint{i}']))
-    assert len(assembly._parts) <= MOST_SOURCES
+        sizes.add(len(assembly._parts))
+    assert max(sizes) == 32
 
 
-def test_a_decoder_knows_the_layouts_of_several_publishers():
-    publishers = ('a', 'b', 'c'), ('grip', 'hand'), ('c',)
-    before, after, last = ([message(k, names) for names in publishers] for k in range(3))
-    for names, _, one, other in zip(publishers, before, after, last):
+@pytest.mark.parametrize(('count', 'is_known'), [(8, True), (9, False)])
+def test_a_decoder_knows_the_layouts_of_eight_publishers(count, is_known):
+    publishers = [(f'joint{i}',) for i in range(count)]
+    _, before, after = ([message(k, names) for names in publishers] for k in range(3))
+    for names, one, other in zip(publishers, before, after):
         assert one.name == other.name == list(names)
-        assert one.layout is other.layout
+        assert (one.layout is other.layout) == is_known

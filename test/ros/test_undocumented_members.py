@@ -61,8 +61,7 @@ def test_no_other_module_uses_undocumented_members():
 
 @pytest.mark.parametrize('code', [
     'from rclpy.impl.implementation_singleton import rclpy_implementation',
-    'import rclpy._rclpy_pybind11', 'publisher.handle', 'self._subscription.handle.take_message',
-    'node._parameter_overrides', 'super()._wake_executor', 'service.callback'])
+    'import rclpy._rclpy_pybind11', 'publisher.handle', 'node._parameter_overrides'])
 def test_undocumented_members_are_found(code):
     assert undocumented(ast.parse(code))
 

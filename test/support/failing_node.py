@@ -29,7 +29,6 @@ class FailingNode(DynamicsNode):
         super().__init__()
         self._fails_cleanup = True
         self.create_service(Trigger, '~/raises', self._fail)
-        self.create_service(SetBool, '~/answers_nothing', lambda *_: None)
         self.create_service(Trigger, '~/answers_another_type', lambda *_: SetBool.Response())
         self.create_subscription(String, '~/raises', self._fail, 10)
         self.add_on_set_parameters_callback(self._judge)

@@ -45,6 +45,8 @@ STATE_TIMEOUT = 0.3
 QUICK = {**STEADY, 'hold_time': 0.3, 'ramp_time': 0.1}
 """A short fault action."""
 NANOSECONDS = 1_000_000_000
+LONGEST_STEP = 0.05
+"""[s]: a command may differ from the last one by the rate limit times this time, at most."""
 NOISE = 1e-13
 """[rad] of the measured positions: a joint whose sample repeats while it must move is a fault."""
 
@@ -173,6 +175,10 @@ class TimedCollector(Collector):
     def steps(self) -> npt.NDArray[np.float64]:
         """Return the change of the effort of each joint between consecutive messages."""
         return np.abs([np.subtract(other.effort, one.effort) for one, other in self.in_a_row()])
+
+    def check_steps(self, rate: float | npt.NDArray[np.float64]) -> None:
+        """Check that no command differs from the previous one by more than a limiter permits."""
+        assert (self.steps() <= rate * LONGEST_STEP + 1e-6).all()
 
     def since(self, moment: float) -> list[tuple[float, Any]]:
         """Return the messages that arrived after a time [s], with their times."""
@@ -304,6 +310,12 @@ class FaultBench:
         moment = time.monotonic()
         self.wait_status('command', lambda status: status.level != DiagnosticStatus.ERROR)
         wait_until(lambda: bool(self.efforts.since(moment)), 'an effort')
+
+    def first_answer(self, act: Callable[[], object]) -> Any:
+        """Act; return the first command that answers a state of a later time."""
+        moment = time.time_ns()
+        act()
+        return self.efforts.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
 
     def wait_dropped(self, reason: str, more_than: int = 0) -> DiagnosticStatus:
         """Wait until more than this number of states were dropped for a reason."""

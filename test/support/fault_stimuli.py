@@ -14,14 +14,13 @@ from fault_bench import (
     Change,
     Driver,
     FaultBench,
+    LONGEST_STEP,
     NANOSECONDS,
     nanoseconds_of,
     stamp_of,
     TimedCollector,
 )
 import numpy as np
-from robot_dynamics.control.safety.effort_limiter import LONGEST_STEP
-from robot_dynamics.monitoring.motion_consistency import PAUSE
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 
@@ -35,6 +34,8 @@ Parameters with which a distant set-point immediately exceeds the limits of the 
 For tests of the limits and of fault actions: the conditioned reference of an arm at rest never
 reaches these limits.
 """
+PAUSE = 0.1
+"""[s] without states after which velocities are not compared with positions."""
 NO_STREAM = {'reference_timeout': 0.001}
 """For tests of other faults: set-points at this distance do not form a stream that times out."""
 

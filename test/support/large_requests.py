@@ -14,13 +14,11 @@ import time
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
-from disturbances import wrench
 import numpy as np
 from request_bench import answer_lines, ClientProcess
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics_interfaces.srv import (
-    ForwardDynamics,
     InverseDynamics,
     InverseDynamicsBatch,
     InverseDynamicsTrajectory,
@@ -31,7 +29,7 @@ from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAMES = ['joint1', 'joint2']
-SAMPLES, POINTS, WRENCHES = 100_000, 5000, 2000
+SAMPLES, POINTS = 100_000, 5000
 DYNAMICS = default_dynamics()
 STILL = [0.0, 0.0]
 
@@ -70,11 +68,6 @@ def names() -> Large:
         joint_names=[f'joint{i}' for i in range(1, 200_001)], position=[0.0] * 200_000))
 
 
-def one_name() -> Large:
-    return Large('forward_dynamics', ForwardDynamics, ForwardDynamics.Request(
-        joint_names=['x' * 10_000_000]))
-
-
 def link_name() -> Large:
     return Large('set_payload', SetPayload, SetPayload.Request(
         payload=payload_to_ros(make_payload('x' * 10_000_000, 1.0))))
@@ -93,13 +86,6 @@ def points() -> Large:
             [point.effort for point in response.trajectory.points], gravity))
 
 
-def wrenches() -> Large:
-    return Large(
-        'inverse_dynamics', InverseDynamics,
-        InverseDynamics.Request(position=STILL, external_wrenches=[wrench('tool0')] * WRENCHES),
-        lambda response: np.allclose(response.effort, STILL))
-
-
 class LargeRequests(ClientProcess):
     """The process that sends these requests."""
 
@@ -115,7 +101,7 @@ class LargeRequests(ClientProcess):
         self.ask((case, False))
 
 
-CASES = {case.__name__: case for case in (batch, names, one_name, link_name, points, wrenches)}
+CASES = {case.__name__: case for case in (batch, names, link_name, points)}
 
 
 def main() -> None:

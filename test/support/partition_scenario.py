@@ -18,8 +18,10 @@ import shutil
 import time
 
 import children
-from fault_bench import fault_bench, FaultBench
+from fault_bench import fault_bench, FaultBench, STATE_TIMEOUT, STEADY
 from joint_state_driver import DriverProcess
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from ros_harness import RosClient, wait_until
 
 OWN_NETWORK = (['unshare', '--net'], ['unshare', '--user', '--map-root-user', '--net'])
@@ -81,13 +83,31 @@ def linked_network() -> Iterator[list[str]]:
         holder.wait()
 
 
+def set_again(bench: FaultBench, seconds: float) -> None:
+    """Set `state_timeout`; ask again, with a new client, if the failing link loses an answer."""
+    name = bench.name('set_parameters')
+    request = SetParameters.Request(
+        parameters=[Parameter('state_timeout', value=seconds).to_parameter_msg()])
+    for _ in range(10):
+        try:
+            result, = bench.client.call(SetParameters, name, request, 12.0).results
+        except AssertionError:
+            bench.client.forget(name)
+            continue
+        assert result.successful, result.reason
+        return
+    raise AssertionError(f'no answer of {name}')
+
+
 def break_and_heal(bench: FaultBench, until_forgotten: bool) -> dict[str, float]:
     """Disable the link until commands have ended, or longer; return the measured times [s]."""
     bench.check_alive()
     broken = time.monotonic()
     run('ip', 'link', 'set', 'near', 'down')
-    bench.wait_state_timeout()
+    set_again(bench, STATE_TIMEOUT)
+    bench.wait_fault('state_timeout')
     reported = time.monotonic()
+    set_again(bench, STEADY['state_timeout'])
     bench.wait_silent()
     topic = f'{bench.namespace}/joint_states'
     if until_forgotten:
