@@ -18,8 +18,7 @@ GEARED = {
 COULOMB, DISTANCE = np.array([4.0, 1.5]), np.array([4e-4, 2e-4])
 STICKY = {
     'joints': NAMES, 'gravity': [0.0, 0.0, 0.0], 'friction.viscous': [0.2],
-    'friction.coulomb': COULOMB.tolist()}
-PRESLIDING = {'friction.presliding_distance': DISTANCE.tolist()}
+    'friction.coulomb': COULOMB.tolist(), 'friction.presliding_distance': DISTANCE.tolist()}
 SHARES = np.array([0.5, -0.25])
 """Of F_c: the step of effort."""
 
@@ -64,15 +63,10 @@ def displacement(arm: LockStepped, steps: int = 400) -> np.ndarray:
 
 
 def test_a_joint_yields_by_its_part_of_the_presliding_distance(client):
-    with lock_stepped(client, '/yields', **STICKY, **PRESLIDING) as arm:
+    with lock_stepped(client, '/yields', **STICKY) as arm:
         largest, last = displacement(arm)
         assert last == pytest.approx(SHARES * DISTANCE, rel=0.01)
         assert (largest < DISTANCE).all()
         assert client.call(Trigger, '/yields/simulated_arm/reset').success
         _, last = displacement(arm)  # the bristles are relaxed at first
         assert last == pytest.approx(SHARES * DISTANCE, rel=0.01)
-
-
-def test_without_the_distance_it_does_not_move(client):
-    with lock_stepped(client, '/sticks', **STICKY) as arm:
-        assert np.abs(displacement(arm)).max() == 0.0

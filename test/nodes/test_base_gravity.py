@@ -4,7 +4,7 @@
 
 import math
 
-from closed_loop import closed_loop, NAMES, send, START
+from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Quaternion, Vector3
 import numpy as np
@@ -13,7 +13,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.base_gravity import gravity_from_imu
-from ros_harness import DYNAMICS, LONG, NodeProcess, running, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, UNHURRIED, wait_until
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Imu, JointState
 
@@ -36,9 +36,8 @@ def accelerated(x: float, y: float, z: float) -> Imu:
 
 # --- the message ---------------------------------------------------------------------------------
 
-@pytest.mark.parametrize('rpy', [(0, 0, 0), (0.3, 0, 0), (0, -1.2, 0.4), (2.0, 0.5, -3.0)])
-def test_gravity_of_an_orientation(rpy):
-    rotation = Rotation.from_euler('xyz', rpy)
+def test_gravity_of_an_orientation():
+    rotation = Rotation.from_euler('xyz', (2.0, 0.5, -3.0))
     expected = rotation.inv().apply([0.0, 0.0, -1.62])
     assert gravity_from_imu(oriented(rotation), 1.62) == pytest.approx(expected, abs=1e-12)
 
@@ -53,10 +52,9 @@ def test_gravity_of_an_accelerometer():
 
 @pytest.mark.parametrize(('message', 'words'), [
     (Imu(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=2.0)), 'orientation has the norm 2, '),
-    (Imu(orientation=Quaternion(x=math.nan)), 'orientation has the norm nan, expected 1'),
     (accelerated(0.0, 0.0, 0.0), r'linear_acceleration is \[0.0, 0.0, 0.0\], expected a norm'),
-    (accelerated(0.0, 0.0, 25.0), 'expected a norm of 4.91 to 19.6'),
-    (accelerated(0.0, math.nan, 9.8), 'linear_acceleration is'),
+    (accelerated(0.0, 0.0, 4.9), 'expected a norm of 4.91 to 19.6'),
+    (accelerated(0.0, 0.0, 19.7), 'expected a norm of 4.91 to 19.6'),
     (Imu(orientation_covariance=NOT_GIVEN, linear_acceleration=Vector3(z=9.81),
          linear_acceleration_covariance=NOT_GIVEN), 'or an orientation'),
 ])
@@ -73,18 +71,15 @@ def test_the_parameter_changes_while_the_arm_holds(client):
     with client.collect(JointState, f'{namespace}/joint_states') as states, \
             client.collect(JointState, f'{namespace}/dynamics/gravity_compensation') as torques, \
             closed_loop(namespace, real_time_factor=4.0):
-        states.wait_for(lambda m: any(m.effort), LONG)
-        send(client, namespace, (0.0, START))
         client.wait_for(JointState, f'{namespace}/dynamics/computed_torque', timeout=LONG)
-        for values in ({'paused': True, 'gravity': TILTED}, {'paused': False}):
-            if 'gravity' in values:
-                client.set_parameters(f'{namespace}/dynamics', {'gravity': TILTED})
-            client.set_parameters(f'{namespace}/simulated_arm', values)
+        client.set_parameters(f'{namespace}/simulated_arm', {'paused': True, 'gravity': TILTED})
+        client.set_parameters(f'{namespace}/dynamics', {'gravity': TILTED})
+        client.set_parameters(f'{namespace}/simulated_arm', {'paused': False})
         expected = gravity_torque(START, TILTED)
         torques.wait_for(lambda m: np.allclose(m.effort, expected, atol=1e-3), LONG)
         states.wait_for(lambda m: np.allclose(m.position, START, atol=1e-4)
                         and np.allclose(m.effort, expected, atol=0.05), LONG)
-        errors = [np.abs(np.subtract(m.position, START)).max() for m in states.messages[50:]]
+        errors = [np.abs(np.subtract(m.position, START)).max() for m in states.messages]
         reason = client.rejection(f'{namespace}/dynamics', 'gravity', [1.0, 2.0])
     assert max(errors) < 0.05
     assert 'gravity has 2 values, expected 3' in reason
@@ -94,7 +89,7 @@ def test_gravity_of_the_base_imu(client):
     namespace = '/mobile'
     node = NodeProcess(
         DYNAMICS, {'gravity_from_imu': True, 'imu_rpy': [0.0, 0.0, math.pi],
-                   'state_timeout': 60.0}, namespace=namespace)
+                   **UNHURRIED}, namespace=namespace)
     with running(node), \
             client.collect(JointState, f'{namespace}/dynamics/gravity_compensation') as torques, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics:

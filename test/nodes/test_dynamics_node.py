@@ -1,76 +1,194 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics of `dynamics`: joint states in, efforts out; and where the model comes from."""
+"""The topics of `dynamics`: joint states and references in, efforts and references out."""
 
 from collections.abc import Iterator
 import threading
+import time
+from typing import Any
 
 from builtin_interfaces.msg import Time
+from fault_bench import nanoseconds_of, stamp_of
 import numpy as np
 import pytest
-from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.ros.dynamics.control_path import ControlCounters
 from robot_dynamics.ros.dynamics.state_log import StateReport
-from robots import robot_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient
-from topic_bench import Bench, G, make_bench, NAMES
+from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
+from robot_dynamics.trajectories.interpolation import Reference
+from robot_dynamics.trajectories.quintics import quintic_via_points
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, TIMEOUT, UNHURRIED
+from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
+from std_msgs.msg import Float64MultiArray
+from topic_bench import Bench, G, make_bench, NAMES, Q, TAU, V
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+START = 10_000_000_000_789
+"""When the trajectory begins [ns], by the stamps of the joint states."""
 
 
 @pytest.fixture(scope='module')
-def bench(client: RosClient) -> Iterator[Bench]:
-    """Return the node on the default arm with gravity compensation."""
-    with NodeProcess(
-            DYNAMICS, {'robot_description': default_arm_urdf(), 'command': 'gravity_compensation'},
-            namespace='/gravity') as node:
-        yield make_bench(client, node, '/gravity')
+def node(client: RosClient) -> Iterator[Bench]:
+    """Return a node that follows references as they are, with an order other than the model's."""
+    with NodeProcess(DYNAMICS, {
+            **UNHURRIED, **EXACT, 'robot_description': default_arm_urdf(), 'joints': NAMES[::-1],
+            'gains.kp': [100.0, 200.0], 'gains.kd': [10.0, 20.0],
+            'require_measured_velocities': True}, namespace='/topics') as process:
+        yield make_bench(client, process, '/topics')
+
+
+@pytest.fixture
+def bench(node: Bench) -> Bench:
+    """Return this node without a reference."""
+    for command in ('gravity_compensation', 'computed_torque'):
+        node.client.set_parameters('/topics/dynamics', {'command': command})
+    return node
+
+
+# --- computed torque -----------------------------------------------------------------------------
+
+def expected_torque(q_ref: Any, v_ref: Any = (0.0, 0.0), a_ref: Any = (0.0, 0.0)) -> list[float]:
+    """Return computed torque at Q and V in the order of the node."""
+    a = np.array(a_ref) + np.array([20.0, 10.0]) * (np.array(v_ref) - V) + (
+        np.array([200.0, 100.0]) * (np.array(q_ref) - Q))
+    tau = default_dynamics().inverse_dynamics(np.array(Q), np.array(V), a)
+    return [float(tau[1]), float(tau[0])]
+
+
+def settle(bench: Bench, wanted: list[float]) -> Any:
+    """
+    Send states until the computed torque is this one; return the message.
+
+    Each state has a new stamp, because the node may receive the first state before the reference.
+    """
+    bench.computed_torque.clear()
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        bench.states.publish(bench.state())
+        found = bench.computed_torque.find(
+            lambda message: message.effort == pytest.approx(wanted, abs=1e-9), 0.5)
+        if found is not None:
+            return found
+    raise AssertionError(f'the computed torque did not become {wanted} in {TIMEOUT:g} s')
+
+
+def test_a_set_point_is_followed(client, bench):
+    bench.command(bench.state())
+    bench.follow(JointTrajectoryPoint(positions=Q, velocities=V, accelerations=[0.1, 0.2]))
+    message = settle(bench, expected_torque(Q, V, [0.1, 0.2]))
+    assert list(message.name) == ['joint2', 'joint1']
+    assert message.effort == pytest.approx(TAU[::-1], abs=5e-9)
+    assert bench.command(bench.state()).effort == pytest.approx(TAU[::-1], abs=5e-9)
+    with client.collect(Float64MultiArray, bench.topic('dynamics/commands')) as commands, \
+            client.collect(DynamicsTerms, bench.topic('dynamics/terms')) as all_terms:
+        commands.wait_matched()
+        all_terms.wait_matched()
+        terms = client.answer_to(bench.states, bench.state(), all_terms)
+        # repeated until one is published: the joint order of each subscriber is checked first
+        numbers = client.ask(bench.states, bench.state(), commands, lambda message: True)
+    assert numbers.data == pytest.approx(TAU[::-1], abs=5e-9)  # the order of `joints`
+    assert list(terms.joint_names) == ['joint2', 'joint1']
+    assert terms.effort == pytest.approx(TAU[::-1], abs=5e-9)
+    parts = [np.array(getattr(terms, name)) for name in (
+        'inertial', 'coriolis', 'gravity', 'friction', 'external')]
+    assert sum(parts) == pytest.approx(np.array(terms.effort))
+    assert terms.coriolis == pytest.approx([0.15, -0.234], abs=5e-9)
+    # the error is fed back with the gains of each joint
+    goal = [Q[0] + 0.02, Q[1] - 0.03]
+    bench.follow(JointTrajectoryPoint(positions=goal))
+    settle(bench, expected_torque(goal))
+
+
+# --- the reference -------------------------------------------------------------------------------
+
+def state(nanoseconds: int, **fields: Any) -> JointState:
+    """Return a joint state; the arm stays at its position, but its sample does not repeat."""
+    q = [Q[0] + 1e-12 * (nanoseconds // 1000 % 997), Q[1] - 1e-12 * (nanoseconds // 1000 % 991)]
+    message = JointState(**{'name': NAMES, 'position': q, 'velocity': [0.0, 0.0], **fields})
+    message.header.stamp = stamp_of(nanoseconds)
+    return message
+
+
+def check_held(message: JointState) -> None:
+    """Check that a reference is a rest at `Q`."""
+    assert message.position == pytest.approx(Q[::-1], abs=1e-8)
+    assert message.velocity == pytest.approx([0.0, 0.0], abs=1e-7)
+
+
+def test_the_reference_is_the_trajectory_at_the_stamp_of_the_state(client, bench):
+    """In the joint order of the node, independent of the order of the trajectory."""
+    trajectory = quintic_via_points(
+        NAMES, [0.0, 1.0, 2.5], [Q, [Q[0] + 0.7, Q[1] - 0.4], [Q[0] - 0.3, Q[1] + 0.2]])
+    rest = Reference(np.array(Q), np.zeros(2), np.zeros(2))
+    expected = ActiveTrajectory(trajectory, START, START, rest)
+    states, trajectories, gravity = bench.states, bench.trajectories, bench.gravity
+    with client.collect(JointState, '/topics/dynamics/reference') as references:
+        references.wait_matched()
+        found = client.answer_to(states, state(START - 1_000_000_000), references)
+        check_held(found)  # from the first state on
+        message = trajectory_to_ros(trajectory)
+        message.header.stamp = stamp_of(START)
+        trajectories.publish(message)
+        trajectories.wait_for_all_acked()
+        client.get_parameter('/topics/dynamics', 'command')  # answered after that message
+        check_held(client.answer_to(states, state(START - 500_000_000), references))
+        for ns in range(START, START + 3_000_000_000, 170_000_123):
+            found = client.answer_to(states, state(ns), references)
+            position, velocity, _ = expected.sample(ns)
+            assert list(found.name) == NAMES[::-1]
+            assert found.position == pytest.approx(position[::-1], abs=1e-8)
+            assert found.velocity == pytest.approx(velocity[::-1], abs=1e-8)
+            assert list(found.effort) == []
+        assert found.velocity == pytest.approx([0.0, 0.0], abs=1e-8)  # the end is held
+        # a state without velocity ends the trajectory, and then the measured position is held
+        client.answer_to(states, state(ns + 1_000_000, velocity=[]), gravity)
+        check_held(client.answer_to(states, state(ns + 2_000_000), references))
+        client.set_parameters('/topics/dynamics', {'command': 'gravity_compensation'})
+        client.answer_to(states, state(ns + 3_000_000), gravity)
+        client.set_parameters('/topics/dynamics', {'command': 'computed_torque'})
+        check_held(client.answer_to(states, state(ns + 4_000_000), references))
+        stamps = [nanoseconds_of(message.header.stamp) for message in references.messages]
+    assert not {ns + 1_000_000, ns + 3_000_000} & set(stamps)
 
 
 # --- gravity compensation ------------------------------------------------------------------------
 
-@pytest.mark.parametrize('stamp', [
-    Time(sec=1, nanosec=123_456_789), Time(sec=1_790_000_000, nanosec=987_654_321),
-    Time(sec=2**31 - 1, nanosec=999_999_999)])
-def test_the_command_for_a_state_carries_its_stamp(bench, stamp):
-    state = bench.state()
-    state.header.stamp = stamp
-    message = bench.command(state)
-    assert message.header.stamp == stamp
-    assert list(message.name) == NAMES
-    assert message.effort == pytest.approx(G, abs=5e-9)
-    assert list(message.position) == list(message.velocity) == []
-    gravity = bench.gravity.wait_for(lambda m: m.header.stamp == stamp)
-    assert gravity.effort == message.effort
+def test_the_command_for_a_state_carries_its_stamp(client, bench):
+    client.set_parameters('/topics/dynamics', {'command': 'gravity_compensation'})
+    bench.computed_torque.clear()
+    for stamp in (Time(sec=1_790_000_000, nanosec=987_654_321),
+                  Time(sec=2**31 - 1, nanosec=999_999_999)):
+        message = bench.state()
+        message.header.stamp = stamp
+        command = bench.command(message)
+        assert command.header.stamp == stamp
+        assert list(command.name) == NAMES[::-1]
+        assert command.effort == pytest.approx(G[::-1], abs=5e-9)
+        assert list(command.position) == list(command.velocity) == []
+        gravity = bench.gravity.wait_for(lambda m, stamp=stamp: m.header.stamp == stamp)
+        assert gravity.effort == command.effort
     assert bench.computed_torque.messages == []  # there is no reference
 
 
 # --- the robot description -----------------------------------------------------------------------
 
-def test_a_description_on_its_topic_replaces_the_embedded_arm(client):
+def test_a_description_on_its_topic_replaces_the_embedded_arm_if_there_is_no_parameter(
+    client, bench,
+):
     one = planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name='one_link', joint_names=['hinge'])
     with client.describing('/described') as publish:
         publish(one)
-        with NodeProcess(DYNAMICS, namespace='/described') as node:
-            node.wait_for_log("Model 'one_link'")  # transient local: it was published before
-            bench = make_bench(client, node, '/described')
-            effort = bench.command(bench.state([np.pi / 2], [0.0], ['hinge']))
+        with NodeProcess(DYNAMICS, {'state_thread': False}, namespace='/described') as process:
+            process.wait_for_log("Model 'one_link'")  # transient local: published before
+            other = make_bench(client, process, '/described')
+            effort = other.command(other.state([np.pi / 2], [0.0], ['hinge']))
     assert list(effort.name) == ['hinge']
     assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
-
-
-def test_a_parameter_takes_precedence_over_the_topic(client):
-    urdf = robot_urdf('kinova')
-    arm = load_arm(urdf)
-    with NodeProcess(
-            DYNAMICS, {'robot_description': urdf, 'state_thread': False},
-            namespace='/given') as node:
-        bench = make_bench(client, node, '/given')
-        assert client.node.count_subscribers('/given/robot_description') == 0
-        q = np.clip(
-            np.linspace(-1.0, 1.0, arm.joint_count), arm.limits.lower, arm.limits.upper)
-        effort = bench.command(bench.state(q.tolist(), [], list(arm.joint_names)))
-        assert effort.effort == pytest.approx(ArmDynamics(arm).rigid_body.gravity(q))
+    assert client.node.count_subscribers('/topics/robot_description') == 0
 
 
 def test_drops_may_be_counted_while_they_are_reported():

@@ -8,31 +8,38 @@ import sys
 
 from absent_libraries import environment_without
 import children
+from closed_loop import receiving
 import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-from sensor_msgs.msg import JointState
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, UNHURRIED
 
 OF_TOOLS = ('matplotlib', 'scipy', 'PIL', 'rosbags', 'mcap', 'viser', 'trimesh', 'xacro', 'launch')
+TRY = """
+import sys
+for name in sys.argv[1:]:
+    try:
+        __import__(name)
+    except ModuleNotFoundError as error:
+        print(error)
+"""
 
 
 @pytest.fixture(scope='module')
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Return an environment without these libraries, which is tried first."""
     variables = environment_without(tmp_path_factory.mktemp('site'), OF_TOOLS)
-    for module in OF_TOOLS:
-        tried = children.run(
-            [sys.executable, '-c', f'import {module}'], capture_output=True, text=True,
-            env={**os.environ, **variables})
-        assert f'ModuleNotFoundError: No module named {module!r}' in tried.stderr
+    tried = children.run(
+        [sys.executable, '-c', TRY, *OF_TOOLS], capture_output=True, text=True,
+        env={**os.environ, **variables})
+    assert tried.stdout.splitlines() == [f'No module named {name!r}' for name in OF_TOOLS]
     return variables
 
 
 def test_both_nodes_close_the_loop(client, environment):
-    nodes = [NodeProcess(DYNAMICS, environment=environment),
+    nodes = [NodeProcess(DYNAMICS, UNHURRIED, environment=environment),
              NodeProcess(SIMULATED_ARM, {'initial_position': [0.5, 0.2]}, environment=environment)]
-    with client.collect(JointState, '/effort_command') as efforts, \
-            client.collect(JointState, '/joint_states') as states, running(*nodes):
+    with running(*nodes), receiving(client, '', 'effort_command', 'joint_states') as (
+            efforts, states):
         effort = efforts.wait_for(lambda message: len(message.effort) == 2)
         state = states.wait_for(lambda message: any(message.effort))  # the brakes are released
         response = client.call(

@@ -22,7 +22,9 @@ MOTORS = {
     'torque_constant': [0.1, 0.05], 'gear_ratio': [100.0, 50.0], 'rotor_inertia': [1e-5, 2e-5],
     'resistance': [0.5, 0.8], 'efficiency': [0.8, 0.9], 'current_limit': [3.0, 50.0],
     'voltage_limit': [48.0, 48.0]}
-PARAMETERS = {'joints': NAMES, **{f'actuator.{name}': value for name, value in MOTORS.items()}}
+PARAMETERS = {'joints': NAMES, **{
+    f'actuator.{name}': value for name, value in MOTORS.items() if name != 'gear_ratio'}}
+"""The gear ratios are those of the transmissions in the URDF."""
 STATE = Q, V, A = np.array([[0.8, 0.5], [0.5, -0.3], [0.1, 0.2]])
 MOTION = dict(zip(('position', 'velocity', 'acceleration'), STATE.tolist()))
 BARE = default_dynamics()
@@ -31,18 +33,16 @@ EFFORT = DRIVEN.inverse_dynamics(*STATE)
 LOAD = DRIVEN.arm.actuators.load(EFFORT, V, A)
 
 
-def with_transmissions(*reductions: object) -> str:
-    """Return the default arm with transmissions of these reductions, from the first joint on."""
-    elements = ''.join(
-        f'<transmission name="t{i}"><joint name="joint{i}"/><actuator name="m{i}">'
-        f'<mechanicalReduction>{reduction}</mechanicalReduction></actuator></transmission>'
-        for i, reduction in enumerate(reductions, start=1))
-    return default_arm_urdf().replace('</robot>', f'{elements}</robot>')
+TRANSMISSIONS = ''.join(
+    f'<transmission name="t{i}"><joint name="joint{i}"/><actuator name="m{i}">'
+    f'<mechanicalReduction>{reduction}</mechanicalReduction></actuator></transmission>'
+    for i, reduction in ((1, 100), (2, 50)))
 
 
 @pytest.fixture(scope='module')
 def node(client: RosClient) -> Iterator[Served]:
-    with served(client, '/motors', **PARAMETERS) as node:
+    urdf = default_arm_urdf().replace('</robot>', f'{TRANSMISSIONS}</robot>')
+    with served(client, '/motors', urdf, **PARAMETERS) as node:
         yield node
 
 
@@ -79,18 +79,3 @@ def test_a_trajectory_must_be_within_what_the_motors_have(node):
     assert answer.worst_time == expected.worst_time
     assert answer.message.startswith("current of the motor of 'joint1' is ")
     assert answer.warnings == [answer.message]
-
-
-def test_a_batch_warns_of_the_motors_too(node):
-    one, batch = (
-        node.answer(name, **MOTION) for name in ('inverse_dynamics', 'inverse_dynamics_batch'))
-    assert [line.replace(' in sample 0', '') for line in batch.warnings] == list(one.warnings)
-    assert any('current of the motor' in line for line in batch.warnings)
-
-
-def test_the_urdfs_transmissions_are_the_gear_ratios(client):
-    parameters = {**PARAMETERS, 'actuator.gear_ratio': []}
-    with served(client, '/described', with_transmissions(100, 50), **parameters) as node:
-        answer = node.answer('inverse_dynamics', **MOTION)
-    assert list(answer.effort) == pytest.approx(EFFORT)
-    assert list(answer.motor_current) == pytest.approx(LOAD.current)

@@ -16,8 +16,6 @@ from std_srvs.srv import Trigger
 
 NAMES = ['joint1', 'joint2']
 START = [0.4, 0.3]
-PUSHED_JOINT = 0.02
-"""[rad]"""
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -44,10 +42,10 @@ def test_it_holds_and_is_pushed_and_reset(client, loop):
         assert np.abs(first.effort).min() > 1.0  # holds its weight
         push(client, '/mujoco/mujoco_arm', (0.0, 0.0, 60.0), 'link2')
         states.wait_for(lambda state: np.abs(
-            np.array(state.position) - START).max() > PUSHED_JOINT)
+            np.array(state.position) - START).max() > 0.02)
         push(client, '/mujoco/mujoco_arm', ZERO, 'link2')
         states.wait_for(lambda state: np.abs(
-            np.array(state.position) - START).max() < 0.25 * PUSHED_JOINT)
+            np.array(state.position) - START).max() < 0.005)
     answer = client.call(Trigger, '/mujoco/mujoco_arm/reset', Trigger.Request())
     assert answer.success
 
@@ -57,9 +55,6 @@ def test_invalid_messages_are_named_and_nothing_ends(client, loop):
         lambda: push(client, '/mujoco/mujoco_arm', ZERO, 'elbow'),
         "Rejected a message of ~/external_wrench: header.frame_id is 'elbow', expected a body of "
         'the MJCF')
-    loop.provoke(
-        lambda: push(client, '/mujoco/mujoco_arm', (0.0, 0.0, float('nan')), 'link1'),
-        r'Rejected a message of ~/external_wrench: wrench.force\[2\] \(z\) is nan')
     effort = client.publisher(JointState, '/mujoco/effort_command', 1)
     loop.provoke(
         lambda: effort.publish(JointState(name=NAMES, effort=[float('inf'), 0.0])),
@@ -74,34 +69,16 @@ def test_without_commands_the_brakes_hold_again(client):
         efforts = client.publisher(JointState, '/braked/effort_command', 1)
         with client.collect(JointState, '/braked/joint_states') as states:
             assert list(states.wait_for(lambda _: True).position) == START
-            efforts.publish(JointState(name=NAMES, effort=[0.0, 0.0]))
-            states.wait_for(lambda state: list(state.position) != START)
+            client.ask(efforts, JointState(name=NAMES, effort=[0.0, 0.0]), states,
+                       lambda state: list(state.position) != START)
             node.wait_for_log('No valid effort for .*: the brakes hold the arm where it is')
             states.wait_for(lambda state: not any(state.velocity))
-        efforts.publish(JointState(name=NAMES, effort=[900.0, 0.0]))
-        node.wait_for_log("Clipped the effort of 'joint1': received 900 N·m, its effort limit is")
 
 
-@pytest.mark.parametrize(('parameters', 'words'), [
-    ({'mjcf': '/no/such.xml'}, "mjcf is '/no/such.xml', which is no such file"),
-    ({'mjcf': 'package://no_such_package/arm.xml'}, "no package 'no_such_package'"),
-    ({'joints': ['joint1', 'elbow']}, "mjcf_joints[1] is 'elbow', expected the name"),
-    ({'mjcf_joints': ['joint1'], 'joints': NAMES}, 'joints has 2 names, expected 1'),
-    ({'initial_position': [0.0]}, 'initial_position has 1 values, expected 2'),
-    ({'gravity': [0.0]}, 'gravity has 1 values, expected 3'),
-    ({'paused': True}, 'paused is true, expected false'),
-])
-def test_an_invalid_start_is_one_line(parameters, words):
-    log = log_of_failed_start(MUJOCO_ARM, parameters)
+def test_an_invalid_start_is_one_line():
+    log = log_of_failed_start(MUJOCO_ARM, {'joints': ['joint1', 'elbow']})
     line, = [line for line in log.splitlines() if line.startswith('robot_dynamics: ')]
-    assert words in line
-
-
-def test_broken_xml_is_one_error(tmp_path):
-    file = tmp_path / 'arm.xml'
-    file.write_text('<mujoco><worldbody><body/></mujoco>', encoding='utf-8')
-    assert 'robot_dynamics: mjcf: MuJoCo rejects' in log_of_failed_start(
-        MUJOCO_ARM, {'mjcf': str(file)})
+    assert "mjcf_joints[1] is 'elbow', expected the name" in line
 
 
 def test_without_mujoco_the_extra_is_named(tmp_path):

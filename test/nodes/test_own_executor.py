@@ -5,21 +5,22 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import ExitStack
 import os
 from pathlib import Path
 import subprocess
 import sys
 import threading
-from typing import Any
 
 from action_clients import Client
 from children import TIMEOUT
+from closed_loop import receiving
 from control_msgs.action import FollowJointTrajectory
 from own_process import answer, own_process, OwnProcess, stamps_of
 import pytest
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from ros_harness import NodeProcess, PATIENT, wait_until
+from ros_harness import NodeProcess, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_srvs.srv import Trigger
@@ -28,12 +29,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
 GRAVITY = default_dynamics().gravity(Q)
 EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'
-EXECUTORS = [SingleThreadedExecutor, MultiThreadedExecutor]
-
-
-@pytest.fixture(params=EXECUTORS)
-def executor(request: pytest.FixtureRequest) -> Any:
-    return request.param
 
 
 @pytest.fixture
@@ -43,10 +38,17 @@ def process() -> Iterator[OwnProcess]:
 
 
 @pytest.mark.parametrize('state_thread', [True, False])
-def test_dynamics_answers_joint_states(client, process, executor, state_thread):
+def test_dynamics_answers_joint_states(client, process, state_thread):
+    """Also in its second executor."""
     node = process.dynamics(state_thread=state_thread)
+    first = SingleThreadedExecutor(context=process.context)
+    first.add_node(node)
+    for _ in range(10):
+        first.spin_once(timeout_sec=0.0)
+    first.remove_node(node)
+    first.shutdown()
     process.other('neighbour')
-    with process.spun(executor):
+    with process.spun(SingleThreadedExecutor):
         effort = answer(client, process, NAMES, Q).effort
         stopped = client.call(Trigger, f'{process.namespace}/dynamics/stop')
     assert list(effort) == pytest.approx(GRAVITY)
@@ -54,76 +56,44 @@ def test_dynamics_answers_joint_states(client, process, executor, state_thread):
     assert node.callback_errors == 0
 
 
-def test_a_node_that_changes_its_executor_answers(client, process):
-    node = process.dynamics()
-    first = SingleThreadedExecutor(context=process.context)
-    first.add_node(node)
-    for _ in range(10):
-        first.spin_once(timeout_sec=0.0)
-    first.remove_node(node)
-    first.shutdown()
-    with process.spun(MultiThreadedExecutor):
-        assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
-
-
-def test_simulated_arm_publishes_states_and_takes_efforts(client, process, executor):
-    process.simulated_arm(rate=50.0, command_timeout=0.0)
-    with process.spun(executor), client.collect(
-            JointState, f'{process.namespace}/joint_states') as states:
-        first = states.wait_for()
-        efforts = client.publisher(JointState, f'{process.namespace}/effort_command')
-        moved = client.ask(
-            efforts, JointState(name=NAMES, effort=[5.0, 0.0]), states,
-            lambda state: abs(state.position[0] - first.position[0]) > 0.01)
-    assert len(moved.effort) == 2
-
-
+@pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])
 def test_both_and_a_third_node_in_one_executor(client, process, executor):
-    nodes = process.simulated_arm(rate=50.0), process.dynamics()
+    """No state is answered twice, and the threads of the nodes end with the nodes."""
+    before = set(threading.enumerate())
+    nodes = (process.simulated_arm(rate=50.0, initial_position=Q),
+             process.dynamics(**UNHURRIED))
     neighbour, ticks = process.other('neighbour'), Counter[str]()
     neighbour.create_timer(0.05, lambda: ticks.update(['timer']))
     neighbour.create_subscription(
         JointState, 'joint_states', lambda _: ticks.update(['state']), 10)
-    with client.collect(
-            JointState, f'{process.namespace}/dynamics/gravity_compensation') as answers, \
-            client.collect(JointState, f'{process.namespace}/effort_command') as efforts, \
-            process.spun(executor):
-        answers.wait_count(100)
-        efforts.wait_count(50)
+    with process.spun(executor), receiving(
+            client, process.namespace, 'dynamics/gravity_compensation', 'effort_command',
+            'joint_states', count=30) as (answers, efforts, states):
+        states.wait_for(lambda message: any(message.effort))  # the arm takes the efforts
         wait_until(lambda: min(ticks['timer'], ticks['state']) >= 10, 'the neighbour')
         found = stamps_of(answers), stamps_of(efforts)  # before the effort is ramped out
+        during = {thread.name for thread in set(threading.enumerate()) - before}
     for stamps in found:
         assert len(set(stamps)) == len(stamps), 'a joint state was answered twice'
     assert [node.callback_errors for node in nodes] == [0, 0]
+    of_nodes = {'joint_states loop', 'command watch', '~/stop service', 'simulation'}
+    assert of_nodes <= during
+    assert not of_nodes & {thread.name for thread in set(threading.enumerate()) - before}
 
 
-def test_the_threads_of_both_nodes_end_with_the_nodes(client, process):
-    before = set(threading.enumerate())
-    process.simulated_arm(rate=50.0)
-    process.dynamics()
-    with process.spun(SingleThreadedExecutor):
-        with client.collect(JointState, f'{process.namespace}/effort_command') as efforts:
-            efforts.wait_for()
-        during = {thread.name for thread in set(threading.enumerate()) - before}
-    assert {'joint_states loop', 'command watch', '~/stop service', 'simulation'} <= during
-    assert set(threading.enumerate()) <= before
-
-
-@pytest.mark.parametrize('threads', [1, 3])
-def test_the_example_of_the_documentation(client, threads):
-    namespace = f'/example{threads}'
+def test_the_example_of_the_documentation(client):
+    namespace = '/example'
     example = NodeProcess(
-        'one_process', {**PATIENT, 'rate': 50.0, 'initial_position': Q}, namespace=namespace,
-        arguments=['--threads', str(threads)], environment={'PYTHONPATH': os.pathsep.join(
+        'one_process', {**UNHURRIED, 'rate': 50.0, 'initial_position': Q}, namespace=namespace,
+        arguments=['--threads', '3'], environment={'PYTHONPATH': os.pathsep.join(
             [str(EXAMPLES), os.environ.get('PYTHONPATH', '')])})
-    with client.collect(
-            JointState, f'{namespace}/dynamics/gravity_compensation') as answers, \
-            client.collect(JointState, f'{namespace}/effort_command') as efforts:
+    with ExitStack() as stack:
         with example:
-            answers.wait_count(100)
+            answers, efforts = stack.enter_context(receiving(
+                client, namespace, 'dynamics/gravity_compensation', 'effort_command', count=30))
             example.wait_for_log(r'monitor.*Positions: \[0\.\d+, -0\.\d+\]')
             stamps = stamps_of(answers)
-            first = efforts.wait_for()
+            first = efforts.messages[0]
         last = efforts.wait_for(lambda effort: not any(effort.effort))
     assert list(answers.messages[0].effort) == pytest.approx(GRAVITY, rel=1e-3)
     assert list(first.effort) == pytest.approx(GRAVITY, rel=1e-3)
@@ -142,7 +112,7 @@ rclpy.init()
 executor = getattr(executors, sys.argv[1])()
 for node in (DynamicsNode(), SimulatedArmNode()):
     executor.add_node(node)
-for _ in range(30):
+for _ in range(10):
     executor.spin_once(timeout_sec=0.1)
 if sys.argv[2] == 'shutdown':
     executor.shutdown()
@@ -151,10 +121,11 @@ print('all done')
 """
 
 
-@pytest.mark.parametrize('end', ['shutdown', 'nothing'])
+@pytest.mark.parametrize(('executor', 'end'), [
+    ('SingleThreadedExecutor', 'shutdown'), ('MultiThreadedExecutor', 'nothing')])
 def test_a_process_that_destroys_no_node_ends_in_order(executor, end):
     done = subprocess.run(
-        [sys.executable, '-c', FORGETFUL, executor.__name__, end],
+        [sys.executable, '-c', FORGETFUL, executor, end],
         capture_output=True, text=True, timeout=TIMEOUT)
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith('all done\n')  # the middleware may log there as well
@@ -162,7 +133,8 @@ def test_a_process_that_destroys_no_node_ends_in_order(executor, end):
 
 
 def test_a_stop_ends_what_waits_for_a_busy_executor(client, process):
-    node, busy, released = process.dynamics(), threading.Event(), threading.Event()
+    node, busy = process.dynamics(**UNHURRIED), threading.Event()
+    released = threading.Event()
 
     def work() -> None:
         timer.cancel()

@@ -15,7 +15,7 @@ import pytest
 from robot_dynamics.model import load_arm, make_payload, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import EstimatePayload
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -56,14 +56,13 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
             client.collect(InertiaStamped, '/carried/dynamics/payload') as payloads, \
             client.collect(JointState, '/carried/dynamics/reference') as references, \
             closed_loop(
-                '/carried', {**ROBOT, 'gains.natural_frequency': [12.0], 'effort_check': False},
+                '/carried', {**ROBOT, 'gains.natural_frequency': [12.0]},
                 **ROBOT, effort_noise=0.2, seed=1):
         gravity.wait_for(timeout=LONG)
         set_payload(client, '/carried/simulated_arm', LOAD)
         assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"
         publisher = client.publisher(JointTrajectory, '/carried/dynamics/joint_trajectory')
-        publisher.publish(swing())
-        references.wait_for(lambda _: True, LONG)
+        client.ask(publisher, swing(), references, lambda m: any(m.velocity), LONG)
         found: list[Any] = []
 
         def is_found() -> bool:
@@ -90,7 +89,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
 
 
 def test_an_estimation_ends_with_its_model_and_needs_effort(client):
-    with NodeProcess(DYNAMICS, {'joints': NAMES}, namespace='/carried'):
+    with NodeProcess(DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/carried'):
         states = client.publisher(JointState, '/carried/joint_states', 1)
 
         def start() -> None:
@@ -109,7 +108,10 @@ def test_an_estimation_ends_with_its_model_and_needs_effort(client):
         set_payload(client, '/carried/dynamics', make_payload('link1', 1.0))
         assert 'the payload of another link has changed' in ask(client).message
         start()
-        client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -5.0]})
+        wait_until(lacks_effort, 'an estimation', LONG)
+        client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -9.77]})
+        wait_until(lacks_effort, 'an estimation that a change of 0.04 m/s² does not end', LONG)
+        client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -9.75]})
         wait_until(lambda: 'the gravity of the base has changed' in ask(client).message,
                    'the end of the estimation', LONG)
 

@@ -7,8 +7,8 @@ from action_clients import Client, seconds
 from closed_loop import closed_loop
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
+from lock_step_loop import middle
 import numpy as np
-import pytest
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 from robots import arm_without_gripper, robot_urdf
@@ -17,33 +17,22 @@ from sensor_msgs.msg import JointState
 from service_bench import Served
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-DEFAULTS = {
-    'condition_references': True, 'scale_gains': True, 'effort_rate_limit': 0.0,
-    'overspeed_factor': 1.2}
-TOLERANCE = 0.05
-"""[rad] from the reference."""
 
-
-@pytest.mark.parametrize('name', ['default', 'ur10', 'panda'])
-def test_retimed_plans_succeed_also_after_a_preemption(client, name):
-    arm = arm_without_gripper(name)
+def test_retimed_plans_succeed_also_after_a_preemption(client):
+    arm = arm_without_gripper('ur10')
     names, n = list(arm.joint_names), arm.joint_count
-    limit = arm.limits.effort
-    rotors = np.where(np.isfinite(limit), limit / 500.0, 0.01).tolist()
-    start = np.array([
-        0.5 * (low + high) if np.isfinite([low, high]).all() else 0.3
-        for low, high in zip(arm.limits.lower, arm.limits.upper)])
-    of_both = {'robot_description': robot_urdf(name), 'joints': names,
-               'actuator.reflected_inertia': rotors}
-    namespace, rng = f'/plans_{name}', np.random.default_rng(4)
+    start = middle(arm, 0.3)
+    of_both = {'robot_description': robot_urdf('ur10'), 'joints': names,
+               'actuator.reflected_inertia': (arm.limits.effort / 500.0).tolist()}
+    namespace, rng = '/plans', np.random.default_rng(4)
     with closed_loop(
-            namespace, {**DEFAULTS, **of_both}, rate=500.0, initial_position=start.tolist(),
+            namespace, of_both, rate=500.0, initial_position=start.tolist(),
             **of_both):
         client.wait_for(JointState, f'{namespace}/dynamics/reference')
         action, node = Client(client, namespace), Served(client, namespace, arm)
-        tolerances = [JointTolerance(name=one, position=TOLERANCE) for one in names]
+        tolerances = [JointTolerance(name=one, position=0.05) for one in names]
         here = start
-        for k in range(4):
+        for k in range(3):
             way = [np.clip(start + rng.uniform(-0.6, 0.6, n), arm.limits.lower + 0.05,
                            arm.limits.upper - 0.05) for _ in range(2)]
             path = make_trajectory(names, [0.0, 1.0, 2.0], [here, *way])
@@ -52,7 +41,7 @@ def test_retimed_plans_succeed_also_after_a_preemption(client, name):
                 effort_limit_fraction=0.8).trajectory
             sent = action.send(FollowJointTrajectory.Goal(
                 trajectory=plan, path_tolerance=tolerances))
-            if k == 2:
+            if k == 1:
                 back = action.send(FollowJointTrajectory.Goal(trajectory=JointTrajectory(
                     joint_names=names, points=[JointTrajectoryPoint(
                         positions=start.tolist(), time_from_start=seconds(0.5))])))

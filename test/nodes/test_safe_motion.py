@@ -4,17 +4,15 @@
 """
 Real nodes at default parameters: set-points of any size are reached within the limits.
 
-The loop runs in lock-step, so that the result does not depend on the machine. All parameters have
-their defaults, except that the checks of timing are disabled for slow machines.
+The loop runs in lock-step, so that the result does not depend on the machine.
 `scripts/bench safe_motion` runs thousands of cases without ROS.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 from children import TIMEOUT
-from closed_loop import closed_loop, NAMES, send
+from closed_loop import closed_loop, collecting, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray
 from disturbances import push, ZERO
 from lock_step_loop import middle
@@ -23,28 +21,13 @@ import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from robots import JOINTS, robot_urdf
-from ros_harness import Collector, LONG, RosClient, wait_until
+from robots import arm_without_gripper, robot_urdf
+from ros_harness import Collector, LONG, wait_until
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 ARRIVED = 0.005
 """[rad] from the goal, and [rad/s]."""
-
-
-@contextmanager
-def both(
-    client: RosClient, namespace: str, start: np.ndarray, urdf: str = default_arm_urdf(),
-    joints: list[str] = NAMES, rate: float = 250.0, real_time_factor: float = 0.0,
-    **parameters: Any,
-) -> Iterator[Collector]:
-    """Run both nodes at default parameters in lock-step; return the joint states."""
-    arm = {'robot_description': urdf, 'joints': joints}
-    patience = {'state_timeout': 60.0, 'state_max_age': 0.0}
-    with client.collect(JointState, f'{namespace}/joint_states') as states, closed_loop(
-            namespace, {**arm, **patience, **parameters}, **arm, rate=rate,
-            initial_position=start.tolist(), real_time_factor=real_time_factor):
-        yield states
 
 
 def wait_arrived(states: Collector, goal: np.ndarray) -> None:
@@ -74,20 +57,15 @@ def wait_held(
     return held, states.wait_for(lambda m: stamp_from_ros(m.header.stamp) >= end, LONG)
 
 
-@pytest.mark.parametrize('size', [pytest.param(0.1, marks=pytest.mark.soak), 2.0])
-@pytest.mark.parametrize(('name', 'rate'), [
-    ('default', 30.0), ('ur10', 250.0),
-    *(pytest.param(*case, marks=pytest.mark.soak) for case in (
-        ('default', 500.0), ('panda', 100.0), ('xarm7', 250.0)))])
-def test_a_set_point_is_reached_within_the_limits(client, name, rate, size):
-    urdf = robot_urdf(name)
-    arm = load_arm(urdf, JOINTS.get(name, []))
-    names, limits = list(arm.joint_names), arm.limits
+def test_a_set_point_is_reached_within_the_limits(client):
+    arm = arm_without_gripper('ur10')
+    names, limits, namespace = list(arm.joint_names), arm.limits, '/safe_ur10'
     start = middle(arm, 0.3)
-    way = np.where(np.arange(len(names)) % 2 == 0, -size, size)
+    way = np.where(np.arange(len(names)) % 2 == 0, -2.0, 2.0)
     goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
-    namespace = f'/safe_{name}_{round(rate)}_{round(10 * size)}'
-    with both(client, namespace, start, urdf, names, rate, 4.0) as states:
+    of_both = {'robot_description': robot_urdf('ur10'), 'joints': names}
+    with client.collect(JointState, f'{namespace}/joint_states') as states, closed_loop(
+            namespace, of_both, **of_both, initial_position=start.tolist(), real_time_factor=4.0):
         wait_active(states)
         # Without a reference the arm drifts: sampled gravity compensation is unstable, and time
         # constants of a second turn rounding errors into motion within 20 s of simulated time.
@@ -106,7 +84,7 @@ def test_a_set_point_is_reached_within_the_limits(client, name, rate, size):
 
 def test_the_first_trial_of_the_safety_page(client):
     """docs/safety.md, section "The first command, and every change", step by step."""
-    start, goal = np.array([0.8, 0.5]), np.array([0.85, 0.5])
+    start, goal = np.array(START), np.array([0.85, 0.5])
     namespace, node = '/first_trial', '/first_trial/dynamics'
     gravity = ArmDynamics(load_arm(default_arm_urdf())).rigid_body.gravity(start)
 
@@ -118,8 +96,8 @@ def test_the_first_trial_of_the_safety_page(client):
         end = begin.sec + 1e-9 * begin.nanosec + seconds
         states.wait_for(lambda m: m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec > end, LONG)
 
-    with both(client, namespace, start, command='none') as states, \
-            client.collect(JointState, f'{namespace}/effort_command') as efforts:
+    with collecting(client, namespace, 'joint_states', 'effort_command') as (states, efforts), \
+            closed_loop(namespace, {'joints': NAMES, 'command': 'none'}):
         computed = client.wait_for(JointState, f'{node}/gravity_compensation', timeout=LONG)
         assert computed.effort == pytest.approx(gravity)
         assert not efforts.messages
@@ -144,13 +122,13 @@ def test_the_first_trial_of_the_safety_page(client):
 
 
 def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(client):
-    start, limit = np.array([0.3, 0.5]), 15.0
-    namespace = '/pushed_beyond'
-    with both(client, namespace, start, external_effort_limit=[limit]) as states, \
-            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+    goal, namespace = np.array(START) + 0.2, '/pushed_beyond'
+    with client.collect(JointState, f'{namespace}/joint_states') as states, \
+            client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
+            closed_loop(namespace, {'external_effort_limit': [15.0]}):
         wait_active(states)
-        send(client, namespace, (0.0, start + 0.2))
-        wait_arrived(states, start + 0.2)
+        send(client, namespace, (0.0, goal))
+        wait_arrived(states, goal)
         states.clear()
         push(client, f'{namespace}/simulated_arm', (20.0, 0.0, 20.0))
         diagnostics.wait_for(lambda message: any(
@@ -158,5 +136,5 @@ def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(clien
             for status in message.status if status.hardware_id.startswith(namespace.strip('/'))
             for value in status.values), LONG)
         push(client, f'{namespace}/simulated_arm', ZERO)
-        held, later = wait_held(states, lambda q: np.abs(q - start - 0.2).max() > 1e-3)
+        held, later = wait_held(states, lambda q: np.abs(q - goal).max() > 1e-3)
     assert later.position == pytest.approx(held.position, abs=1e-3)

@@ -24,8 +24,6 @@ NODES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM}
 FILES = ('identity_ca.cert.pem', 'cert.pem', 'key.pem', 'permissions_ca.cert.pem',
          'governance.p7s', 'permissions.p7s')
 """What a complete enclave consists of."""
-
-
 WITH_DRIVES = {'/dynamics/feed_forward'}
 """Subscribed by simulated_arm instead of effort_command."""
 
@@ -87,11 +85,8 @@ def test_the_policy_allows_drives_no_other_nodes_and_one_controller():
         'dynamics']
 
 
-@pytest.mark.parametrize(('files', 'words'), [
-    ((), 'SECURITY ERROR|security'),
-    (FILES, "doesn't have the security libraries|SECURITY|security"),
-])
-def test_a_node_without_the_required_security_ends(tmp_path, files, words):
+@pytest.mark.parametrize('files', [(), FILES], ids=['missing', 'invalid'])
+def test_a_node_without_the_required_security_ends(tmp_path, files):
     """No node starts unprotected: a node ends if keys are missing or invalid."""
     enclave = tmp_path / 'enclaves' / 'arm'
     enclave.mkdir(parents=True)
@@ -101,4 +96,4 @@ def test_a_node_without_the_required_security_ends(tmp_path, files, words):
         DYNAMICS, arguments=('--ros-args', '--enclave', '/arm'), environment={
             'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
             'ROS_SECURITY_KEYSTORE': str(tmp_path)})
-    assert re.search(words, log), log
+    assert re.search('SECURITY|security', log), log

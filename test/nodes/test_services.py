@@ -1,16 +1,30 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The services of `dynamics` over DDS: results, units, orders of joints, and warnings."""
+"""
+The services of `dynamics` over DDS: results, units, orders of joints, and warnings.
+
+Two nodes serve all tests: one of the planar arm, and one of an arm with prismatic fingers, one of
+them a mimic joint.
+"""
 
 from collections.abc import Iterator
+from typing import Any
 
 from disturbances import wrench
+from geometry_msgs.msg import Point
 import numpy as np
+import pinocchio as pin
 import pytest
-from robot_dynamics.model import ArmModel, ExternalWrench
-from robot_dynamics.ros.middleware.conversions import floats_to_ros, trajectory_to_ros
-from robot_dynamics.trajectories.efforts import efforts_along
+from robot_dynamics.model import ArmDerivatives, ArmModel, ExternalWrench, make_payload
+from robot_dynamics.ros.middleware.conversions import (
+    floats_to_ros,
+    payload_to_ros,
+    trajectory_from_ros,
+    trajectory_to_ros,
+)
+from robot_dynamics.task_space import TaskSpace, TaskSpaceState
+from robot_dynamics.trajectories import efforts_along, make_trajectory, retime
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robots import robot_urdf
 from ros_harness import DYNAMICS, NodeProcess, RosClient
@@ -19,9 +33,9 @@ from service_requests import SERVICES
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 
-@pytest.fixture(scope='module', params=['panda', 'kinova', 'ur10', 'tiago_pro'])
-def robot(client: RosClient, request: pytest.FixtureRequest) -> Iterator[Served]:
-    with served(client, f'/{request.param}', robot_urdf(request.param)) as node:
+@pytest.fixture(scope='module')
+def robot(client: RosClient) -> Iterator[Served]:
+    with served(client, '/panda', robot_urdf('panda')) as node:
         yield node
 
 
@@ -54,18 +68,9 @@ def test_velocity_and_acceleration_left_out_are_zero(planar):
     still = planar.answer('inverse_dynamics', position=Q)
     assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
     assert list(still.terms.inertial) == [0.0, 0.0]
-    assert list(planar.answer('manipulator_equation', position=Q).friction) == [0.0, 0.0]
     released = planar.answer('forward_dynamics', position=Q, effort=[0.0, 0.0])
     M = planar.dynamics.rigid_body.mass_matrix(np.array(Q))
     assert M @ released.acceleration == pytest.approx([49.52282521, 11.37087883], abs=5e-9)
-
-
-def test_before_the_model_every_service_reports_it(client):
-    with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
-        for service, kind in SERVICES.items():
-            response = client.call(kind, f'/empty/dynamics/{service}')
-            assert not response.success
-            assert 'no model yet' in response.message
 
 
 # --- real robots ---------------------------------------------------------------------------------
@@ -98,23 +103,20 @@ def test_numbers_are_those_of_the_library(robot):
 
 
 def test_the_order_of_a_request_is_that_of_its_answer(robot):
-    arm = robot.arm
-    q, v, a = some_state(arm, 2)
-    order = np.random.default_rng(5).permutation(arm.joint_count)
-    names = [arm.joint_names[i] for i in order]
-    fields = {'position': floats_to_ros(q[order]), 'velocity': floats_to_ros(v[order])}
-    response = robot.answer(
-        'inverse_dynamics', joint_names=names, acceleration=floats_to_ros(a[order]), **fields)
+    q, v, a = some_state(robot.arm, 2)
+    n = robot.arm.joint_count
+    order = np.random.default_rng(5).permutation(n)
+    names = [robot.arm.joint_names[i] for i in order]
+    fields = {'joint_names': names, 'position': floats_to_ros(q[order]),
+              'velocity': floats_to_ros(v[order])}
+    response = robot.answer('inverse_dynamics', acceleration=floats_to_ros(a[order]), **fields)
     tau = robot.dynamics.inverse_dynamics(q, v, a)
     assert list(response.joint_names) == names
     assert response.effort == pytest.approx(tau[order])
     assert response.terms.effort == pytest.approx(tau[order])
-    back = robot.answer(
-        'forward_dynamics', joint_names=names, effort=response.effort, **fields)
+    back = robot.answer('forward_dynamics', effort=response.effort, **fields)
     assert back.acceleration == pytest.approx(a[order], rel=1e-6, abs=1e-6)
-    equation = robot.answer(
-        'manipulator_equation', joint_names=names, include_christoffel=True, **fields)
-    n = arm.joint_count
+    equation = robot.answer('manipulator_equation', include_christoffel=True, **fields)
     M = robot.dynamics.rigid_body.mass_matrix(q)
     assert np.reshape(equation.mass_matrix, (n, n)) == pytest.approx(M[np.ix_(order, order)])
     c = np.reshape(equation.christoffel, (n, n, n))
@@ -136,16 +138,13 @@ def test_wrenches_on_a_link_count(robot):
 
 
 def test_a_thousand_samples_at_once(robot):
-    arm, random = robot.arm, np.random.default_rng(7)
-    n = arm.joint_count
-    rows = random.uniform(-1.0, 1.0, (3, 1000, n))
+    rows = np.random.default_rng(7).uniform(-1.0, 1.0, (3, 1000, robot.arm.joint_count))
     response = robot.answer('inverse_dynamics_batch', **{
         field: floats_to_ros(row)
         for field, row in zip(('position', 'velocity', 'acceleration'), rows)})
-    effort = np.reshape(response.effort, (1000, n))
+    effort = np.reshape(response.effort, rows[0].shape)
+    assert effort[499] == pytest.approx(robot.dynamics.inverse_dynamics(*rows[:, 499]))
     assert effort == pytest.approx(robot.dynamics.inverse_dynamics_batch(*rows))
-    for i in (0, 499, 999):
-        assert effort[i] == pytest.approx(robot.dynamics.inverse_dynamics(*rows[:, i]))
 
 
 # --- warnings ------------------------------------------------------------------------------------
@@ -169,14 +168,6 @@ def test_a_state_outside_the_limits_is_answered_with_a_warning(robot):
             assert any(line.startswith(words) for line in answer.warnings), answer.warnings
 
 
-def test_within_the_limits_there_is_no_warning(planar):
-    for service, fields in (
-            ('inverse_dynamics', {}), ('manipulator_equation', {}),
-            ('inverse_dynamics_batch', {}), ('forward_dynamics', {'effort': [0.0, 0.0]})):
-        answer = planar.answer(service, position=Q, velocity=V, **fields)
-        assert (answer.message, list(answer.warnings)) == ('', [])
-
-
 def test_an_effort_beyond_its_limit_is_a_warning(planar):
     response = planar.answer('inverse_dynamics', position=Q, acceleration=[100.0, 0.0])
     assert [line.split(' is ')[0] for line in response.warnings] == [
@@ -193,17 +184,6 @@ def test_a_batch_warns_of_the_worst_sample_of_each_joint(planar):
     assert speeds == [
         f"velocity of '{joint}' is {v} in sample 2, outside its limits [-10, 10]"
         for joint, v in (('joint1', '-20'), ('joint2', '30'))]
-    for index in range(4):  # the same efforts as one by one, with warnings of the same joints
-        one = planar.answer(
-            'inverse_dynamics', position=Q, velocity=velocity[2 * index:2 * index + 2])
-        assert {line.split(' is ')[0] for line in one.warnings} <= {
-            line.split(' is ')[0] for line in response.warnings}
-
-
-def test_every_service_has_warnings():
-    for name, service in SERVICES.items():
-        assert service.Response.get_fields_and_field_types().get('warnings') == (
-            'sequence<string>'), name
 
 
 # --- trajectories --------------------------------------------------------------------------------
@@ -226,24 +206,193 @@ def test_a_trajectory_gets_its_efforts(planar):
     assert response.worst_joint == expected.worst_joint
     assert response.worst_ratio == pytest.approx(expected.worst_ratio)
     assert response.worst_time == expected.worst_time
-
-
-def test_a_trajectory_that_is_too_quick_is_not_feasible(planar):
+    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
+        joint_names=['joint2', 'joint1'], points=[JointTrajectoryPoint(positions=Q[::-1])]))
+    assert response.trajectory.joint_names == ['joint2', 'joint1']
+    assert response.trajectory.points[0].effort == pytest.approx(
+        [-11.37087883, -49.52282521], abs=5e-9)
     path = quintic_via_points(
         planar.arm.joint_names, (0.0, 0.15, 0.3), [[0.0, 0.0], [1.5, 0.5], [0.0, 0.0]])
     response = planar.answer('inverse_dynamics_trajectory', trajectory=trajectory_to_ros(path))
     assert not response.feasible
-    assert response.worst_ratio > 1.0
-    assert response.worst_joint in planar.arm.joint_names
     assert response.warnings[-1] == response.message
     assert response.message.startswith(f'effort of {response.worst_joint!r} is ')
 
 
-@pytest.mark.parametrize('names', [['joint2', 'joint1'], []])
-def test_a_trajectory_is_in_its_own_order_or_in_the_nodes(planar, names):
-    back = -1 if names else 1
-    response = planar.answer('inverse_dynamics_trajectory', trajectory=JointTrajectory(
-        joint_names=names, points=[JointTrajectoryPoint(positions=Q[::back])]))
-    assert response.trajectory.joint_names == list(planar.arm.joint_names[::back])
-    assert response.trajectory.points[0].effort[::back] == pytest.approx(
-        [-49.52282521, -11.37087883], abs=5e-9)
+# --- task space and derivatives ------------------------------------------------------------------
+
+POINT = (0.1, -0.2, 0.05)
+LINK = 'panda_hand'
+
+
+def states_of(node: Served, count: int) -> tuple[Any, Any]:
+    rng, n = np.random.default_rng(11), node.arm.joint_count
+    q = rng.normal(size=(count, n))
+    q[0] = 0.0  # singular
+    return q, rng.normal(size=(count, n))
+
+
+def assert_equal(response: Any, states: TaskSpaceState, columns: list[int]) -> None:
+    """Compare a response with the library; `columns` are the arm's joints in its order."""
+    samples, n = len(states.rank), len(columns)
+    for name in (
+            'bias_acceleration', 'inverse_inertia', 'inertia', 'gravity_force', 'coriolis_force',
+            'translation_singular_values', 'rotation_singular_values',
+            'translation_manipulability', 'rotation_manipulability'):
+        np.testing.assert_allclose(
+            getattr(response, name), getattr(states, name).ravel(), rtol=1e-9, atol=1e-9)
+    assert list(response.rank) == states.rank.tolist()
+    J = np.reshape(response.jacobian, (samples, 6, n))
+    np.testing.assert_allclose(J, states.jacobian[:, :, columns], atol=1e-12)
+    inverse = np.reshape(response.dynamic_inverse, (samples, n, 6))
+    np.testing.assert_allclose(inverse, states.dynamic_inverse[:, columns], atol=1e-9)
+    margin = np.reshape(response.position_margin, (samples, n))
+    np.testing.assert_allclose(margin, states.position_margin[:, columns])
+    for pose, place, rotation in zip(
+            response.pose, states.translation, states.rotation, strict=True):
+        p, o = pose.position, pose.orientation
+        np.testing.assert_allclose((p.x, p.y, p.z), place, atol=1e-12)
+        turned = pin.Quaternion(o.w, o.x, o.y, o.z).toRotationMatrix()
+        np.testing.assert_allclose(turned, rotation, atol=1e-12)
+    lost = np.reshape(response.lost_directions, (-1, 6))
+    assert len(lost) == (6 - states.rank).sum()
+
+
+@pytest.mark.parametrize('reference', ['', 'local'])
+def test_task_space_is_that_of_the_library(robot, reference):
+    q, v = states_of(robot, 4)
+    x, y, z = POINT
+    order = -1 if reference else 1
+    names = robot.arm.joint_names[::order]
+    response = robot.answer(
+        'task_space', frame=LINK, point=Point(x=x, y=y, z=z), reference=reference,
+        joint_names=names, position=q[:, ::order].ravel().tolist(),
+        velocity=v[:, ::order].ravel().tolist())
+    expected = TaskSpace(robot.arm, LINK, POINT, reference or 'base_aligned').batch(q, v)
+    assert list(response.joint_names) == list(names)
+    assert_equal(response, expected, list(range(8))[::order])
+    assert any('position' in warning for warning in response.warnings)
+
+
+def test_a_payload_is_in_the_inertia(planar):
+    load = make_payload('tool0', 2.0)
+    planar.answer('set_payload', payload=payload_to_ros(load))
+    response = planar.answer('task_space', frame='tool0', position=Q)
+    planar.answer('set_payload')
+    expected = TaskSpace(planar.arm.with_payloads([load]), 'tool0').at(Q)
+    np.testing.assert_allclose(response.inertia, expected.inertia.ravel(), atol=1e-12)
+    lost = np.reshape(response.lost_directions, (-1, 6))
+    assert lost.shape == (4, 6)
+    np.testing.assert_allclose(lost @ expected.jacobian, 0.0, atol=1e-12)
+
+
+def test_derivatives_on_request(robot):
+    rng, n = np.random.default_rng(13), 8
+    q, v, a = rng.normal(size=(3, n))
+    names = robot.arm.joint_names[::-1]
+    fields = {'joint_names': names, 'position': q[::-1].tolist(), 'velocity': v[::-1].tolist(),
+              'acceleration': a[::-1].tolist()}
+    without = robot.answer('inverse_dynamics', **fields)
+    response = robot.answer('inverse_dynamics', include_derivatives=True, **fields)
+    by = ArmDerivatives(robot.arm).inverse_dynamics(q, v, a)
+    for name in ('position', 'velocity', 'acceleration'):
+        given = np.reshape(getattr(response, f'effort_{name}_derivative'), (n, n))
+        np.testing.assert_allclose(given, getattr(by, name)[::-1, ::-1], atol=1e-9)
+        assert not len(getattr(without, f'effort_{name}_derivative'))
+    assert list(response.effort) == list(without.effort)
+
+
+# --- retiming ------------------------------------------------------------------------------------
+
+POINTS = [[0.0, 0.0], [0.9, -0.4], [0.2, 1.0]]
+
+
+def request(node: Served) -> JointTrajectory:
+    return trajectory_to_ros(quintic_via_points(node.arm.joint_names, (0.0, 0.7, 1.5), POINTS))
+
+
+def test_a_retimed_trajectory_is_that_of_the_library(planar):
+    response = planar.answer('retime_trajectory', trajectory=request(planar))
+    path = trajectory_from_ros(request(planar), planar.arm.joint_names)
+    rates = 0.75 * np.array([1500.0, 600.0])
+    expected = retime(planar.dynamics, path, effort_rate_limits=rates)
+    assert response.duration == pytest.approx(expected.duration)
+    assert response.ratio == pytest.approx(response.duration / 1.5)
+    assert response.message == expected.summary
+    result = trajectory_from_ros(response.trajectory, planar.arm.joint_names)
+    efforts = efforts_along(planar.dynamics, result)
+    assert efforts.worst_ratio <= 1.0 + 2e-6
+    for point, effort in zip(response.trajectory.points, efforts.efforts, strict=True):
+        assert point.effort == pytest.approx(effort)
+    assert tuple(response.limiting_joint) == expected.limiting_joint
+    assert tuple(response.limited_quantity) == expected.limited_quantity
+    assert list(response.warnings) == []
+
+
+def test_the_order_of_limits_and_points_is_that_of_the_request(planar):
+    message = request(planar)
+    expected = planar.answer(
+        'retime_trajectory', trajectory=message, acceleration_limits=[5.0, 50.0])
+    message.joint_names = message.joint_names[::-1]
+    for point in message.points:
+        point.positions, point.velocities, point.accelerations = (
+            values[::-1] for values in (point.positions, point.velocities, point.accelerations))
+    response = planar.answer(
+        'retime_trajectory', trajectory=message, acceleration_limits=[50.0, 5.0])
+    assert response.duration == expected.duration
+    assert response.trajectory.joint_names == message.joint_names
+    for point, other in zip(
+            response.trajectory.points, expected.trajectory.points, strict=True):
+        assert list(point.positions) == list(other.positions[::-1])
+        assert list(point.velocities) == list(other.velocities[::-1])
+        assert list(point.effort) == list(other.effort[::-1])
+
+
+def test_the_effort_limit_fraction_is_that_of_the_node_and_slow_down_keeps_the_points(planar):
+    message = request(planar)
+    fields = {'trajectory': message, 'efforts_may_jump': True}
+    full = planar.answer('retime_trajectory', effort_limit_fraction=1.0, **fields)
+    named = planar.answer('retime_trajectory', effort_limit_fraction=0.7, **fields)
+    planar.client.set_parameters('/planar/dynamics', {'effort_limit_fraction': 0.7})
+    of_node = planar.answer('retime_trajectory', **fields)
+    planar.client.set_parameters('/planar/dynamics', {'effort_limit_fraction': 1.0})
+    assert of_node.duration == named.duration > full.duration
+    path = trajectory_from_ros(message, planar.arm.joint_names)
+    assert full.duration == pytest.approx(retime(planar.dynamics, path).duration)
+    assert full.duration < planar.answer('retime_trajectory', trajectory=message).duration
+    assert not len(full.trajectory.points[1].accelerations)
+    response = planar.answer('retime_trajectory', trajectory=message, method='slow_down')
+    assert response.ratio >= 1.0
+    assert len(response.trajectory.points) == 3
+
+
+def test_joint_states_are_answered_meanwhile(robot):
+    arm = robot.arm
+    t = np.linspace(0.0, 1.0, 1000)[:, np.newaxis]
+    start = 0.5 * (np.maximum(arm.limits.lower, -2) + np.minimum(arm.limits.upper, 2))
+    path = trajectory_to_ros(make_trajectory(
+        arm.joint_names, 5.0 * t[:, 0], start + 0.2 * np.sin(3.0 * t + np.arange(len(start)))))
+    robot.answer_while_streaming(start.tolist(), 'retime_trajectory', trajectory=path)
+
+
+@pytest.mark.parametrize(('fields', 'words'), [
+    ({}, 'points is empty'),
+    ({'method': 'quick'}, "method is 'quick', expected one of"),
+    ({'acceleration_limits': [1.0, -1.0]}, "acceleration_limits of 'joint2' is -1"),
+])
+def test_bad_requests_are_rejected_by_name(planar, fields, words):
+    trajectory = request(planar) if fields else JointTrajectory()
+    response = planar.ask('retime_trajectory', trajectory=trajectory, **fields)
+    assert not response.success
+    assert words in response.message
+
+
+# --- before the model ----------------------------------------------------------------------------
+
+def test_before_the_model_every_service_reports_it(client):
+    with NodeProcess(DYNAMICS, {'joints': ['shoulder_pan_joint']}, namespace='/empty'):
+        for service, kind in SERVICES.items():
+            response = client.call(kind, f'/empty/dynamics/{service}')
+            assert not response.success
+            assert 'no model yet' in response.message
+            assert list(response.warnings) == []

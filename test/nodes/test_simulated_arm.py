@@ -4,9 +4,7 @@
 """The node `simulated_arm`: efforts in, joint states out."""
 
 from collections.abc import Iterator
-import threading
 import time
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from closed_loop import NAMES, START
@@ -14,13 +12,11 @@ from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
 from robot_dynamics.joints.effort_convention import EffortConvention
-from robot_dynamics.model import ArmDynamics, load_arm, make_payload
+from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.middleware.conversions import payload_to_ros, stamp_from_ros
-from robot_dynamics.ros.simulated_arm.loops import WallTimeLoop
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
-from robot_dynamics_interfaces.srv import SetPayload
 from ros_harness import NodeProcess, RosClient, SIMULATED_ARM, TIMEOUT
 from sensor_msgs.msg import JointState
 from simulated_arms import released
@@ -29,17 +25,14 @@ from std_srvs.srv import Trigger
 ARM = load_arm(default_arm_urdf())
 RATE = 500.0
 PERIOD_NS = 2_000_000
+SPEED = 0.2
+"""Upper limit of simulated by real time."""
 
 
 @pytest.fixture(scope='module')
 def stepped(client: RosClient) -> Iterator[LockStepped]:
-    with lock_stepped(client, '/stepped', rate=RATE) as one:
+    with lock_stepped(client, '/stepped', rate=RATE, real_time_factor=SPEED) as one:
         yield one
-
-
-def set_payload(one: LockStepped, **fields: Any) -> Any:
-    return one.client.call(
-        SetPayload, f'{one.namespace}/simulated_arm/set_payload', SetPayload.Request(**fields))
 
 
 def test_it_waits_for_the_first_effort_at_the_initial_pose(stepped):
@@ -67,18 +60,9 @@ def test_each_effort_makes_the_next_state(stepped):
         assert list(state.effort) == effort
 
 
-def test_lock_step_is_no_faster_than_requested(client):
-    with lock_stepped(client, '/paced', rate=100.0, real_time_factor=0.5) as paced:
-        began = time.monotonic()
-        for _ in range(11):  # the arm publishes the first state after `began`, and ten more follow
-            paced.step([0.0, 0.0])
-        assert time.monotonic() - began >= 10 * 0.01 / 0.5
-
-
-@pytest.mark.parametrize('mode', ['lock_step', 'publish_clock'])
-def test_a_pause_keeps_time_and_arm_until_it_ends(client, mode):
-    parameters = {'lock_step': False, mode: True, 'paused': True, 'rate': RATE, 'brakes': False,
-                  'command_timeout': 0.0}
+def test_a_pause_keeps_time_and_arm_until_it_ends(client):
+    parameters = {'publish_clock': True, 'lock_step': False, 'paused': True, 'rate': RATE,
+                  'brakes': False, 'command_timeout': 0.0}
     with lock_stepped(client, '/paused', **parameters) as paused:
         for _ in range(3):  # the arm accepts an effort, and no simulated time passes
             paused.efforts.publish(JointState(
@@ -89,45 +73,34 @@ def test_a_pause_keeps_time_and_arm_until_it_ends(client, mode):
         client.set_parameters('/paused/simulated_arm', {'paused': False})
         paused.step([1.0, 1.0])
         assert list(paused.state.position) != START
-        client.set_parameters('/paused/simulated_arm', {'paused': True})
 
 
-def test_without_a_pause_no_time_is_added_to_a_period():
-    """The smallest duration that each cycle adds delays the states more and more."""
-    loop = WallTimeLoop(None, None, None, threading.Lock(), 1.0 / RATE)  # type: ignore[arg-type]
-    assert loop._pause(PERIOD_NS, None) == 0.0  # type: ignore[arg-type]
-
-
-def test_the_time_of_the_computer_cannot_be_paused(client):
-    with NodeProcess(SIMULATED_ARM, {'rate': 100.0}, namespace='/unpaused'):
-        reason = client.rejection('/unpaused/simulated_arm', 'paused', True)
-        assert 'expected false, or lock_step or publish_clock as well' in reason
-
-
-def test_efforts_are_matched_by_name(stepped):
+def test_efforts_are_matched_by_name_and_the_clock_is_that_of_the_states(stepped):
     state = stepped.step([9.0, 2.0, 1.0], ['lid', 'joint2', 'joint1'])
     assert list(state.effort) == [1.0, 2.0]
-
-
-def test_the_clock_is_that_of_the_states(stepped):
-    state = stepped.step([0.0, 0.0])
     stepped.clock.wait_for(lambda message: message.clock == state.header.stamp)
 
 
-@pytest.mark.parametrize('bad', [
-    {'effort': [float('nan'), 0.0]}, {'effort': [1.0]}, {'effort': []},
-    {'effort': [1.0, 2.0], 'name': ['joint1', 'elbow']}])
-def test_a_bad_effort_or_an_old_one_moves_nothing(stepped, bad):
-    before = stepped.state.header.stamp
-    message = JointState(**{'name': NAMES, **bad})
-    message.header.stamp = before
-    stepped.efforts.publish(message)
-    old = JointState(name=NAMES, effort=[50.0, 50.0])
-    old.header.stamp = Time(sec=0, nanosec=1)
-    stepped.efforts.publish(old)
-    state = stepped.step([1.5, -2.5])
-    assert list(state.effort) == [1.5, -2.5]
-    assert stamp_from_ros(state.header.stamp) == stamp_from_ros(before) + PERIOD_NS
+def test_a_bad_effort_or_an_old_one_moves_nothing(stepped):
+    for bad in ({'effort': [float('nan'), 0.0]}, {'effort': [1.0]}, {'effort': []},
+                {'effort': [1.0, 2.0], 'name': ['joint1', 'elbow']}):
+        before = stepped.state.header.stamp
+        message = JointState(**{'name': NAMES, **bad})
+        message.header.stamp = before
+        stepped.efforts.publish(message)
+        old = JointState(name=NAMES, effort=[50.0, 50.0])
+        old.header.stamp = Time(sec=0, nanosec=1)
+        stepped.efforts.publish(old)
+        state = stepped.step([1.5, -2.5])
+        assert list(state.effort) == [1.5, -2.5]
+        assert stamp_from_ros(state.header.stamp) == stamp_from_ros(before) + PERIOD_NS
+
+
+def test_lock_step_is_no_faster_than_requested(stepped):
+    began = time.monotonic()
+    for _ in range(11):  # the arm publishes the first state after `began`, and ten more follow
+        stepped.step([0.0, 0.0])
+    assert time.monotonic() - began >= 10 / RATE / SPEED
 
 
 def test_a_state_may_wait_for_its_effort_as_long_as_it_takes(stepped):
@@ -156,64 +129,27 @@ def test_reset_goes_back_to_the_initial_pose(stepped):
     assert list(state.position) == twin.step(np.zeros(2), 1.0 / RATE).position.tolist()
 
 
-def test_a_payload_weighs(stepped):
-    payload = make_payload('tool0', 3.0, (0.0, 0.0, 0.1))
-    response = set_payload(stepped, payload=payload_to_ros(payload))
-    assert response.success
-    assert response.message == "3 kg on 'tool0'"
-    response = set_payload(stepped, payload=payload_to_ros(payload))
-    assert response.message == "3 kg on 'tool0' (replaces 3 kg on 'tool0')"
-    stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
-    stepped.step([0.0, 0.0])
-    stepped.client.call(Trigger, '/stepped/simulated_arm/reset')
-    hold = ArmDynamics(ARM.with_payloads([payload])).rigid_body.gravity(np.array(START))
-    for _ in range(10):
-        state = stepped.step(hold.tolist())
-    assert state.position == pytest.approx(START, abs=1e-9)
-    for fields, words in (
-            ({'payload': payload_to_ros(make_payload('hand', 1.0))}, "frame_id is 'hand'"),
-            ({'transition_time': -1.0}, 'transition_time is -1, expected')):
-        refusal = set_payload(stepped, **fields)
-        assert not refusal.success
-        assert words in refusal.message
-    assert set_payload(stepped).message == 'no payload'
-
-
-def test_an_implausible_payload_that_is_permitted_is_a_warning(stepped):
-    heavy = payload_to_ros(make_payload('tool0', 500.0))
-    assert 'payload.inertia.m is 500 kg' in set_payload(stepped, payload=heavy).message
-    node, name = '/stepped/simulated_arm', 'allow_implausible_payload'
-    stepped.client.set_parameters(node, {name: True})
-    response = set_payload(stepped, payload=heavy)
-    stepped.client.set_parameters(node, {name: False})
-    assert response.success
-    assert [line.split(', expected')[0] for line in response.warnings] == [
-        "payload.inertia.m is 500 kg on 'tool0'"]
-    response = set_payload(stepped)
-    assert (response.message, list(response.warnings)) == ('no payload', [])
-
-
-def test_noise_is_on_what_is_measured_alone():
+@pytest.mark.parametrize('kind', [0, 1, 2], ids=['position', 'velocity', 'effort'])
+def test_noise_is_on_what_is_measured_alone(kind):
     """The noise of each kind is independent of the other kinds."""
-    for kind in range(3):
-        plant = SimulatedRobot(
-            ArmSimulation(ARM, START), InnerController(ARM, EffortConvention()), True,
-            np.random.default_rng(0))
-        plant.position_noise, plant.velocity_noise, plant.effort_noise = (
-            0.3 * (kind == k) for k in range(3))
-        measured = [plant.measure() for _ in range(2000)]
-        for k, true in enumerate((START, [0.0, 0.0], [0.0, 0.0])):
-            values = np.array([m[k] for m in measured])
-            assert values.mean(axis=0) == pytest.approx(true, abs=0.03)
-            assert values.std(axis=0) == pytest.approx(0.3 * (kind == k), rel=0.1)
-        assert plant.simulation.q.tolist() == START
+    plant = SimulatedRobot(
+        ArmSimulation(ARM, START), InnerController(ARM, EffortConvention()), True,
+        np.random.default_rng(0))
+    plant.position_noise, plant.velocity_noise, plant.effort_noise = (
+        0.3 * (kind == k) for k in range(3))
+    measured = [plant.measure() for _ in range(2000)]
+    for k, true in enumerate((START, [0.0, 0.0], [0.0, 0.0])):
+        values = np.array([m[k] for m in measured])
+        assert values.mean(axis=0) == pytest.approx(true, abs=0.03)
+        assert values.std(axis=0) == pytest.approx(0.3 * (kind == k), rel=0.1)
+    assert plant.simulation.q.tolist() == START
 
 
-def test_wall_time_advances_without_efforts(client):
+def test_the_time_of_the_computer_advances_without_efforts_and_cannot_be_paused(client):
     parameters = {'rate': 200.0, 'initial_position': START}
     with NodeProcess(SIMULATED_ARM, parameters, namespace='/wall'), \
             client.collect(JointState, '/wall/joint_states') as states:
-        got = states.wait_count(300)
+        got = states.wait_count(100)
         stamps = np.array([stamp_from_ros(m.header.stamp) for m in got])
         steps = np.diff(stamps)
         assert (steps > 0).all()
@@ -223,6 +159,8 @@ def test_wall_time_advances_without_efforts(client):
         # the brakes hold the arm, because there is no effort
         assert {tuple(m.position) for m in got} == {tuple(START)}
         assert client.node.count_publishers('/wall/clock') == 0
+        reason = client.rejection('/wall/simulated_arm', 'paused', True)
+        assert 'expected false, or lock_step or publish_clock as well' in reason
 
 
 def test_without_brakes_it_falls_freely(client):
@@ -230,12 +168,12 @@ def test_without_brakes_it_falls_freely(client):
                   'publish_clock': True}
     with client.collect(JointState, '/falling/joint_states') as states, \
             NodeProcess(SIMULATED_ARM, parameters, namespace='/falling'):
-        first, *_, last = states.wait_count(100)
+        last = states.wait_for(
+            lambda state: abs(state.position[0] - START[0]) > 0.1)
         twin = released(ARM, START)
         # the first state has the stamp of one period, so that the state at each stamp is known
-        ticks = stamp_from_ros(last.header.stamp) // 5_000_000 - 1
-        for _ in range(ticks):
+        ticks, rest = divmod(stamp_from_ros(last.header.stamp), 5_000_000)
+        assert rest == 0
+        for _ in range(ticks - 1):
             twin.step(np.zeros(2), 1.0 / 200.0)
-        assert stamp_from_ros(first.header.stamp) % 5_000_000 == 0
         assert last.position == pytest.approx(twin.q, abs=1e-9)
-        assert max(abs(state.position[0] - START[0]) for state in states.messages) > 0.1

@@ -7,25 +7,18 @@ import re
 
 from fault_bench import fault_bench, NAMES, Q, STEADY
 from fault_stimuli import altered, follow, shifted
-import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_path
 from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM
 
-MOST_LINES = 6
 NS = '/start_log'
-
-
-def lines_of(node: NodeProcess) -> list[str]:
-    """Return the lines of the log without their stamps."""
-    return [re.sub(r'\[\d+\.\d+\] ', '', line) for line in node.log.splitlines()]
 
 
 def check_lines(node: NodeProcess, *patterns: str) -> None:
     """Check that the log has few lines, and that these are among them, in this order."""
-    lines = lines_of(node)
     slow = 'Gains and references at'  # on a loaded machine, where joint states come late
-    assert len([line for line in lines if slow not in line]) <= MOST_LINES, node.log
+    lines = [line for line in node.log.splitlines() if slow not in line]
+    assert len(lines) <= 6, node.log
     places = [next((i for i, line in enumerate(lines) if re.search(pattern, line)), -1)
               for pattern in patterns]
     assert -1 not in places, (places, node.log)
@@ -70,30 +63,7 @@ def test_the_log_of_an_arm_that_is_only_watched(client):
         client.forget(NS)
 
 
-@pytest.mark.parametrize(('seconds', 'words'), [
-    (-60.0, r'60\.\d+ s old'), (60.0, 'in the future')])
-def test_a_dropped_state_names_the_remedy(client, seconds, words):
-    words += '.*; synchronise the clocks of driver and computer, or set `state_max_age`'
-    with fault_bench(client, NS) as bench:
-        bench.driver.change = shifted(seconds)
-        line = bench.node.wait_for_log('Dropped a joint state')
-        assert '[WARN]' in line
-        assert re.search(words, line), line
-        bench.wait_message('joint states', f'.*{words}.*')
-        client.forget(NS)
-
-
-def test_an_incomplete_state_names_the_remedy(client):
-    with fault_bench(client, NS) as bench:
-        bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[])
-        line = bench.node.wait_for_log('No joint state is complete')
-        assert "no new samples of ['joint2']" in line
-        assert 'set the parameter joints' in line
-        bench.wait_message('joint states', r".*\['joint2'\].*")
-        client.forget(NS)
-
-
-def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(client):
+def test_another_model_ends_the_reference_visibly_and_a_dropped_state_names_the_remedy(client):
     with client.describing(NS) as publish, \
             fault_bench(client, NS, {'command': 'computed_torque'}) as bench:
         follow(bench, Q)
@@ -102,4 +72,16 @@ def test_a_model_that_replaces_the_embedded_arm_ends_the_reference_visibly(clien
         bench.efforts.clear()
         bench.efforts.wait_count(5)  # the new model has a state, from which a set-point can start
         follow(bench, Q)
+        for seconds, words in ((-60.0, r'60\.\d+ s old'), (60.0, 'in the future')):
+            words += '.*; synchronise the clocks of driver and computer, or set `state_max_age`'
+            bench.driver.change = shifted(seconds)
+            bench.node.wait_for_log(r'\[WARN\].*Dropped a joint state.*' + words)
+            bench.wait_message('joint states', f'.*{words}.*')
+            bench.driver.go_on()
+            bench.wait_running()
+        bench.driver.change = altered(name=NAMES[:1], position=Q[:1], velocity=[])
+        line = bench.node.wait_for_log('No joint state is complete')
+        assert "no new samples of ['joint2']" in line
+        assert 'set the parameter joints' in line
+        bench.wait_message('joint states', r".*\['joint2'\].*")
         client.forget(NS)

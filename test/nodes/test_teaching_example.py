@@ -12,7 +12,7 @@ from closed_loop import START
 from disturbances import push, ZERO
 import numpy as np
 from robot_dynamics.recordings import Recording
-from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, wait_until
+from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'play_back.py'
@@ -21,8 +21,7 @@ RECORD = [sys.executable, '-m', 'robot_dynamics.tools.ros2_dynamics', 'record', 
 
 def test_a_taught_motion_is_played_back(client, tmp_path):
     nodes = running(
-        NodeProcess(DYNAMICS, {
-            'command': 'hand_guiding', 'condition_references': True, 'scale_gains': True}),
+        NodeProcess(DYNAMICS, {**UNHURRIED, 'command': 'hand_guiding'}),
         NodeProcess(SIMULATED_ARM, {'rate': 250.0, 'initial_position': START}))
     with client.collect(JointState, '/joint_states') as states, nodes:
         states.wait_count(100)

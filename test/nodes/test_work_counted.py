@@ -21,7 +21,6 @@ from rclpy.parameter import Parameter
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
 from robot_dynamics.monitoring import ExternalEffort, LiveResidual
-from robot_dynamics.ros.dynamics.state_log import MOST_ARRIVALS
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -100,7 +99,7 @@ def test_the_calls_of_a_message(node, pinocchio_calls, command, algorithm, most)
 
 def test_messages_leave_nothing_behind(node):
     node.follow()
-    node.take_states(MOST_ARRIVALS + 100)  # no report of the diagnostics takes the arrivals
+    node.take_states(5100)  # no report of the diagnostics takes the arrivals, at most 5000
     loop, growth = node.node._path.loop, []
     answered = loop.states
     for _ in range(4):  # other threads of the process may allocate during one of them
@@ -118,11 +117,10 @@ def state(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return q, v, a
 
 
-@pytest.mark.parametrize('n', [2, 7, 60])
-def test_one_call_of_pinocchio_for_one_question(pinocchio_calls, n):
-    """For any number of joints, and with few additional calls."""
-    body = UncheckedRigidBody(load_arm(chain(n)))
-    q, v, a = state(n)
+def test_one_call_of_pinocchio_for_one_question(pinocchio_calls):
+    """With few additional calls."""
+    body = UncheckedRigidBody(load_arm(chain(JOINTS)))
+    q, v, a = state(JOINTS)
     for name, most, work in (
             ('rnea', 8, lambda: body.inverse_dynamics(q, v, a)),
             ('computeGeneralizedGravity', 6, lambda: body.gravity(q)),
@@ -133,14 +131,6 @@ def test_one_call_of_pinocchio_for_one_question(pinocchio_calls, n):
         pinocchio_calls.clear()
         assert calls_of(work).total() <= most, name
         assert pinocchio_calls == {name: 1}
-
-
-def test_a_frictionless_arm_has_no_calls_for_friction(pinocchio_calls):
-    dynamics = ArmDynamics(load_arm(chain(JOINTS))).unchecked
-    q, v, a = state(JOINTS)
-    assert calls_of(lambda: dynamics.inverse_dynamics(q, v, a)).total() <= 10
-    assert calls_of(lambda: dynamics.forward_dynamics(q, v, a)).total() <= 14
-    assert pinocchio_calls == {'rnea': 1, 'aba': 1}
 
 
 def test_estimators_and_simulation_check_no_state():
@@ -171,18 +161,14 @@ def test_a_batch_costs_no_calls_for_a_sample():
     assert many <= 10 * few
 
 
-@pytest.mark.parametrize('fields', [1, 2, 3])
-@pytest.mark.parametrize('points', [1000, 10_000])
-def test_a_point_of_a_plan_costs_few_calls(points, fields):
+def test_a_point_of_a_plan_costs_few_calls():
     """The calls grow linearly with the points; segments are sampled together."""
-    arm = load_arm(chain(JOINTS))
+    arm, points = load_arm(chain(JOINTS)), 1000
     dynamics, message = ArmDynamics(arm), JointTrajectory(joint_names=NAMES)
     for i in range(points):
-        point = JointTrajectoryPoint(positions=[0.001 * i] * JOINTS)
-        if fields > 1:
-            point.velocities = [0.1 * (i < points - 1)] * JOINTS
-        if fields > 2:
-            point.accelerations = [0.0] * JOINTS
+        point = JointTrajectoryPoint(
+            positions=[0.001 * i] * JOINTS, velocities=[0.1 * (i < points - 1)] * JOINTS,
+            accelerations=[0.0] * JOINTS)
         point.time_from_start.sec = i
         message.points.append(point)
     calls = calls_of(

@@ -8,6 +8,7 @@ from contextlib import contextmanager, ExitStack
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from children import TIMEOUT
 from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -41,6 +42,29 @@ def collecting(client: RosClient, namespace: str, *topics: str) -> Iterator[list
     with ExitStack() as stack:
         yield [stack.enter_context(client.collect(JointState, f'{namespace}/{topic}'))
                for topic in topics]
+
+
+@contextmanager
+def receiving(
+    client: RosClient, namespace: str, *topics: str, count: int = 1,
+) -> Iterator[list[Collector]]:
+    """
+    Record several running topics of the type JointState, once each has `count` messages.
+
+    A subscription of the middleware may be matched and receive nothing: then subscribe again.
+    """
+    with ExitStack() as stack:
+        collectors = []
+        for topic in topics:
+            for _ in range(6):
+                collector = client.collect(JointState, f'{namespace}/{topic}')
+                if collector.find(lambda _: True, TIMEOUT / 6.0) is not None:
+                    break
+                collector.close()
+            stack.callback(collector.close)
+            collector.wait_count(count)
+            collectors.append(collector)
+        yield collectors
 
 
 def publish(client: RosClient, topic: str, message: Any) -> None:

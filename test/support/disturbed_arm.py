@@ -33,8 +33,6 @@ PERIOD = 2_000_000
 """[ns] between two joint states."""
 HELD_BY_FRICTION = 0.008
 """[rad] from a goal at which known dry friction may hold a joint; see friction.md."""
-LONGEST_STEP = 0.02
-"""[s] that a motion in real time advances between two states, if the machine is slow."""
 
 
 class DisturbedArm:
@@ -46,9 +44,8 @@ class DisturbedArm:
     """
 
     def __init__(
-        self, client: RosClient, namespace: str, node: NodeProcess, arm: ArmModel, paced: bool,
+        self, client: RosClient, namespace: str, node: NodeProcess, arm: ArmModel,
     ) -> None:
-        """`paced` is true for a motion in real time."""
         self.client, self.node, self.arm, self.namespace = client, node, arm, namespace
         self.names = list(arm.joint_names)
         start = middle(arm, 0.3)
@@ -68,9 +65,6 @@ class DisturbedArm:
         self._waiting = 0
         self._answer: Array | None = None
         self._news = threading.Condition()
-        self._paced_from = time.monotonic() if paced else None
-        self.late = 0.0
-        """Time [s] by which the motion took longer than in real time."""
         self._references = client.collect(
             JointState, f'{namespace}/dynamics/reference')
         self._diagnostics = client.collect(DiagnosticArray, '/diagnostics')
@@ -117,7 +111,7 @@ class DisturbedArm:
         end = self.time + round(seconds * NANOSECONDS)
         while self.time < end and not until():
             self._exchange()
-            self._step(max(PERIOD, min(self._behind(), round(LONGEST_STEP * NANOSECONDS))))
+            self._step(PERIOD)
 
     def gap(self, seconds: float) -> None:
         """Advance by a time [s] without joint states; the last effort continues."""
@@ -129,19 +123,6 @@ class DisturbedArm:
         self.motion.append((state.position, state.velocity))
         self.time += duration
         self.times.append(self.time / NANOSECONDS)
-        if self._paced_from is not None:
-            behind = self._behind() / NANOSECONDS
-            if behind < 0.0:
-                time.sleep(-behind)
-            elif behind > LONGEST_STEP:
-                self._paced_from += behind
-                self.late += behind
-
-    def _behind(self) -> int:
-        """Return by how much the motion in real time is late [ns], 0 in simulated time."""
-        if self._paced_from is None:
-            return 0
-        return round((time.monotonic() - self._paced_from) * NANOSECONDS) - self.time
 
     def _exchange(self) -> None:
         """Publish the state, and take the effort that answers it; repeat it if it was lost."""
@@ -169,8 +150,7 @@ class DisturbedArm:
         """Send a set-point."""
         self._trajectories.publish(JointTrajectory(
             joint_names=self.names, points=[JointTrajectoryPoint(positions=q.tolist())]))
-        if self._paced_from is None:  # until they have arrived
-            self._trajectories.wait_for_all_acked()
+        self._trajectories.wait_for_all_acked()
 
     def begin(self) -> None:
         """Judge the motion from now on."""
@@ -218,13 +198,13 @@ class DisturbedArm:
 
 
 @contextmanager
-def disturbed_arm(client: RosClient, name: str, paced: bool = False) -> Iterator[DisturbedArm]:
+def disturbed_arm(client: RosClient, name: str) -> Iterator[DisturbedArm]:
     """Run a node at default parameters for an arm at rest."""
     urdf, joints, namespace = robot_urdf(name), JOINTS.get(name, []), f'/{name}_{next(NUMBERS)}'
     with NodeProcess(
             DYNAMICS, {'robot_description': urdf, 'joints': joints, **PATIENCE},
             namespace=namespace) as node:
-        bench = DisturbedArm(client, namespace, node, load_arm(urdf, joints), paced)
+        bench = DisturbedArm(client, namespace, node, load_arm(urdf, joints))
         try:
             yield bench
             bench.end()

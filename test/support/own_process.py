@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 import itertools
 import threading
+import time
 from typing import Any
 
 from children import TIMEOUT
@@ -17,7 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
-from ros_harness import Collector, RosClient
+from ros_harness import Collector, has_stamp, RosClient
 from sensor_msgs.msg import JointState
 
 COUNTER = itertools.count()
@@ -97,12 +98,21 @@ def answer(
     client: RosClient, process: OwnProcess, names: Sequence[str], q: Sequence[float],
 ) -> Any:
     """Publish a joint state at rest until its gravity compensation arrives; return that."""
-    with client.collect(
-            JointState, f'{process.namespace}/dynamics/gravity_compensation') as answers:
-        states = client.publisher(JointState, f'{process.namespace}/joint_states')
-        state = JointState(name=list(names), position=list(q), velocity=[0.0] * len(q))
-        state.header.stamp.sec = 1
-        return client.answer_to(states, state, answers)
+    state = JointState(name=list(names), position=list(q), velocity=[0.0] * len(q))
+    state.header.stamp.sec = 1
+    deadline = time.monotonic() + TIMEOUT
+    while True:
+        with client.collect(
+                JointState, f'{process.namespace}/dynamics/gravity_compensation') as answers:
+            states = client.publisher(JointState, f'{process.namespace}/joint_states')
+            try:
+                return client.ask(
+                    states, state, answers, has_stamp(state.header.stamp), TIMEOUT / 6.0)
+            except AssertionError:  # then with another subscription and publisher
+                if time.monotonic() > deadline:
+                    raise
+            finally:
+                client.node.destroy_publisher(states)
 
 
 def stamps_of(collector: Collector) -> list[int]:

@@ -13,7 +13,7 @@ from fault_bench import Driver, TimedCollector
 import numpy as np
 from robot_dynamics.model import ArmDynamics, ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import DYNAMICS, NodeProcess, RosClient, UNHURRIED
 from sensor_msgs.msg import JointState
 from service_requests import SERVICES
 
@@ -66,5 +66,5 @@ def served(
     """Run a node on a robot, by default the embedded arm, and yield both."""
     if urdf:
         parameters['robot_description'] = urdf
-    with NodeProcess(DYNAMICS, parameters, namespace=namespace):
+    with NodeProcess(DYNAMICS, {**UNHURRIED, **parameters}, namespace=namespace):
         yield Served(client, namespace, load_arm(urdf or default_arm_urdf()))

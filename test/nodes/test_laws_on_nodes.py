@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Set-points, hand guiding, and both impedance laws on one pair of nodes, at run time."""
+
+from collections.abc import Iterator, Sequence
+import json
+
+from children import run, TIMEOUT
+from closed_loop import closed_loop, NAMES, send, START
+from diagnostic_msgs.msg import DiagnosticArray
+from disturbances import push, set_payload, ZERO
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import pytest
+from robot_dynamics.model import ArmDynamics, load_arm, make_payload
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.task_space.frame_kinematics import FrameKinematics
+from ros_harness import Collector, LONG, NodeProcess, RosClient, wait_until
+from sensor_msgs.msg import JointState
+from verb_bench import PROGRAM
+
+NODE, PLANT = '/laws/dynamics', '/laws/simulated_arm'
+STIFFNESS = [100.0, 40.0]
+"""[N·m/rad], so soft that no mode of the default arm is too fast."""
+ARM = load_arm(default_arm_urdf())
+KINEMATICS = FrameKinematics(ARM, 'tool0')
+
+
+@pytest.fixture(scope='module')
+def node() -> Iterator[NodeProcess]:
+    with closed_loop('/laws', {
+            'joints': NAMES, 'impedance.stiffness': STIFFNESS,
+            'cartesian.translation_stiffness': [200.0], 'cartesian.rotation_stiffness': 0.0},
+            rate=500.0) as process:
+        yield process
+
+
+@pytest.fixture
+def states(client: RosClient, node: NodeProcess) -> Iterator[Collector]:
+    """Return the joint states of the arm without a load, at rest at START."""
+    set_payload(client, PLANT)
+    client.set_parameters(NODE, {'command': 'computed_torque'})
+    with client.collect(JointState, '/laws/joint_states') as collector:
+        collector.wait_count(50)
+        send(client, '/laws', (1.0, START))
+        collector.wait_for(lambda m: rests_at(m, START), LONG)
+        collector.clear()
+        yield collector
+
+
+def rests_at(state: JointState, q: Sequence[float], within: float = 1e-3) -> bool:
+    return bool(np.abs(np.subtract(state.position, q)).max() < within and is_at_rest(state))
+
+
+def is_at_rest(state: JointState) -> bool:
+    return bool(np.abs(state.velocity).max() < 1e-3)
+
+
+def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client, node, states):
+    goal = [START[0] - 0.3, START[1] + 0.2]
+    publisher = client.publisher(JointState, f'{NODE}/set_point')
+    node.provoke(lambda: publisher.publish(JointState(name=NAMES, position=[0.1])),
+                 'position has 1 values, expected 2')
+    point = JointState(name=['gripper', *NAMES], position=[0.0, *goal], velocity=[0.0] * 3)
+    client.ask(publisher, point, states, lambda m: rests_at(m, goal), LONG)
+
+
+def test_a_push_moves_a_guided_arm_and_leaving_the_mode_holds_it(client, states):
+    client.set_parameters(NODE, {'command': 'hand_guiding'})
+    states.wait_count(len(states.messages) + 200)
+    assert states.messages[-1].position == pytest.approx(START, abs=1e-3)
+    push(client, PLANT, (0.0, 0.0, 5.0))
+    states.wait_for(lambda m: np.abs(np.subtract(m.position, START)).max() > 0.3, LONG)
+    push(client, PLANT, ZERO)
+    assert np.abs([m.velocity for m in states.messages]).max() < 2.0
+    client.set_parameters(NODE, {'command': 'computed_torque'})
+    wait_until(lambda: is_at_rest(states.messages[-1]), 'rest', LONG)
+    held = states.messages[-1].position
+    states.wait_count(len(states.messages) + 200)
+    assert states.messages[-1].position == pytest.approx(held, abs=0.01)
+
+
+def test_an_unknown_load_sags_by_its_torque_over_the_joint_stiffness(client, states):
+    load = make_payload('tool0', 0.5)
+    bodies = [ArmDynamics(each).rigid_body for each in (ARM.with_payloads([load]), ARM)]
+    goal = [START[0] - 0.4, START[1] + 0.3]
+    client.set_parameters(NODE, {'command': 'joint_impedance'})
+    send(client, '/laws', (1.0, goal))
+    states.wait_for(lambda m: rests_at(m, goal), LONG)
+    set_payload(client, PLANT, load)
+
+    def rests_below(m: JointState) -> bool:
+        loaded, known = (body.gravity(np.array(m.position)) for body in bodies)
+        sag = (loaded - known) / STIFFNESS
+        return bool(np.allclose(np.subtract(goal, m.position), sag, rtol=0.02, atol=1e-4)
+                    and np.abs(sag).min() > 0.01 and is_at_rest(m))
+    states.wait_for(rests_below, LONG)
+
+
+# --- poses ---------------------------------------------------------------------------------------
+
+def place(q: Sequence[float]) -> np.ndarray:
+    return KINEMATICS.pose(np.array(q))[0]
+
+
+def pose(
+    translation: Sequence[float], frame_id: str = 'base_link', w: float = 1.0,
+) -> PoseStamped:
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    p = message.pose.position
+    p.x, p.y, p.z = map(float, translation)
+    message.pose.orientation.w = w
+    return message
+
+
+def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_stiffness(
+    client, states,
+):
+    client.set_parameters(NODE, {'command': 'cartesian_impedance'})
+    goal = place([START[0] - 0.2, START[1] + 0.3])
+    publisher = client.publisher(PoseStamped, f'{NODE}/pose_reference')
+
+    def rests_below(m: JointState, sag: float) -> bool:
+        return bool(np.allclose(goal - place(m.position), [0.0, 0.0, sag], atol=2e-3)
+                    and is_at_rest(m))
+
+    client.ask(publisher, pose(goal), states, lambda m: rests_below(m, 0.0), LONG)
+    set_payload(client, PLANT, make_payload('tool0', 0.5))
+    states.wait_for(lambda m: rests_below(m, 0.5 * 9.81 / 200.0), LONG)
+
+
+@pytest.mark.parametrize(('message', 'words'), [
+    (pose([0.5, 0.0, 0.5], 'map'), "header.frame_id is 'map', expected one of the links that no"),
+    (pose([0.5, float('nan'), 0.5]), 'pose.position[1] (y) is nan'),
+    (pose([0.5, 0.0, 0.5], w=3.0), 'pose.orientation has the norm 3, expected 1'),
+    (pose([9.0, 0.0, 0.5]), "pose of 'tool0' is ")], ids=['frame', 'nan', 'norm', 'far'])
+def test_a_wrong_pose_is_refused_by_name(client, node, message, words):
+    client.set_parameters(NODE, {'command': 'cartesian_impedance'})
+
+    def refuses(report: DiagnosticArray) -> bool:
+        return any(pair.key == 'refusal of the latest' and words in pair.value
+                   for status in report.status for pair in status.values)
+
+    publisher = client.publisher(PoseStamped, f'{NODE}/pose_reference')
+    with client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
+        client.ask(publisher, message, diagnostics, refuses)
+    assert 'Traceback' not in node.log
+
+
+def test_the_verb_moves_to_a_pose_and_names_a_refusal(client, states):
+    client.set_parameters(NODE, {'command': 'cartesian_impedance'})
+    goal = place([START[0] - 0.1, START[1] + 0.1])
+    words = [*PROGRAM, 'pose', '--node', NODE, '--timeout', str(TIMEOUT), '--json']
+    done = run([*words, *map(str, goal)], text=True, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert place(json.loads(done.stdout)['position']) == pytest.approx(goal, abs=2e-3)
+    refused = run([*words, '0.1', '0', '9'], text=True, capture_output=True)
+    assert refused.returncode == 1
+    assert "rejected the goal: pose of 'tool0' is " in refused.stderr
+
+
+def test_wrong_parameters_of_the_laws_are_refused_by_name(client, node):
+    for name, value in (
+            ('cartesian.translation_stiffness', [1.0, 2.0]),
+            ('cartesian.translation_stiffness', [-1.0]), ('cartesian.rotation_stiffness', -1.0),
+            ('cartesian.damping_ratio', 0.0), ('cartesian.frame', 'hand'),
+            ('impedance.stiffness', [1.0, 2.0, 3.0]), ('impedance.damping_ratio', [-1.0]),
+            ('hand_guiding.friction_share', [0.9]), ('hand_guiding.feedback_gain', [0.6]),
+            ('hand_guiding.speed', [1.0, 2.0, 3.0])):
+        assert name in client.rejection(NODE, name, value)
+    assert 'Traceback' not in node.log
