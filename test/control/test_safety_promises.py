@@ -11,6 +11,7 @@ docs/safety.md that is not in `STATED`.
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 import math
 import os
@@ -31,10 +32,8 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model import ArmModel, load_arm, make_payload
-from robot_dynamics.model.payload_check import check_payloads
+from robot_dynamics.model import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
@@ -99,7 +98,7 @@ class Fed:
 
 @pytest.mark.parametrize(('name', 'q', 'constant'), [
     ('default', [0.5, 0.5], 1.6), ('ur10', [0.0, -1.57, 0.0, 0.0, 0.0, 0.0], 0.5)])
-def test_velocities_grow_with_sampled_gravity_compensation(name, q, constant):
+def test_velocities_grow(name, q, constant):
     """At 30 Hz without friction: 1.6 s (default arm at 0.5, 0.5 rad) and 0.5 s (UR10)."""
     one = LockStep(
         arm_named(name), q=np.array(q), rate=30.0, command='gravity_compensation',
@@ -114,7 +113,7 @@ def test_velocities_grow_with_sampled_gravity_compensation(name, q, constant):
 
 @pytest.mark.parametrize(('passed', 'counted'), [
     (0.002, 0.002), (0.049, 0.049), (0.051, 0.05), (0.2, 0.05)])
-def test_the_rate_of_change_counts_at_most_50_ms(passed, counted):
+def test_rate_of_change(passed, counted):
     """The rate limit is by default the effort limit in 0.1 s; of the time 0.05 s count."""
     law = Given()
     one = Fed(arm_named('default'), Q, law=law, safety={'state_timeout': 1.0})
@@ -124,7 +123,7 @@ def test_the_rate_of_change_counts_at_most_50_ms(passed, counted):
 
 
 @pytest.mark.parametrize(('rate', 'scale'), [(100.0, 0.9345), (30.3, 0.496)])
-def test_gains_are_scaled_for_8_ms_of_delay_in_addition_to_the_period(rate, scale):
+def test_gains_for_8_ms(rate, scale):
     """Feedback: 0.5 rad of phase for half a period and 8 ms, at the crossover of 41.2 rad/s."""
     one = LockStep(arm_named('default'), q=Q, rate=rate)
     one.run(1.5)
@@ -149,44 +148,8 @@ def test_references_stay_within_velocity_acceleration_and_jerk(effort, most):
     assert (v.max(), a.max(), np.diff(a).max() / 1e-3) == pytest.approx(most, rel=0.02)
 
 
-class Elastic(LockStep):
-    """The UR10 with rotors, and springs [N·m/rad] between them and the links."""
-
-    rotors = np.array([1.0, 1.0, 0.6, 0.1, 0.1, 0.1])
-
-    def __init__(self, stiffness: float) -> None:
-        bare = smooth_arm('ur10')
-        super().__init__(
-            bare.with_reflected_inertia(self.rotors), true_arm=bare, rate=500.0, delay=4)
-        self.stiffness, self.link, self.speed = stiffness, (self.q, self.v), 0.0
-        self.q = self.q + self._body.gravity(self.q) / stiffness
-
-    def _move(self, tau: FloatArray) -> None:
-        q, v = self.link
-        M, h = self._body.mass_matrix(q), self._body.nonlinear(q, v)
-        inertia, dt, K = np.minimum(np.diag(M), self.rotors), STEP / 10, self.stiffness
-        D = 0.04 * np.sqrt(K * inertia)  # 0.02 of the critical damping
-        coupling = np.diag(dt * (D + dt * K))
-        inverse = np.linalg.inv(np.block(
-            [[M + coupling, -coupling], [-coupling, np.diag(self.rotors) + coupling]]))
-        for _ in range(10):  # implicit in the velocities
-            spring = K * (self.q - q)
-            v, self.v = np.split(inverse @ np.concatenate((
-                M @ v + dt * (spring - h), self.rotors * self.v + dt * (tau - spring))), 2)
-            q, self.q = q + dt * v, self.q + dt * self.v
-        self.link = q, v
-
-
-def test_drives_of_40_000_newton_metres_per_radian_come_to_rest():
-    """Exception of the feedback: elastic drives below about 40,000 N·m/rad."""
-    one = Elastic(40_000.0)
-    one.run(0.2)
-    one.follow(one.q + 0.2 * directions(6))
-    assert one.run(5.0).last(0.3).speed.max() < 1e-3
-
-
 @pytest.mark.parametrize('given', [0.6, 1.4])
-def test_an_arm_whose_dry_friction_is_given_so_wrongly_comes_to_rest(given):
+def test_wrong_friction(given):
     """Dry friction given 0.6 to 1.4 times: the arm comes to rest."""
     one = BristledArm(smooth_arm('default'), Case('default', 100, 8, 5e-3, given))
     one.run(0.1)
@@ -206,7 +169,7 @@ def test_a_gap_up_to_the_state_timeout_continues_the_motion(passed, fault):
 
 @pytest.mark.parametrize(('coulomb', 'rate', 'is_held'), [
     (0.0, 200.0, True), (0.0, 166.0, False), (0.0095, 166.0, False), (0.0105, 166.0, True)])
-def test_a_frozen_joint_is_held_for_the_hold_time_below_200_hz(coulomb, rate, is_held):
+def test_frozen_joint_is_held(coulomb, rate, is_held):
     """Frozen joint: below 200 Hz only for hold_time, 1 s, unless friction of 1 % is known."""
     arm = arm_named('default')
     friction = make_friction(arm.joint_names, coulomb=(coulomb * arm.limits.effort).tolist())
@@ -230,8 +193,7 @@ def test_a_following_error_is_that_of_300_ms_at_the_velocity_limit():
 
 @pytest.mark.parametrize(('share', 'fault'), [(1.19, ''), (1.21, 'overspeed')])
 def test_overspeed_is_1_2_times_the_velocity_limit(share, fault):
-    one = Fed().states(5).states(10, 2.0 * share)
-    assert one.fault == fault
+    assert Fed().states(5).states(10, 2.0 * share).fault == fault
 
 
 @pytest.mark.parametrize(('beyond', 'fault'), [(0.0086, ''), (0.0088, 'position_limit')])
@@ -242,8 +204,7 @@ def test_the_position_limit_tolerance_is_half_a_degree(beyond, fault):
     if fault:
         one.state(-1.0, 0.001)
         assert one.states(3).fault == fault
-        assert one.state() is not None
-        assert one.fault == ''
+        assert one.states(1).fault == ''
 
 
 @pytest.mark.parametrize(('q', 'extra'), [(1.9895, 10.0), (1.9905, 0.0)])
@@ -265,23 +226,13 @@ def test_no_acceleration_above_the_velocity_limit(v, extra):
     assert effort - 2.0 * 9.81 * 0.3 * -math.cos(one.q[0]) == pytest.approx([extra], abs=0.01)
 
 
-def ends_by(one: LockStep) -> float:
-    """Deactivate; return the time [s] after which the ramp begins."""
-    one.loop.deactivate(one.now)
-    return STEP * one.run(4.0).mode.index(Mode.STOPPING)
-
-
-def test_the_stop_at_the_end_of_the_command_takes_at_most_2_5_s():
+def test_stop_at_the_end():
     """End of the command: the arm stops and is held, within 2.5 s; here it never rests."""
     one = in_motion()
     one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
-    assert ends_by(one) == pytest.approx(2.5, abs=0.003)
-
-
-def test_the_stop_of_a_usual_motion_takes_less_and_the_ramp_half_a_second():
-    """The default of ramp_time is 0.5 s; the last command is zero."""
-    one = in_motion()
-    assert ends_by(one) < 2.0
+    one.loop.deactivate(one.now)
+    ramp = STEP * one.run(2.6).mode.index(Mode.STOPPING)
+    assert ramp == pytest.approx(2.5, abs=0.003)
 
 
 @pytest.mark.parametrize(('creep', 'rests'), [(0.0185, True), (0.0215, False)])
@@ -324,7 +275,7 @@ def test_without_a_ramp_time_the_effort_limit_ends_in_100_ms():
 
 @pytest.mark.parametrize(('count', 'last', 'waits'), [
     (2, 1.0, False), (3, 9.9, True), (3, 10.1, False)])
-def test_after_three_faults_of_the_motion_references_wait_for_a_reset(count, last, waits):
+def test_three_faults(count, last, waits):
     """Three faults; command.md: within 10 s."""
     one = Fed(safety={'state_timeout': 30.0}).states(5)
     for k in range(count):
@@ -339,15 +290,14 @@ def test_after_three_faults_of_the_motion_references_wait_for_a_reset(count, las
 
 # --- What you must do ----------------------------------------------------------------------------
 
-def test_the_stop_and_a_ramp_of_2_s_take_less_than_the_5_s_of_launch_files():
+def test_time_to_end():
     """The stop takes up to 2.5 s: keep ramp_time and effort / effort_rate_limit below 2 s."""
-    one = Fed(safety={'ramp_time': 2.0}).states(5)
-    assert one.supervisor.time_to_stop == 4.5
+    assert Fed(safety={'ramp_time': 2.0}).states(5).supervisor.time_to_stop == 4.5
 
 
 @pytest.mark.parametrize(('fraction', 'extra', 'expected'), [
     (0.5, 90.0, 50.0), (0.5, -90.0, -50.0), (0.01, -90.0, -WEIGHT), (0.01, 90.0, 1.0)])
-def test_the_effort_limit_fraction_includes_the_hold_torque(fraction, extra, expected):
+def test_effort_limit_fraction(fraction, extra, expected):
     """effort_limit_fraction 0.5; a low scale does not drop the arm, here 1 N·m."""
     law = Given()
     one = Fed(law=law, effort_limit_fraction=fraction).states(5)
@@ -355,7 +305,7 @@ def test_the_effort_limit_fraction_includes_the_hold_torque(fraction, extra, exp
     assert one.states(100).state() == pytest.approx([expected])
 
 
-def test_a_set_point_that_is_50_mrad_away_is_reached_and_held():
+def test_small_set_point():
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.1)
     one.follow(Q + 0.05)
@@ -386,16 +336,9 @@ def test_the_defaults_of_the_feedback():
 def test_states_of_another_age_than_200_ms_are_dropped(age, reason):
     """command.md: state_max_age is 0.2 s."""
     one = Fed().states(5)
-    clock = one.ns + round(1e9 * age) + 2 * MS
-
-    def answer() -> None:
-        one.loop.answer(one.ns + 2 * MS, one.q, np.zeros(1), clock)
-
-    if reason:
-        with pytest.raises(ImplausibleStateError, match=reason):
-            answer()
-    else:
-        answer()
+    clock = one.ns + round(1e9 * age)
+    with pytest.raises(ImplausibleStateError, match=reason) if reason else nullcontext():
+        one.loop.answer(one.ns + MS, one.q, np.zeros(1), clock + MS)
 
 
 def test_a_contradiction_of_publishers_ends_after_100_valid_states():
@@ -445,18 +388,6 @@ def test_the_scale_of_a_velocity_may_be_wrong_by_30_percent(factor, is_consisten
     assert one.loop.signals.is_consistent == is_consistent
 
 
-@pytest.mark.parametrize(('size', 'words'), [(1.99, ''), (2.05, 'from the origin')])
-def test_the_centre_of_mass_of_a_payload_is_at_most_2_reaches_away(size, words):
-    """command.md: a centre of mass farther from its link than 2 times the reach."""
-    arm, length = arm_named('default'), 1.8
-    load = make_payload('tool0', 1e-4, (size * length, 0.0, 0.0))
-    if words:
-        with pytest.raises(InvalidInputError, match=words):
-            check_payloads(arm, [load])
-    else:
-        check_payloads(arm, [load])
-
-
 # --- gains.md ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('load', 'rate', 'steady', 'largest'), [
@@ -475,7 +406,8 @@ def test_the_sag_under_an_unknown_load(load, rate, steady, largest):
 DEFAULTS = {
     'command': 'computed_torque', 'condition_references': True, 'effort_limit_fraction': 1.0,
     'effort_rate_limit': 0.0, 'external_effort_limit': [],
-    'fault_action': 'hold_gravity_then_ramp', 'following_error_limit': [], 'hold_time': 1.0, 'infeasible_trajectory': 'reject',
+    'fault_action': 'hold_gravity_then_ramp', 'following_error_limit': [], 'hold_time': 1.0,
+    'infeasible_trajectory': 'reject',
     'overspeed_factor': 1.2, 'position_limit_margin': 0.01, 'position_limit_tolerance': 0.0087,
     'ramp_time': 0.5, 'reference_timeout': 0.1, 'require_measured_velocities': False,
     'scale_gains': True, 'state_max_age': 0.2, 'state_timeout': 0.05}
@@ -512,15 +444,6 @@ def test_requests_may_take_1_gib_beyond_the_memory_at_the_start(monkeypatch):
     assert asked[0] - 1024 * has == pytest.approx(1_073_741_824, rel=0.05)
 
 
-@pytest.mark.parametrize('size', [1_000_000, 1_000_001])
-def test_a_message_has_at_most_1_000_000_bytes(size):
-    read = pytest.importorskip('robot_dynamics.ros.middleware.message_bytes').read_message
-    kind = pytest.importorskip('sensor_msgs.msg').JointState
-    words = 'larger messages' if size > 1_000_000 else 'cannot be read'
-    with pytest.raises(InvalidInputError, match=words):
-        read(b'\xff' * size, kind)
-
-
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_both_signals_end_the_command_with_zeros(client, number):
     """On SIGINT and SIGTERM the command ramps to zero; here without further joint states."""
@@ -541,29 +464,22 @@ def test_both_signals_end_the_command_with_zeros(client, number):
 # --- the page ------------------------------------------------------------------------------------
 
 STATED: dict[str, Any] = {
-    'at 30 Hz without friction': test_velocities_grow_with_sampled_gravity_compensation,
-    'of 1.6 s (default arm at 0.5, 0.5 rad)':
-        test_velocities_grow_with_sampled_gravity_compensation,
-    'of 0.5 s (UR10,': test_velocities_grow_with_sampled_gravity_compensation,
-    'at most 0.05 s count': test_the_rate_of_change_counts_at_most_50_ms,
-    'more than 8 ms of delay in addition to the period':
-        test_gains_are_scaled_for_8_ms_of_delay_in_addition_to_the_period,
-    'below about 40,000 N·m/rad':
-        test_drives_of_40_000_newton_metres_per_radian_come_to_rest,
-    'given 0.6 to 1.4 times':
-        test_an_arm_whose_dry_friction_is_given_so_wrongly_comes_to_rest,
-    'below 200 Hz: `hold_time`':
-        test_a_frozen_joint_is_held_for_the_hold_time_below_200_hz,
-    'the arm stops and is held, within 2.5 s':
-        test_the_stop_at_the_end_of_the_command_takes_at_most_2_5_s,
-    'After three faults of the motion, references wait':
-        test_after_three_faults_of_the_motion_references_wait_for_a_reset,
+    'at 30 Hz without friction': test_velocities_grow,
+    'of 1.6 s (default arm at 0.5, 0.5 rad)': test_velocities_grow,
+    'of 0.5 s (UR10,': test_velocities_grow,
+    'at most 0.05 s count': test_rate_of_change,
+    'more than 8 ms of delay in addition to the period': test_gains_for_8_ms,
+    'below about 40,000 N·m/rad': 'test_flexible_gearbox.py',
+    'given 0.6 to 1.4 times': test_wrong_friction,
+    'below 200 Hz: `hold_time`': test_frozen_joint_is_held,
+    'the arm stops and is held, within 2.5 s': test_stop_at_the_end,
+    'After three faults of the motion, references wait': test_three_faults,
     'libfranka stops after 20 ms': 'another system',
     'SIGTERM 5 s after SIGINT, and SIGKILL another 5 s later': 'another system',
-    'up to 2.5 s: keep `ramp_time`, and the largest effort divided by `effort_rate_limit`, '
-    'below 2 s': test_the_stop_and_a_ramp_of_2_s_take_less_than_the_5_s_of_launch_files,
-    'effort_limit_fraction 0.5': test_the_effort_limit_fraction_includes_the_hold_torque,
-    'that is 0.05 rad away': test_a_set_point_that_is_50_mrad_away_is_reached_and_held,
+    'The stop takes up to 2.5 s': test_stop_at_the_end,
+    'divided by `effort_rate_limit`, below 2 s': test_time_to_end,
+    'effort_limit_fraction 0.5': test_effort_limit_fraction,
+    'that is 0.05 rad away': test_small_set_point,
 }
 """Each sentence of docs/safety.md with a number, in the order of the page, and its test."""
 

@@ -121,9 +121,10 @@ def test_files_of_a_command_are_found(command, read, written):
     assert written_by(words) == written
 
 
-SLOW = [words for block in blocks_of(README) for words in block.commands
-        if {'excite', 'analyze_bag', 'identify'} & set(words)]
-"""Commands of several pages, which run only for the README."""
+SLOW = ('excite', 'analyze_bag', 'identify')
+TUTORIAL = [words for block in blocks_of(ROOT / 'docs' / 'tutorial.md')
+            for words in block.commands]
+"""test_tutorial.py runs the slow tools; other pages run them only with other options."""
 RUN_ELSEWHERE = ('mujoco_arm.md', 'sagging_arm.md', 'tutorial.md')
 RUN = [page for page in PAGES if page.name not in RUN_ELSEWHERE and any(
     block.language == 'python' or any(tool in words for words in block.commands for tool in TOOLS)
@@ -138,8 +139,7 @@ def test_snippets_run_in_the_order_of_the_page(page, tmp_path, monkeypatch, caps
         if block.file_name:
             (tmp_path / block.file_name).write_text(block.text, encoding='utf-8')
         for words in block.commands:
-            if page == README or words not in SLOW:
-                run(words)
+            run(words)
         if block.language == 'python' and '>>> ' not in block.text:
             exec(compile(block.text, page_id(page), 'exec'), names)
     if page.name == 'model_check.md':
@@ -154,10 +154,17 @@ def test_examples_print_what_the_page_states(page):
     assert result.failed == 0
 
 
+def options(command: list[str]) -> set[str]:
+    return {word for word in command if word.startswith('-')}
+
+
 def run(command: list[str]) -> None:
     """Run a command of the library; in place of a recorder, record a motion of the default arm."""
     written = written_by(command)
     tool = command[3] if command[:3] == ['ros2', 'run', 'robot_dynamics'] else ''
+    if tool in SLOW and any(
+            tool in words and options(command) <= options(words) for words in TUTORIAL):
+        return
     if tool in TOOLS and '>' not in command:
         assert import_module(f'robot_dynamics.tools.{tool}').main(command[4:]) == 0, command
     elif written and ('--out' in command or command[:3] == ['ros2', 'bag', 'record']):
