@@ -5,6 +5,7 @@
 
 from pathlib import Path
 import re
+import runpy
 
 import robot_dynamics
 
@@ -51,3 +52,9 @@ def test_every_lock_that_is_named_exists():
         owner, attribute = name.split('.')
         assert any(f'class {owner}' in text and f'self.{attribute} = threading.' in text
                    for text in sources), name
+
+
+def test_the_figure_names_existing_modules():
+    boxes = runpy.run_path(str(PACKAGE.parent / 'docs' / 'pictures' / 'architecture.py'))['BOXES']
+    named = {word for *_, words in boxes for word in words.split()}
+    assert named <= {path.stem for path in PACKAGE.rglob('*.py')}

@@ -23,8 +23,6 @@ import robots
 
 SCRIPTS = Path(__file__).parents[2] / 'scripts'
 NOTEBOOKS = sorted((SCRIPTS.parent / 'docs' / 'notebooks').glob('*.ipynb'))
-LARGEST_FIGURE = 60_000
-"""[bytes]"""
 
 # Executes the cells of the list on stdin in order; writes the output and figures of each as JSON.
 RUNNER = """
@@ -87,13 +85,6 @@ def notebook(request: pytest.FixtureRequest) -> Path:
     return Path(request.param)
 
 
-def test_it_is_a_notebook_of_format_4(notebook):
-    nbformat = pytest.importorskip('nbformat')
-    read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
-    assert read.nbformat == 4
-    nbformat.validate(read)
-
-
 def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path):
     cells = code_cells(notebook)
     sources = [''.join(cell['source']) for cell in cells]
@@ -110,12 +101,16 @@ def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path):
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
-def test_it_has_two_small_figures_of_the_common_style(notebook):
+def test_it_has_format_4_and_two_small_figures_of_the_common_style(notebook):
+    nbformat = pytest.importorskip('nbformat')
+    read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
+    assert read.nbformat == 4
+    nbformat.validate(read)
     cells = code_cells(notebook)
     assert any('**style.STYLE' in ''.join(cell['source']) for cell in cells)
     sizes = [len(figure) for cell in cells for figure in stored_figures(cell)]
     assert len(sizes) == 2
-    assert max(sizes) < LARGEST_FIGURE
+    assert max(sizes) < 60_000  # bytes
 
 
 @pytest.mark.parametrize(('name', 'pattern', 'expected', 'tolerance'), CLOSED_FORMS)

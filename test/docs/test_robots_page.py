@@ -9,7 +9,6 @@ from pathlib import Path
 import re
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import planar_arm_urdf
@@ -36,8 +35,6 @@ class Driver:
     """In the order of the message, a gripper included."""
     effort: tuple[float, ...] = ()
     """NaN where the driver has no effort; () for 0 at every joint."""
-    velocities: int | None = None
-    """Length of `velocity`; None for one per name."""
     robot: str = ''
     """Of example-robot-data; '' for a generated chain with the joints of the file."""
     holds_itself: str = ''
@@ -48,8 +45,7 @@ class Driver:
         n = len(self.names)
         return JointState(
             name=self.names, position=[0.3] * n,
-            velocity=[0.0] * (n if self.velocities is None else self.velocities),
-            effort=self.effort or [0.0] * n)
+            velocity=[0.0] * n, effort=self.effort or [0.0] * n)
 
 
 def numbered(prefix: str, count: int) -> tuple[str, ...]:
@@ -80,8 +76,6 @@ DRIVERS = {
 """Of Piper the joint states that a relay has completed."""
 RUN = ('ros2_control.yaml', 'ur.yaml', 'kuka_lbr.yaml')
 """A gripper and twice the gravity, another order without effort, and a passed effort check."""
-PIPER = Driver(DRIVERS['piper.yaml'].names, velocities=6)
-"""The joint states of piper_ros as they are."""
 
 
 def parameters_of(file: str) -> dict[str, Any]:
@@ -202,16 +196,3 @@ def test_the_node_runs_on_the_file(client, file):
             assert re.search(driver.holds_itself, node.log), node.log
         assert not commands.messages
         client.forget(NODE)
-
-
-def test_joint_states_of_piper_need_a_relay(client):
-    """The driver sends one velocity less than names; the node reports and drops the state."""
-    with running('piper.yaml'), \
-            client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
-        diagnostics.wait_matched()
-        states = client.publisher(JointState, '/cell/joint_states')
-        report = client.ask(
-            states, PIPER.message(), diagnostics, lambda message: any(
-                'velocity has 6 values, expected 7 as name has' in status.message
-                and status.level == DiagnosticStatus.ERROR for status in message.status))
-    assert report.status[0].name.endswith('arm_model: joint states')

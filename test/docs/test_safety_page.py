@@ -4,6 +4,7 @@
 """Parameters on docs/safety.md and the pages it leads to; docs/evidence/fault_tests.md."""
 
 from collections.abc import Iterator
+from itertools import chain
 import json
 from pathlib import Path
 import re
@@ -11,7 +12,7 @@ import sys
 
 import children
 import fault_table
-from fault_table import Row, rows_of_page
+from fault_table import rows_of_page
 import pytest
 from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, Mode
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
@@ -23,7 +24,6 @@ TEXT = ''.join(
     (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 PROSE = ' '.join(TEXT.split())
 """The text with single spaces, whatever its line breaks."""
-FAULT_TESTS = fault_table.PAGE.read_text(encoding='utf-8')
 COLLECTION_TIMEOUT = 300.0
 """[s] to import all the tests."""
 
@@ -56,7 +56,9 @@ def collected(
     file = tmp_path_factory.mktemp('faults') / 'faults.json'
     result = children.run(
         [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
-         '-m', 'fault', '--list-faults', str(file), str(TESTS)],
+         '-m', 'fault', '--list-faults', str(file), *(
+             str(path) for path in TESTS.rglob('test_*.py')
+             if re.search(r'\bfault\(', path.read_text(encoding='utf-8')))],
         capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)
     assert result.returncode == 0, result.stdout + result.stderr
     return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
@@ -66,6 +68,8 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(collected):
     listed = [(row.group, row.injected, row.expected) for row in rows_of_page()]
     assert listed, 'the table is empty: scripts/test -m fault --write-fault-table writes it'
     assert sorted(listed) == sorted(collected)
+    for cell in chain(*collected):
+        assert re.fullmatch(r'(?=\S)[^|\n]*\S', cell), f'not for a table: {cell!r}'
 
 
 def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number():
@@ -73,26 +77,6 @@ def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number()
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
     readme = (DOCS.parent / 'README.md').read_text(encoding='utf-8')
     assert f'each of {len(rows)} injected faults' in ' '.join(readme.split())
-
-
-def test_rows_written_to_the_page_are_read_back(tmp_path, monkeypatch):
-    page = tmp_path / 'fault_tests.md'
-    page.write_text(FAULT_TESTS, encoding='utf-8')
-    monkeypatch.setattr(fault_table, 'PAGE', page)
-    rows = [Row('One', 'a', 'b', 'as expected'), Row('Two', 'a, b', '`c`', 'not run: no network'),
-            Row('One', 'c', 'd', '**failed**')]
-    for _ in range(2):  # also over an existing table
-        fault_table.write_page(rows)
-        assert fault_table.rows_of_page() == [rows[0], rows[2], rows[1]]
-    before = FAULT_TESTS.split(fault_table.BEGIN)[0]
-    assert page.read_text(encoding='utf-8').startswith(before)
-
-
-def test_words_of_faults_fit_into_a_table(collected):
-    assert collected
-    for words in collected:
-        for cell in words:
-            assert re.fullmatch(r'(?=\S)[^|\n]*\S', cell), repr(cell)
 
 
 # --- the figures ---------------------------------------------------------------------------------

@@ -5,8 +5,8 @@
 Snippets of the pages run with the files that the page itself provides, in the order of the page.
 
 Python and the tools of the library are run. Commands that start nodes, need other programs of ROS
-or draw are only checked for the files that they read. test_tutorial.py and test_sagging_arm.py run
-their pages.
+or draw are only checked for the files that they read. test_pages_run.py runs
+the others.
 """
 
 import doctest
@@ -107,24 +107,10 @@ def test_commands_read_only_files_that_the_page_provides(page):
             given.update(written_by(words))
 
 
-@pytest.mark.parametrize(('command', 'read', 'written'), [
-    ('identify a/b c --urdf x.urdf -o out', ['x.urdf', 'a/b', 'c'], ['out']),
-    ('animate --urdf x.urdf --joints joint1', ['x.urdf'], []),
-    ('ros2 bag play --clock 100 my_recording', ['my_recording'], []),
-    ('node -p robot_description:="$(cat arm.urdf)" > log', ['arm.urdf'], ['log']),
-    ('ros2 launch p f.launch.py params:=l.yaml,r.yaml', ['f.launch.py', 'l.yaml', 'r.yaml'], []),
-    ('demo --out recorded', [], ['recorded']),
-])
-def test_files_of_a_command_are_found(command, read, written):
-    words = shlex.split(command)
-    assert read_by(words) == read
-    assert written_by(words) == written
-
-
 SLOW = ('excite', 'analyze_bag', 'identify')
 TUTORIAL = [words for block in blocks_of(ROOT / 'docs' / 'tutorial.md')
             for words in block.commands]
-"""test_tutorial.py runs the slow tools; other pages run them only with other options."""
+"""test_pages_run.py runs the slow tools; other pages run them only with other options."""
 RUN_ELSEWHERE = ('mujoco_arm.md', 'sagging_arm.md', 'tutorial.md')
 RUN = [page for page in PAGES if page.name not in RUN_ELSEWHERE and any(
     block.language == 'python' or any(tool in words for words in block.commands for tool in TOOLS)
