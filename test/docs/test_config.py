@@ -114,9 +114,7 @@ def test_the_examples_in_the_comments_are_taken_too(client, tmp_path):
     text = uncommented((ROOT / 'config' / path.name).read_text(encoding='utf-8'))
     path.write_text(text, encoding='utf-8')
     written = values_of(text)
-    assert {
-        'friction.coulomb', 'actuator.torque_constant', 'actuator.backlash', 'robot_compensates',
-    } <= set(written)
+    assert {'friction.coulomb', 'actuator.backlash', 'robot_compensates'} <= set(written)
     with running(*nodes_on(path, '/cell')):
         check_parameters(client, '/cell', written)
         client.wait_for(JointState, '/cell/my_model/gravity_compensation')

@@ -77,9 +77,7 @@ def series(topic: str, message: Any) -> set[str]:
 
 
 def test_every_curve_of_plotjuggler_is_published(messages):
-    published: set[str] = set()
-    for topic, message in messages.items():
-        published |= series(topic, message)
+    published = set().union(*(series(topic, message) for topic, message in messages.items()))
     wanted = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
     assert len(wanted) > 30
     assert wanted - published == set(SNIPPETS)
@@ -136,7 +134,12 @@ def found(path: str, messages: dict[str, Any]) -> Any:
     return value
 
 
-def test_every_path_of_foxglove_leads_to_a_number(messages):
+def test_every_path_of_foxglove_leads_to_a_number_and_its_scene_is_published(client, messages):
+    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
+        'dynamics', '/')}
+    shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
+    assert '/dynamics/markers' in shown
+    assert shown - published == {'/robot_description'}  # from robot_state_publisher
     assert len(PLOTS) >= 5
     for name, plot in PLOTS.items():
         for path in plot['paths']:
@@ -146,26 +149,17 @@ def test_every_path_of_foxglove_leads_to_a_number(messages):
             assert path['timestampMethod'] != 'headerStamp' or has_header
 
 
-def test_the_scene_of_foxglove_is_published(client, messages):
-    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
-        'dynamics', '/')}
-    shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
-    assert shown - published == {'/robot_description'}  # from robot_state_publisher
-    assert '/dynamics/markers' in shown
-
-
 def test_the_panels_of_foxglove_are_those_of_its_layout():
-    def leaves(node: Any) -> list[str]:
+    panels, nodes = [], [FOXGLOVE['layout']]
+    for node in nodes:
         if isinstance(node, str):
-            return [node]
-        assert node['direction'] in ('row', 'column')
-        assert 0 < node['splitPercentage'] < 100
-        return leaves(node['first']) + leaves(node['second'])
-
-    panels = leaves(FOXGLOVE['layout'])
+            panels.append(node)
+        else:
+            assert node['direction'] in ('row', 'column')
+            assert 0 < node['splitPercentage'] < 100
+            nodes += [node['first'], node['second']]
     assert sorted(panels) == sorted(FOXGLOVE['configById'])
     variables = {panel['globalVariableName'] for panel in FOXGLOVE['configById'].values()
                  if 'globalVariableName' in panel}
     assert variables == set(FOXGLOVE['globalVariables']) == {'joint'}
-    health = FOXGLOVE['configById']['DiagnosticSummary!health']
-    assert health['topicToRender'] in TYPES
+    assert FOXGLOVE['configById']['DiagnosticSummary!health']['topicToRender'] in TYPES

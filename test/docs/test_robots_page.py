@@ -74,6 +74,7 @@ DRIVERS = {
     'dm4310.yaml': Driver(numbered('joint', 6), holds_itself=TWICE),
 }
 """Of Piper the joint states that a relay has completed."""
+SPECS = {spec.name: spec for spec in (*SIMULATED_ARM_SPECS, *DYNAMICS_SPECS)}
 RUN = ('ros2_control.yaml', 'ur.yaml', 'kuka_lbr.yaml')
 """A gripper and twice the gravity, another order without effort, and a passed effort check."""
 
@@ -100,26 +101,14 @@ def description(file: str) -> str:
     return planar_arm_urdf(ones, ones, ones, ones, joint_names=joints)
 
 
-def sections() -> dict[str, str]:
-    """Return the sections of the page that name a parameter file, by heading."""
-    parts = re.split(r'^###? (.+)$', PAGE, flags=re.MULTILINE)
-    return {
-        heading: text for heading, text in zip(parts[1::2], parts[2::2], strict=True)
-        if 'config/robots/' in text}
-
-
-def test_the_page_names_every_file_and_no_other():
+def test_the_page_names_every_file_and_separates_documentation_from_trials():
     files = {path.name for path in FILES.iterdir()}
-    assert set(re.findall(r'config/robots/([\w.]+)', PAGE)) == files
-    assert set(DRIVERS) == files
-
-
-@pytest.mark.parametrize('heading', sections())
-def test_sections_separate_documentation_from_trials(heading):
-    text = sections()[heading]
-    assert text.count('**From the documentation') == text.count('**Tried here') == 1
-    source = text[text.index('**From the documentation'):text.index('**Tried here')]
-    assert re.search(r'\b(?=\w*\d)[0-9a-f]{7}\b|\b\d+\.\d+\.\d+\b', source), 'no version'
+    assert set(re.findall(r'config/robots/([\w.]+)', PAGE)) == files == set(DRIVERS)
+    for text in re.split(r'^###? .+$', PAGE, flags=re.MULTILINE)[1:]:
+        if 'config/robots/' in text:
+            before, source, _ = re.split(r'\*\*From the documentation|\*\*Tried here', text)
+            assert before == text.split('**From the documentation')[0]
+            assert re.search(r'\b(?=\w*\d)[0-9a-f]{7}\b|\b\d+\.\d+\.\d+\b', source), 'no version'
 
 
 @pytest.mark.parametrize('file', DRIVERS)
@@ -129,9 +118,7 @@ def test_files_are_valid_command_nothing_and_tune_nothing(file):
     assert not {'gains', 'friction', 'actuator', 'robot_description'} & set(parameters)
     assert 'robot_description_file' in (FILES / file).read_text(encoding='utf-8')
     for name, value in parameters.items():
-        for spec in [spec for spec in (*DYNAMICS_SPECS, *SIMULATED_ARM_SPECS)
-                     if spec.name == name] or [None]:
-            spec.check(value)
+        SPECS[name].check(value)
     assert set(joints_of(file)) <= set(DRIVERS[file].names)
 
 

@@ -14,7 +14,7 @@ import children
 import fault_table
 from fault_table import rows_of_page
 import pytest
-from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, Mode
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 
 DOCS = Path(__file__).parents[2] / 'docs'
@@ -24,8 +24,6 @@ TEXT = ''.join(
     (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
 PROSE = ' '.join(TEXT.split())
 """The text with single spaces, whatever its line breaks."""
-COLLECTION_TIMEOUT = 300.0
-"""[s] to import all the tests."""
 
 
 def tables() -> Iterator[list[dict[str, str]]]:
@@ -59,7 +57,7 @@ def collected(
          '-m', 'fault', '--list-faults', str(file), *(
              str(path) for path in TESTS.rglob('test_*.py')
              if re.search(r'\bfault\(', path.read_text(encoding='utf-8')))],
-        capture_output=True, text=True, timeout=COLLECTION_TIMEOUT)
+        capture_output=True, text=True, timeout=300.0)
     assert result.returncode == 0, result.stdout + result.stderr
     return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
 
@@ -73,9 +71,8 @@ def test_the_table_has_every_fault_of_the_suite_and_no_other(collected):
 
 
 def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number():
-    rows = rows_of_page()
+    rows, readme = rows_of_page(), (DOCS.parent / 'README.md').read_text(encoding='utf-8')
     assert not [row for row in rows if '**failed**' in row.seen or not row.seen]
-    readme = (DOCS.parent / 'README.md').read_text(encoding='utf-8')
     assert f'each of {len(rows)} injected faults' in ' '.join(readme.split())
 
 
@@ -95,6 +92,7 @@ def test_every_parameter_of_safety_is_explained():
         assert f'`{spec.name}' in TEXT, spec.name
         for choice in spec.choices:
             assert f'`{choice}`' in TEXT or f'`{spec.name}: {choice}`' in TEXT, choice
+    assert [mode.value for mode in Mode if mode.value not in TEXT] == []
 
 
 def test_numbers_that_are_no_parameters_are_on_the_pages():
@@ -111,7 +109,11 @@ def test_numbers_that_are_no_parameters_are_on_the_pages():
     ) if words not in PROSE] == []
 
 
-def test_every_fault_action_and_mode_is_there():
-    for words in (*FAULT_ACTIONS, *Mode):
-        name = words if isinstance(words, str) else words.value
-        assert name in TEXT, name
+def test_each_message_that_troubleshooting_quotes_is_in_the_code():
+    code = ''.join(file.read_text(encoding='utf-8') for file in (
+        DOCS.parent / 'setup.py', *(DOCS.parent / 'robot_dynamics').rglob('*.py')))
+    page = (DOCS / 'troubleshooting.md').read_text(encoding='utf-8')
+    cells = [line.split(' | ')[0] for line in page.splitlines() if line.startswith('| ')]
+    quoted = {text for cell in cells for text in re.findall('`([^`]+)`', cell)}
+    assert len(quoted) > 13
+    assert not {text for text in quoted if text not in code}

@@ -57,15 +57,6 @@ def test_the_pages_without_the_appendix_are_short():
 
 # --- links ---------------------------------------------------------------------------------------
 
-@pytest.mark.parametrize(('heading', 'anchor'), [
-    ('Two commands', 'two-commands'),
-    ('M, C & g: what?', 'm-c--g-what'),
-    ('Größe des Δ', 'größe-des-δ'),
-])
-def test_anchors_are_those_of_github(heading, anchor):
-    assert site_links.github_slug(heading) == anchor
-
-
 @pytest.mark.parametrize(('link', 'source', 'page', 'shown'), [
     ('docs/safety.md', 'README.md', 'index.md', 'safety.md'),
     ('../safety.md', 'docs/reference/topics.md', 'reference/topics.md', '../safety.md'),
@@ -111,9 +102,8 @@ def test_each_package_has_a_page_with_its_names_and_modules():
         assert re.search(row, pages['reference/python.md'], re.MULTILINE), package
         for module in python_pages.modules(package):
             assert f'::: {module}\n' in pages[f'reference/python/{name}.md']
-    page = pages['reference/python/model.md']
-    assert '[`load_arm`][robot_dynamics.model.arm.load_arm]' in page
-    assert '::: robot_dynamics.model.arm\n' in page
+    link = '[`load_arm`][robot_dynamics.model.arm.load_arm]'
+    assert link in pages['reference/python/model.md']
 
 
 def test_what_examples_import_is_in_the_reference():
@@ -154,6 +144,7 @@ def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
 
 
 def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
+    assert faults_of(tmp_path) == [f'{tmp_path} has no page']
     assert main([str(write_site(tmp_path))]) == 0
 
 
@@ -163,8 +154,6 @@ def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
         ('link href', '//elsewhere.example/a.css'), ('img src', 'http://elsewhere.example/a.png'))),
     ('', '@font-face {src: url(https://elsewhere.example/f.woff)}',
      'a.css: loads https://elsewhere.example/f.woff'),
-    ('', "@font-face {src: url('//elsewhere.example/f.woff')}",
-     'a.css: loads //elsewhere.example/f.woff'),
     ('', '@import "https://elsewhere.example/f.css";',
      'a.css: loads https://elsewhere.example/f.css'),
     ('', '@font-face {src: url("../fonts/absent.ttf")}',
@@ -179,7 +168,3 @@ def test_what_is_absent_or_loaded_from_another_server_is_found(tmp_path, page, s
     write_site(tmp_path, GOOD + page, STYLE + style)
     assert faults_of(tmp_path) == ([fault] if fault else [])
     assert main([str(tmp_path)]) == bool(fault)
-
-
-def test_an_empty_directory_is_no_site(tmp_path):
-    assert faults_of(tmp_path) == [f'{tmp_path} has no page']

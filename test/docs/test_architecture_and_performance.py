@@ -1,16 +1,22 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""docs/architecture.md names the folders, threads, locks and modules that exist."""
+"""docs/architecture.md names what exists, docs/performance.md has figures of benchmarks.md."""
 
+import importlib
 from pathlib import Path
 import re
 import runpy
 
+import pytest
 import robot_dynamics
 
 PACKAGE = Path(robot_dynamics.__file__).parent
 TEXT = (PACKAGE.parent / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+DOCS = PACKAGE.parent / 'docs'
+PAGE = (DOCS / 'evidence' / 'benchmarks.md').read_text(encoding='utf-8')
+GUIDE = (DOCS / 'performance.md').read_text(encoding='utf-8')
+CONDITIONS = re.compile(r'\b(?:7 joints|10,000 samples|p99|100 calls per second)')
 THREAD = re.compile(r"name=f?'([^']+)'")
 
 
@@ -58,3 +64,47 @@ def test_the_figure_names_existing_modules():
     boxes = runpy.run_path(str(PACKAGE.parent / 'docs' / 'pictures' / 'architecture.py'))['BOXES']
     named = {word for *_, words in boxes for word in words.split()}
     assert named <= {path.stem for path in PACKAGE.rglob('*.py')}
+
+
+# --- performance ---------------------------------------------------------------------------------
+
+def printed(name: str) -> str:
+    found = re.search(rf'^<!-- {name} -->\n(.*?)^<!-- end -->$', PAGE, re.MULTILINE | re.DOTALL)
+    assert found is not None, name
+    return found[1]
+
+
+def test_each_benchmark_has_its_figures(monkeypatch):
+    monkeypatch.syspath_prepend(str(PACKAGE.parent))
+    catalogue = importlib.import_module('benchmarks.catalogue')
+    names = [*catalogue.BENCHMARKS, *catalogue.LONG_BENCHMARKS]
+    marks = re.findall(r'^<!-- (\w+) -->$', PAGE, re.MULTILINE)
+    assert sorted(set(marks) - {'end'}) == sorted(names)
+    for name in names:
+        assert re.match(r'```text\n# \d{4}-\d\d-\d\d, .*CPython 3.*\n.+\n', printed(name)), name
+
+
+def rows_of_the_guide() -> list[tuple[str, str]]:
+    """Return the result and the benchmark of each row of the table of docs/performance.md."""
+    cells = [[cell.strip() for cell in line.strip('|').split('|')]
+             for line in GUIDE.splitlines() if line.startswith('|')][2:]
+    return [(result, benchmark.strip('`')) for _, result, benchmark in cells]
+
+
+def numbers_in(text: str) -> set[float]:
+    return {float(number) for number in re.findall(r'(?<![\w.])\d+(?:\.\d+)?', text)}
+
+
+@pytest.mark.parametrize(('result', 'benchmark'), rows_of_the_guide())
+def test_the_figures_of_the_guide_are_those_of_the_benchmark(result, benchmark):
+    figures = numbers_in(CONDITIONS.sub('', result))
+    assert figures
+    assert figures <= numbers_in(printed(benchmark))
+
+
+def test_the_guide_names_each_faster_engine():
+    faster = re.findall(r'^Faster than robot_dynamics: (\S+)', printed('peers'), re.MULTILINE)
+    result, = (result for result, benchmark in rows_of_the_guide() if benchmark == 'peers')
+    assert faster
+    for engine in faster:
+        assert engine in result
