@@ -27,11 +27,8 @@ from robots import robot_path
 ROOT = Path(__file__).parents[2]
 LOCK_STEP = ['--ros-args', '-p', 'lock_step:=true', '-p', 'real_time_factor:=1.0']
 """So that the errors do not depend on the load of the machine."""
-INTERRUPTED = ('watch', 'record')
 DATA_SHEET_LEAVES = (4.1, 1.8)
 """[N·m] that the last program of the tutorial prints where the node has the data sheet."""
-SAGS = 'ros2 run robot_dynamics dynamics move 1.0'
-TOUCH = 'ros2 run robot_dynamics dynamics move 0.0 0.35'
 
 
 def text_of(page: str) -> str:
@@ -66,15 +63,14 @@ def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path):
                 assert command[3] in NODES
                 lock_step = LOCK_STEP if command[3] == 'simulated_arm' else []
                 nodes.enter_context(running_node(command + lock_step, tmp_path))
-            elif command[2] in INTERRUPTED:
+            elif command[2] in ('watch', 'record'):
                 printed[' '.join(command)] = interrupted(command, tmp_path)
             else:
                 result = children.run(
                     resolved(command), cwd=tmp_path, capture_output=True, text=True, timeout=LONG)
                 assert result.returncode == 0, f'{command}:\n{result.stdout}{result.stderr}'
                 printed[' '.join(command)] = result.stdout
-    verbs = [command.split()[2] for command in printed]
-    assert verbs == [
+    assert [command.split()[2] for command in printed] == [
         'status', 'move', 'watch', 'inverse', 'equation', 'payload', 'move', 'record']
     for command, out in printed.items():
         if command.split()[2] == 'move':
@@ -104,21 +100,20 @@ def test_the_tutorial(tmp_path):
     analyze = 'ros2 run robot_dynamics analyze_bag '
     before = relative_residuals(printed_by(printed, analyze, '--output before'))
     after = relative_residuals(printed_by(printed, analyze, '--no-report'))
-    assert len(before) == len(after) == 2
+    assert len(before) == 2
     assert min(before) > 15.0
-    for left, there_was in zip(after, before):
+    for left, there_was in zip(after, before, strict=True):
         assert left < 0.4 * there_was
     live = printed_by(printed, 'python watch_residual.py')
     numbers = [float(number) for number in re.findall(r'\d+\.\d*', live)]
-    assert len(numbers) == 2
-    for left, with_data_sheet in zip(numbers, DATA_SHEET_LEAVES):
+    for left, with_data_sheet in zip(numbers, DATA_SHEET_LEAVES, strict=True):
         assert left < 0.4 * with_data_sheet
 
 
 @pytest.mark.soak
 def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
     page = text_of('docs/sagging_arm.md')
-    printed = run_page(page, tmp_path, {SAGS: 1})
+    printed = run_page(page, tmp_path, {'ros2 run robot_dynamics dynamics move 1.0': 1})
     assert {command[3] for command in files_and_commands(page)[1]} >= {'calibrate_gravity', *NODES}
     before, *_, after = [
         final_errors(out) for command, out in printed if ' dynamics move ' in command]
@@ -134,7 +129,9 @@ def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
 def test_the_panda_moves_and_touches_the_table(tmp_path):
     pytest.importorskip('mujoco')
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
-    printed = run_page(text_of('docs/mujoco_arm.md'), tmp_path, {TOUCH: 1})
+    printed = run_page(
+        text_of('docs/mujoco_arm.md'), tmp_path,
+        {'ros2 run robot_dynamics dynamics move 0.0 0.35': 1})
     moved, touched = [out for command, out in printed if ' dynamics move ' in command]
     assert len(final_errors(moved)) == len(final_errors(touched)) == 7
     assert max(map(abs, final_errors(moved))) < 0.04

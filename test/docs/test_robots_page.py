@@ -4,7 +4,6 @@
 """docs/robots.md and its parameter files: a node runs with each, on messages of the driver."""
 
 from dataclasses import dataclass
-import math
 from pathlib import Path
 import re
 from typing import Any
@@ -24,7 +23,7 @@ FILES = ROOT / 'config' / 'robots'
 PAGE = (ROOT / 'docs' / 'robots.md').read_text(encoding='utf-8')
 NODE = '/cell/arm_model'
 """Another namespace and name than the default, as the files are for any of both."""
-NAN = math.nan
+NAN = float('nan')
 
 
 @dataclass(frozen=True)
