@@ -126,6 +126,7 @@ def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
     assert scales == pytest.approx([0.8, 1.2], rel=0.02)
 
 
+@pytest.mark.soak
 def test_the_panda_moves_and_touches_the_table(tmp_path):
     pytest.importorskip('mujoco')
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
