@@ -79,7 +79,6 @@ def series(topic: str, message: Any) -> set[str]:
 def test_every_curve_of_plotjuggler_is_published(messages):
     published = set().union(*(series(topic, message) for topic, message in messages.items()))
     wanted = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
-    assert len(wanted) > 30
     assert wanted - published == set(SNIPPETS)
     chosen, = PLOTJUGGLER.findall(".//plugin[@ID='ROS2 Topic Subscriber']/selected_topics")
     assert set(chosen.attrib['value'].split(';')) == set(TYPES)
@@ -104,7 +103,6 @@ def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(messages):
 def test_the_parts_of_plotjuggler_fit_together():
     """A splitter with a wrong number of parts makes PlotJuggler exit."""
     splitters = list(PLOTJUGGLER.iter('DockSplitter'))
-    assert len(splitters) >= 5
     for splitter in splitters:
         assert len(splitter) == int(splitter.attrib['count'])
         fractions = [float(fraction) for fraction in splitter.attrib['sizes'].split(';')]

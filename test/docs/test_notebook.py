@@ -5,7 +5,7 @@
 
 import base64
 import json
-from math import exp, radians, sin, sqrt
+from math import exp, sqrt
 import os
 from pathlib import Path
 import re
@@ -52,7 +52,6 @@ REDUCED, APPROACH = MOTOR * LINK / (MOTOR + LINK), sqrt(2.0 * TORQUE * HALF_GAP 
 CYCLE = backlash_theory.predicted_cycle()
 CLOSED_FORMS = [
     ('friction', r' 0\.10 rad/s: library (\S+)', F_V * 0.1 + F_C + (F_S - F_C) * exp(-1.0), 1e-4),
-    ('friction', r'half the sum +(\S+)', -3.0 * 0.4 * 9.81 * sin(radians(75.0)), 1e-3),
     ('friction', r'stick takes +(\S+)', 2.0 * (F_S - F_C) / (20.0 * 0.2), 0.01),
     ('motors', r'no-load speed: .* = (\S+)', VOLTAGE / (RATIO * K_T), 0.01),
     ('motors', r'lift : current +(\S+)', 40.0 / (EFFICIENCY * RATIO * K_T), 0.01),
