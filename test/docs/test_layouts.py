@@ -12,7 +12,6 @@ from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
-from robot_dynamics.reporting.figures import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
@@ -23,8 +22,6 @@ PLOTJUGGLER = ElementTree.parse(CONFIG / 'plotjuggler.xml').getroot()
 FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
 SNIPPETS = {snippet.attrib['name']: snippet for snippet in PLOTJUGGLER.iter('snippet')}
 """What PlotJuggler computes of the curves that are published."""
-COLOURS = {BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION}
-"""Those of the pictures; black would not be seen on the dark ground of both programs."""
 TYPES: dict[str, type] = {
     '/joint_states': JointState, '/effort_command': JointState,
     '/dynamics/gravity_compensation': JointState, '/dynamics/computed_torque': JointState,
@@ -32,6 +29,7 @@ TYPES: dict[str, type] = {
     '/dynamics/external_effort': JointState, '/dynamics/residual': JointState,
     '/diagnostics': DiagnosticArray,
 }
+NUMBER = r'[-+]?(nan|inf|\d*\.?\d+(e[-+]?\d+)?)'
 PATH = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\$?\w+\])?)+)$')
 """A topic and the fields below it, in Foxglove's grammar of message paths."""
 
@@ -57,14 +55,6 @@ def messages(client: RosClient) -> Iterator[dict[str, Any]]:
 
 # --- PlotJuggler ---------------------------------------------------------------------------------
 
-def is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def series(topic: str, message: Any) -> set[str]:
     """Return the names of the curves that PlotJuggler makes from a message."""
     if isinstance(message, JointState):
@@ -75,7 +65,7 @@ def series(topic: str, message: Any) -> set[str]:
         return {
             f'{topic}/{status.hardware_id}/{status.name}/{key}' for status in message.status
             for key in ['level', *(
-                pair.key for pair in status.values if is_number(pair.value))]}
+                pair.key for pair in status.values if re.fullmatch(NUMBER, pair.value))]}
     names = set()
     for field, kind in message.get_fields_and_field_types().items():
         value = getattr(message, field)
@@ -87,12 +77,11 @@ def series(topic: str, message: Any) -> set[str]:
 
 
 def test_every_curve_of_plotjuggler_is_published(messages):
-    published: set[str] = set()
-    for topic, message in messages.items():
-        published |= series(topic, message)
+    published = set().union(*(series(topic, message) for topic, message in messages.items()))
     wanted = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
-    assert len(wanted) > 30
     assert wanted - published == set(SNIPPETS)
+    chosen, = PLOTJUGGLER.findall(".//plugin[@ID='ROS2 Topic Subscriber']/selected_topics")
+    assert set(chosen.attrib['value'].split(';')) == set(TYPES)
 
 
 def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(messages):
@@ -111,19 +100,9 @@ def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(messages):
     assert stamps.attrib['value'] == 'true'
 
 
-def test_plotjuggler_subscribes_to_what_it_draws():
-    chosen = PLOTJUGGLER.findall(".//plugin[@ID='ROS2 Topic Subscriber']/selected_topics")
-    topics = chosen[0].attrib['value'].split(';')
-    assert set(topics) == set(TYPES)
-    for curve in PLOTJUGGLER.iter('curve'):
-        name = curve.attrib['name']
-        assert name in SNIPPETS or any(name.startswith(f'{topic}/') for topic in topics)
-
-
 def test_the_parts_of_plotjuggler_fit_together():
     """A splitter with a wrong number of parts makes PlotJuggler exit."""
     splitters = list(PLOTJUGGLER.iter('DockSplitter'))
-    assert len(splitters) >= 5
     for splitter in splitters:
         assert len(splitter) == int(splitter.attrib['count'])
         fractions = [float(fraction) for fraction in splitter.attrib['sizes'].split(';')]
@@ -131,7 +110,7 @@ def test_the_parts_of_plotjuggler_fit_together():
         assert sum(fractions) == pytest.approx(1.0, abs=1e-5)
     for plot in PLOTJUGGLER.iter('plot'):
         colours = [curve.attrib['color'] for curve in plot.iter('curve')]
-        assert set(colours) <= COLOURS
+        assert '#000000' not in colours  # it would not be seen on the dark ground
         assert len(set(colours)) == len(colours)
 
 
@@ -153,36 +132,32 @@ def found(path: str, messages: dict[str, Any]) -> Any:
     return value
 
 
-def test_every_path_of_foxglove_leads_to_a_number(messages):
+def test_every_path_of_foxglove_leads_to_a_number_and_its_scene_is_published(client, messages):
+    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
+        'dynamics', '/')}
+    shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
+    assert '/dynamics/markers' in shown
+    assert shown - published == {'/robot_description'}  # from robot_state_publisher
     assert len(PLOTS) >= 5
     for name, plot in PLOTS.items():
         for path in plot['paths']:
             assert isinstance(found(path['value'], messages), float), name
-            assert path['color'] in COLOURS
+            assert path['color'] != '#000000'
             has_header = hasattr(messages[path['value'].split('.')[0]], 'header')
             assert path['timestampMethod'] != 'headerStamp' or has_header
 
 
-def test_the_scene_of_foxglove_is_published(client, messages):
-    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
-        'dynamics', '/')}
-    shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
-    assert shown - published == {'/robot_description'}  # from robot_state_publisher
-    assert '/dynamics/markers' in shown
-
-
 def test_the_panels_of_foxglove_are_those_of_its_layout():
-    def leaves(node: Any) -> list[str]:
+    panels, nodes = [], [FOXGLOVE['layout']]
+    for node in nodes:
         if isinstance(node, str):
-            return [node]
-        assert node['direction'] in ('row', 'column')
-        assert 0 < node['splitPercentage'] < 100
-        return leaves(node['first']) + leaves(node['second'])
-
-    panels = leaves(FOXGLOVE['layout'])
+            panels.append(node)
+        else:
+            assert node['direction'] in ('row', 'column')
+            assert 0 < node['splitPercentage'] < 100
+            nodes += [node['first'], node['second']]
     assert sorted(panels) == sorted(FOXGLOVE['configById'])
     variables = {panel['globalVariableName'] for panel in FOXGLOVE['configById'].values()
                  if 'globalVariableName' in panel}
     assert variables == set(FOXGLOVE['globalVariables']) == {'joint'}
-    health = FOXGLOVE['configById']['DiagnosticSummary!health']
-    assert health['topicToRender'] in TYPES
+    assert FOXGLOVE['configById']['DiagnosticSummary!health']['topicToRender'] in TYPES

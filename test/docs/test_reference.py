@@ -83,41 +83,25 @@ def nodes() -> Iterator[None]:
 
 
 @pytest.mark.parametrize('node', MODULES)
-def test_topics(client, node):
+def test_topics_and_services(client, node):
     expected = {
         (absolute(name, node), kind, direction)
         for name, kind, direction, *_ in table('topics', f'Topics of `{node}`')}
+    expected |= {(absolute(name, node), kind, 'service')
+                 for name, kind, _ in table('topics', f'Services of `{node}`')}
+    ask = {'out': client.node.get_publisher_names_and_types_by_node,
+           'in': client.node.get_subscriber_names_and_types_by_node,
+           'service': client.node.get_service_names_and_types_by_node}
 
     def running() -> set[tuple[str, str, str]]:
         try:
-            out = client.node.get_publisher_names_and_types_by_node(node, '/')
-            incoming = client.node.get_subscriber_names_and_types_by_node(node, '/')
+            return {
+                (name, kind, direction) for direction, names in ask.items()
+                for name, kinds in names(node, '/') for kind in kinds if not OF_RCLPY.search(name)}
         except RuntimeError:  # not discovered yet
             return set()
-        return {
-            (name, kind, direction)
-            for names, direction in ((out, 'out'), (incoming, 'in'))
-            for name, kinds in names for kind in kinds if not OF_RCLPY.search(name)}
 
     wait_until(lambda: len(running()) >= len(expected), f'{len(expected)} topics of {node}')
-    assert running() == expected
-
-
-@pytest.mark.parametrize('node', MODULES)
-def test_services(client, node):
-    expected = {(absolute(name, node), kind)
-                for name, kind, _ in table('topics', f'Services of `{node}`')}
-
-    def running() -> set[tuple[str, str]]:
-        try:
-            services = client.node.get_service_names_and_types_by_node(node, '/')
-        except RuntimeError:
-            return set()
-        return {
-            (name, kind) for name, kinds in services for kind in kinds
-            if not OF_RCLPY.search(name)}
-
-    wait_until(lambda: len(running()) >= len(expected), f'{len(expected)} services of {node}')
     assert running() == expected
 
 
@@ -138,9 +122,18 @@ def test_parameters(client, node):
             descriptor.description), name
 
 
-def test_statuses(client):
+def test_statuses_and_their_values(client):
+    text = (REFERENCE / 'diagnostics.md').read_text(encoding='utf-8')
+    documented = {
+        name: re.sub('JOINT|REASON|…', '.+', '|'.join(
+            map(re.escape, re.findall('`([^`]*)`', values))))
+        for name, values in re.findall(
+            r'^\| `([^`]*)` \|.*\|(.*)\|$', text, re.MULTILINE)}
     with client.collect(DiagnosticArray, '/diagnostics') as reports:
         found = reports.wait_for(lambda message: any(
             status.name.startswith('/dynamics: ') for status in message.status))
-    assert {status.name.removeprefix('/dynamics: ') for status in found.status} == {
-        name for name, *_ in table('diagnostics', '`dynamics`')}
+    shown = {status.name.removeprefix('/dynamics: '): status.values for status in found.status}
+    assert set(shown) == set(documented)
+    for name, values in shown.items():
+        for value in values:
+            assert re.fullmatch(documented[name], value.key), f'{name}: {value.key}'

@@ -58,13 +58,10 @@ def test_the_topics_of_the_hardware_are_those_of_the_simulated_arm():
 
 def test_the_controller_for_a_real_robot_has_the_joints_of_its_parameter_file():
     types, joints = controllers(ROBOT_PAGE)
+    for text in (ROBOT_PAGE, PAGE):  # both start the controllers that they configure
+        assert f'spawner {" ".join(TYPES)}\n' in text
+        assert 'controller:=effort_controller' in text
     nodes = yaml.safe_load((ROOT / 'config' / 'ur10.yaml').read_text(encoding='utf-8'))
     assert types == TYPES
     assert [joints] == [node['ros__parameters']['joints'] for node in nodes.values()
                         if 'joints' in node['ros__parameters']][:1]
-
-
-def test_both_start_the_controllers_that_they_configure():
-    for text in (ROBOT_PAGE, PAGE):
-        assert f'spawner {" ".join(TYPES)}\n' in text
-        assert 'controller:=effort_controller' in text

@@ -4,7 +4,6 @@
 """The pages on the site and on GitHub: links, anchors, and the conversions by the site."""
 
 import ast
-import json
 from pathlib import Path
 import re
 import sys
@@ -12,9 +11,8 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / 'docs' / 'site'), str(ROOT / 'scripts')]
+sys.path.insert(0, str(ROOT / 'docs' / 'site'))
 
-import _mutants  # noqa: E402
 from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
 import site_links  # noqa: E402
@@ -57,39 +55,13 @@ def test_the_pages_without_the_appendix_are_short():
     assert words.words(words.pages()) <= words.MOST_WORDS
 
 
-def test_rows_of_mutation_testing_replace_those_of_the_same_module():
-    text = _mutants.PAGE.read_text(encoding='utf-8')
-    assert _mutants.with_rows(text, {}) == text
-    row, = re.findall(r'^\| laws \|.*\n', text, re.MULTILINE)
-    new = {'laws': '| laws | 1 |\n', 'other': '| other | 2 |\n'}
-    written = _mutants.with_rows(text, new)
-    assert row not in written
-    assert written == text.replace(row, '| laws | 1 |\n').replace(
-        _mutants.END, '| other | 2 |\n' + _mutants.END)
-
-
 # --- links ---------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('heading', 'anchor'), [
-    ('Two commands', 'two-commands'),
-    ('### `dynamics`'.lstrip('# '), 'dynamics'),
-    ('10. Corrections to the notes', '10-corrections-to-the-notes'),
-    ('M, C & g: what?', 'm-c--g-what'),
-    ('Größe des Δ', 'größe-des-δ'),
-])
-def test_anchors_are_those_of_github(heading, anchor):
-    assert site_links.github_slug(heading) == anchor
-
 
 @pytest.mark.parametrize(('link', 'source', 'page', 'shown'), [
     ('docs/safety.md', 'README.md', 'index.md', 'safety.md'),
-    ('docs/images/demo.png', 'README.md', 'index.md', 'images/demo.png'),
     ('../safety.md', 'docs/reference/topics.md', 'reference/topics.md', '../safety.md'),
     ('#what', 'docs/safety.md', 'safety.md', '#what'),
     ('../README.md#status', 'docs/safety.md', 'safety.md', 'index.md#status'),
-    ('../README.md', 'docs/safety.md', 'safety.md', 'index.md'),
-    ('CONTRIBUTING.md', 'README.md', 'index.md', 'contributing.md'),
-    ('config/ur10.yaml', 'README.md', 'index.md', 'code/config/ur10.yaml.md'),
     ('../setup.py', 'docs/safety.md', 'safety.md', 'code/setup.py.md'),
     ('examples/one_process.py', 'docs/safety.md', 'safety.md',
      'code/docs/examples/one_process.py.md'),
@@ -110,23 +82,12 @@ def test_links_to_nothing_are_refused(link, source):
 # --- the reference of Python ---------------------------------------------------------------------
 
 def imports_of_examples() -> set[tuple[str, str]]:
-    """Return (module, name) of the imports of examples from the package."""
-    examples = [
-        ''.join(cell['source'])
-        for notebook in sorted((ROOT / 'docs' / 'notebooks').glob('*.ipynb'))
-        for cell in json.loads(notebook.read_text(encoding='utf-8'))['cells']
-        if cell['cell_type'] == 'code']
-    for page in PAGES:
-        examples += re.findall(r'^```python\n(.*?)^```', page.read_text(encoding='utf-8'),
-                               re.MULTILINE | re.DOTALL)
-    found = set()
-    for code in examples:
-        text = re.sub(r'^(>>>|\.\.\.) ', '', code, flags=re.MULTILINE)
-        lines = [line for line in text.splitlines() if line.startswith('from robot_dynamics')]
-        for node in ast.walk(ast.parse('\n'.join(lines))):
-            if isinstance(node, ast.ImportFrom) and node.module:
-                found |= {(node.module, alias.name) for alias in node.names}
-    return found
+    """Return (module, name) of the imports from the package on pages and in notebooks."""
+    return {
+        (module, name.split()[0]) for page in PAGES + NOTEBOOKS
+        for module, names in re.findall(
+            r'from (robot_dynamics[\w.]*) import (\w[\w, ]*)', page.read_text(encoding='utf-8'))
+        for name in names.rstrip(' ,').split(',')}
 
 
 def test_each_package_has_a_page_with_its_names_and_modules():
@@ -141,9 +102,8 @@ def test_each_package_has_a_page_with_its_names_and_modules():
         assert re.search(row, pages['reference/python.md'], re.MULTILINE), package
         for module in python_pages.modules(package):
             assert f'::: {module}\n' in pages[f'reference/python/{name}.md']
-    page = pages['reference/python/model.md']
-    assert '[`load_arm`][robot_dynamics.model.arm.load_arm]' in page
-    assert '::: robot_dynamics.model.arm\n' in page
+    link = '[`load_arm`][robot_dynamics.model.arm.load_arm]'
+    assert link in pages['reference/python/model.md']
 
 
 def test_what_examples_import_is_in_the_reference():
@@ -184,6 +144,7 @@ def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
 
 
 def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
+    assert faults_of(tmp_path) == [f'{tmp_path} has no page']
     assert main([str(write_site(tmp_path))]) == 0
 
 
@@ -193,11 +154,7 @@ def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
         ('link href', '//elsewhere.example/a.css'), ('img src', 'http://elsewhere.example/a.png'))),
     ('', '@font-face {src: url(https://elsewhere.example/f.woff)}',
      'a.css: loads https://elsewhere.example/f.woff'),
-    ('', "@font-face {src: url('//elsewhere.example/f.woff')}",
-     'a.css: loads //elsewhere.example/f.woff'),
     ('', '@import "https://elsewhere.example/f.css";',
-     'a.css: loads https://elsewhere.example/f.css'),
-    ('', '@import url(https://elsewhere.example/f.css);',
      'a.css: loads https://elsewhere.example/f.css'),
     ('', '@font-face {src: url("../fonts/absent.ttf")}',
      'a.css: links to ../fonts/absent.ttf, which does not exist'),
@@ -211,7 +168,3 @@ def test_what_is_absent_or_loaded_from_another_server_is_found(tmp_path, page, s
     write_site(tmp_path, GOOD + page, STYLE + style)
     assert faults_of(tmp_path) == ([fault] if fault else [])
     assert main([str(tmp_path)]) == bool(fault)
-
-
-def test_an_empty_directory_is_no_site(tmp_path):
-    assert faults_of(tmp_path) == [f'{tmp_path} has no page']

@@ -5,8 +5,8 @@
 Snippets of the pages run with the files that the page itself provides, in the order of the page.
 
 Python and the tools of the library are run. Commands that start nodes, need other programs of ROS
-or draw are only checked for the files that they read. test_tutorial.py and test_sagging_arm.py run
-their pages.
+or draw are only checked for the files that they read. test_pages_run.py runs
+the others.
 """
 
 import doctest
@@ -107,23 +107,10 @@ def test_commands_read_only_files_that_the_page_provides(page):
             given.update(written_by(words))
 
 
-@pytest.mark.parametrize(('command', 'read', 'written'), [
-    ('identify a/b c --urdf x.urdf -o out', ['x.urdf', 'a/b', 'c'], ['out']),
-    ('animate --urdf x.urdf --joints joint1', ['x.urdf'], []),
-    ('ros2 bag play --clock 100 my_recording', ['my_recording'], []),
-    ('node -p robot_description:="$(cat arm.urdf)" > log', ['arm.urdf'], ['log']),
-    ('ros2 launch p f.launch.py params:=l.yaml,r.yaml', ['f.launch.py', 'l.yaml', 'r.yaml'], []),
-    ('demo --out recorded', [], ['recorded']),
-])
-def test_files_of_a_command_are_found(command, read, written):
-    words = shlex.split(command)
-    assert read_by(words) == read
-    assert written_by(words) == written
-
-
-SLOW = [words for block in blocks_of(README) for words in block.commands
-        if {'excite', 'analyze_bag', 'identify'} & set(words)]
-"""Commands of several pages, which run only for the README."""
+SLOW = ('excite', 'analyze_bag', 'identify')
+TUTORIAL = [words for block in blocks_of(ROOT / 'docs' / 'tutorial.md')
+            for words in block.commands]
+"""test_pages_run.py runs the slow tools; other pages run them only with other options."""
 RUN_ELSEWHERE = ('mujoco_arm.md', 'sagging_arm.md', 'tutorial.md')
 RUN = [page for page in PAGES if page.name not in RUN_ELSEWHERE and any(
     block.language == 'python' or any(tool in words for words in block.commands for tool in TOOLS)
@@ -138,8 +125,7 @@ def test_snippets_run_in_the_order_of_the_page(page, tmp_path, monkeypatch, caps
         if block.file_name:
             (tmp_path / block.file_name).write_text(block.text, encoding='utf-8')
         for words in block.commands:
-            if page == README or words not in SLOW:
-                run(words)
+            run(words)
         if block.language == 'python' and '>>> ' not in block.text:
             exec(compile(block.text, page_id(page), 'exec'), names)
     if page.name == 'model_check.md':
@@ -154,10 +140,17 @@ def test_examples_print_what_the_page_states(page):
     assert result.failed == 0
 
 
+def options(command: list[str]) -> set[str]:
+    return {word for word in command if word.startswith('-')}
+
+
 def run(command: list[str]) -> None:
     """Run a command of the library; in place of a recorder, record a motion of the default arm."""
     written = written_by(command)
     tool = command[3] if command[:3] == ['ros2', 'run', 'robot_dynamics'] else ''
+    if tool in SLOW and any(
+            tool in words and options(command) <= options(words) for words in TUTORIAL):
+        return
     if tool in TOOLS and '>' not in command:
         assert import_module(f'robot_dynamics.tools.{tool}').main(command[4:]) == 0, command
     elif written and ('--out' in command or command[:3] == ['ros2', 'bag', 'record']):

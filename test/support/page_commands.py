@@ -57,11 +57,17 @@ def resolved(command: list[str]) -> list[str]:
 
 @contextmanager
 def running_node(command: list[str], directory: Path) -> Iterator[None]:
-    """Run a node as in a separate terminal, and end it by Ctrl-C, with status 0."""
+    """Run a node as in a separate terminal, from when it is ready; end it with status 0."""
     with children.popen(
             resolved(command), cwd=directory, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
             text=True) as process:
         try:
+            assert process.stdout is not None
+            log = ''
+            while not re.search("Model '|Waiting for a URDF", log):
+                line = process.stdout.readline()
+                assert line, f'{command[3]}:\n{log}'
+                log += line
             yield
         finally:
             process.send_signal(signal.SIGINT)
