@@ -8,12 +8,14 @@ Without ROS, modules that import a ROS package are skipped; the reason is report
 """
 
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
 import re
 import signal
+import socket
 from typing import Any, TYPE_CHECKING
 
 from fault_table import COLLECTED, Row, row_of, seen_words, write_page
@@ -26,11 +28,27 @@ from suite_header import SuiteHeader, Tool
 if TYPE_CHECKING:
     from ros_harness import RosClient
 
+
+def reserve_domain(port: socket.socket) -> str:
+    """
+    Return a free ROS domain; no other test run, and no demo, takes it while the socket is open.
+
+    A domain is free if the port of its first participant is unused (7410 + 250 × domain, OMG
+    DDSI-RTPS 2.3, section 9.6.1). Participants of the domain take the next ports.
+    """
+    for domain in range(1, 102):
+        with suppress(OSError):
+            port.bind(('', 7410 + 250 * domain))
+            return str(domain)
+    raise OSError('no ROS domain from 1 to 101 is free')
+
+
 # Concurrent test runs and other nodes of this machine must not exchange messages.
 # LOCALHOST uses shared memory and UDP in any case; with other ranges UDP suffices.
-os.environ.setdefault('ROS_DOMAIN_ID', str(os.getpid() % 100 + 1))
-if 'PYTEST_XDIST_WORKER' in os.environ:  # a worker inherits the domain of its parent process
-    os.environ['ROS_DOMAIN_ID'] = str(os.getpid() % 100 + 1)
+if 'ROS_DOMAIN_ID' not in os.environ or 'PYTEST_XDIST_WORKER' in os.environ:
+    # (a worker inherits the domain of its parent process)
+    DOMAIN_PORT = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    os.environ['ROS_DOMAIN_ID'] = reserve_domain(DOMAIN_PORT)
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 SUPPORT = Path(__file__).parent / 'support'
