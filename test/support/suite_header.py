@@ -20,7 +20,7 @@ DURATION = 'duration: about 7 minutes in four processes on two idle cores'
 """Duration of the default run; measure again after adding many tests (last line of output)."""
 
 TESTS = Path(__file__).parents[1]
-UR10 = TESTS.parents[2] / 'shared' / 'data' / 'ur10'
+UR10 = TESTS.parents[1] / 'shared' / 'data' / 'ur10'
 ROSBAG2 = UR10.with_name('rosbag2')
 CHROMIUM = ('chromium', 'chromium-browser', 'google-chrome')
 """Names of the browser executable; the first on the PATH is used."""
