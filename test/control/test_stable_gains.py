@@ -18,8 +18,20 @@ from robot_dynamics.control.gains.gain_scaling import (
     LoopGains,
     StableGains,
 )
-from robot_dynamics.control.laws.error_feedback import Gains, make_gains
-from tracking_loop import loop_of, MASS
+from robot_dynamics.control.laws.computed_torque import ComputedTorque
+from robot_dynamics.control.laws.error_feedback import ErrorFeedback, Gains, make_gains
+from robot_dynamics.control.options import ControllerOptions
+
+MASS = np.diag([2.0, 0.5])[np.newaxis]
+"""M of two joints without coupling, (1, 2, 2) [kg·m²]."""
+
+
+def loop_of(gains: Gains, mass_matrices: np.ndarray = MASS) -> LoopGains:
+    """Return the loop with these gains at poses with M (m, n, n)."""
+    law = ComputedTorque(
+        ErrorFeedback(gains, ('revolute',) * len(gains.kp)), ControllerOptions(gains))
+    return loop_gains(law.closed_loop, mass_matrices)
+
 
 LOOP_DELAY = 0.008
 """[s] of transport and computation that the gains allow, in addition to half a period."""

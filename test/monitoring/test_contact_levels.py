@@ -5,17 +5,20 @@
 
 from collections.abc import Sequence
 import math
+from pathlib import Path
 from typing import NamedTuple
 
-from free_motion_recording import learn_contact_levels as run_verb
-from free_motion_recording import record_free_motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from identification_bench import moves_with_pauses
 import numpy as np
 import pytest
+from recordings import encoded, START_NS, write_recording
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.joints.friction_terms import smooth_sign
+from robot_dynamics.joints.presliding import presliding_state
+from robot_dynamics.model import ArmDynamics, ArmModel, load_arm, RigidBody
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.monitoring.contact_levels import (
     ContactDetector,
@@ -23,10 +26,104 @@ from robot_dynamics.monitoring.contact_levels import (
     learn_contact_levels,
 )
 from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
 from robots import arm_without_gripper
 from scipy import stats
-from unseen_motion import alarms, difference, filtered, random_moves, RATE
+from scipy.signal import lfilter
 from wrong_arms import model_arm, true_arm
+
+
+def record_free_motion(folder: Path) -> None:
+    """Write the recording `bag` of 70 s without contact, with noise, and `arm.urdf`."""
+    arm = load_arm(default_arm_urdf())
+    states = moves_with_pauses(arm, 100.0, 70.0)
+    effort = ArmDynamics(arm).inverse_dynamics_batch(states.q, states.v, states.a)
+    effort += np.random.default_rng(0).normal(size=effort.shape)
+    stamps = START_NS + np.round(1e9 * states.times).astype(np.int64)
+    write_recording(folder / 'bag', encoded(
+        stamps, arm.joint_names, states.q, states.v, effort))
+    (folder / 'arm.urdf').write_text(default_arm_urdf())
+
+
+def run_verb(folder: Path, *words: str) -> int:
+    """Run the verb on this recording; return its exit status."""
+    return run('learn_contact_levels', make_parser().parse_args([
+        'learn_contact_levels', str(folder / 'bag'), '--urdf', str(folder / 'arm.urdf'), *words]))
+
+
+# --- hours without contact, fast -----------------------------------------------------------------
+
+# The effort of the arm differs from that of the model by masses, friction with presliding, and
+# noise. The observer passes this difference through its filter of first order
+# (`test_external_effort.py`); that of the rigid bodies, which is smooth, is interpolated.
+
+RATE = 100.0
+BANDWIDTH = 10.0
+COARSE = 4
+"""Samples between two at which the rigid bodies are computed."""
+PRESLIDING = 0.002
+"""[rad]"""
+
+
+class Motion(NamedTuple):
+    """Minimum-jerk moves with pauses, each (m, n), and the measured effort."""
+
+    q: FloatArray
+    v: FloatArray
+    a: FloatArray
+
+
+def random_moves(arm: ArmModel, seconds: float, rng: np.random.Generator) -> Motion:
+    """Return moves between random positions, at up to the velocity limits, with pauses."""
+    n = arm.joint_count
+    lower, upper = (np.clip(each, -2.5, 2.5) for each in (arm.limits.lower, arm.limits.upper))
+    speed = np.where(
+        np.isfinite(arm.limits.velocity) & (arm.limits.velocity > 0.0), arm.limits.velocity, 2.0)
+    pieces, count, at = [], 0, 0.5 * (lower + upper)
+    while count < seconds * RATE:
+        goal = rng.uniform(0.75 * lower + 0.25 * upper, 0.25 * lower + 0.75 * upper, n)
+        moves = rng.uniform(size=n) < 0.7
+        d = np.where(moves, goal - at, 0.0)
+        T = max(0.5, float((1.875 * np.abs(d) / speed).max()) / rng.uniform(0.2, 0.9))
+        s = np.arange(0.0, 1.0, 1.0 / (T * RATE))[:, None]
+        piece = [at + d * s**3 * (10.0 - 15.0 * s + 6.0 * s**2),
+                 d / T * 30.0 * s**2 * (1.0 - s)**2,
+                 d / T**2 * 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)]
+        at = at + d
+        rest = np.zeros((int(rng.uniform(0.0, 1.0) * RATE), n))
+        pieces.append([np.concatenate(each) for each in zip(piece, (rest + at, rest, rest))])
+        count += len(pieces[-1][0])
+    return Motion(*(np.concatenate(each)[:round(seconds * RATE)] for each in zip(*pieces)))
+
+
+def difference(
+    model: ArmModel, true: ArmModel, motion: Motion, rng: np.random.Generator,
+) -> FloatArray:
+    """Return measured effort − effort of the model (m, n), with noise."""
+    coarse = [each[::COARSE] for each in motion]
+    bodies = [RigidBody(arm).inverse_dynamics_batch(*coarse) for arm in (true, model)]
+    k, places = np.arange(len(motion.q)), np.arange(0, len(motion.q), COARSE)
+    rigid = np.stack([np.interp(k, places, each) for each in (bodies[0] - bodies[1]).T], axis=1)
+    z = presliding_state(motion.q, motion.v, np.full(model.joint_count, PRESLIDING))
+    smooth = smooth_sign(motion.v, 0.01)
+    friction = true.friction.viscous * motion.v + true.friction.coulomb * z - (
+        model.friction.viscous * motion.v + model.friction.coulomb * smooth)
+    noise = model.uncertainty.noise(0.5 * RATE, 1.0 / RATE) * rng.normal(size=rigid.shape)
+    return np.asarray(rigid + friction + noise)
+
+
+def filtered(effort: FloatArray) -> FloatArray:
+    """Return the estimate of the observer (m, n) of an external effort of −`effort`."""
+    fraction = -np.expm1(-2.0 * np.pi * BANDWIDTH / RATE)
+    return np.asarray(lfilter([fraction], [1.0, fraction - 1.0], -effort, axis=0))
+
+
+def alarms(levels: ContactLevels, v: FloatArray, r: FloatArray) -> int:
+    """Return the number of contacts, which 0.5 s below the levels end, fast."""
+    rows = np.flatnonzero((np.abs(r) > levels.at(v)).any(axis=1))
+    return int(np.sum(np.diff(rows) >= 0.5 * RATE - 0.5)) + bool(len(rows))
+
 
 ARMS = 'default', 'ur10', 'panda'
 EXACT_ARMS = {name: arm_without_gripper(name) for name in ARMS}

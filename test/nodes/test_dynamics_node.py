@@ -4,6 +4,7 @@
 """The topics of `dynamics`: joint states and references in, efforts and references out."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 import threading
 import time
 from typing import Any
@@ -20,12 +21,69 @@ from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from ros_harness import DYNAMICS, EXACT, NodeProcess, RosClient, TIMEOUT, UNHURRIED
+from ros_harness import Collector, DYNAMICS, EXACT, NodeProcess, RosClient, TIMEOUT, UNHURRIED
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 from std_msgs.msg import Float64MultiArray
-from topic_bench import Bench, G, make_bench, NAMES, Q, TAU, V
-from trajectory_msgs.msg import JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+NAMES = ['joint1', 'joint2']
+Q, V = [np.pi / 4, np.pi / 6], [0.5, 0.3]
+G = [-49.52282521, -11.37087883]
+TAU = [-48.74713301, -10.95795578]
+
+
+@dataclass
+class Bench:
+    """A node, a publisher of its joint states, and collectors of the topics that it publishes."""
+
+    client: RosClient
+    node: NodeProcess
+    namespace: str
+    states: Any
+    trajectories: Any
+    efforts: Collector
+    gravity: Collector
+    computed_torque: Collector
+    next_second: int = 0
+
+    def state(self, q: Any = Q, v: Any = V, names: Any = None) -> JointState:
+        """
+        Return a joint state with a unique stamp.
+
+        Its default position changes from state to state: an arm in motion repeats no sample.
+        """
+        self.next_second += 1
+        if q is Q:
+            q = [each + 2.5e-16 * (self.next_second % 16) for each in Q]
+        message = JointState(name=names or NAMES, position=q, velocity=v)
+        message.header.stamp = Time(sec=self.next_second, nanosec=123_456_789)
+        return message
+
+    def command(self, state: JointState) -> Any:
+        """Return the effort command for a state."""
+        return self.client.answer_to(self.states, state, self.efforts)
+
+    def topic(self, name: str) -> str:
+        return f'{self.namespace}/{name}'
+
+    def follow(self, point: JointTrajectoryPoint) -> None:
+        """Send a set-point."""
+        self.trajectories.publish(JointTrajectory(joint_names=NAMES, points=[point]))
+
+
+def make_bench(client: RosClient, node: NodeProcess, namespace: str) -> Bench:
+    efforts, gravity, computed_torque = (
+        client.collect(JointState, f'{namespace}/{topic}') for topic in (
+            'effort_command', 'dynamics/gravity_compensation', 'dynamics/computed_torque'))
+    for collector in (efforts, gravity, computed_torque):
+        collector.wait_matched()
+    return Bench(
+        client, node, namespace,
+        client.publisher(JointState, f'{namespace}/joint_states', 1),
+        client.publisher(JointTrajectory, f'{namespace}/dynamics/joint_trajectory'),
+        efforts, gravity, computed_torque)
+
 
 START = 10_000_000_000_789
 """When the trajectory begins [ns], by the stamps of the joint states."""

@@ -33,7 +33,7 @@ def runge_kutta(
 ])
 def test_mujocos_motion_converges_to_ours_with_its_order(name, viscous, steps, bound):
     urdf = robot_urdf(name)
-    arm, mujoco = load_arm(urdf), MujocoEngine(urdf, (0.0, 0.0, -9.81))
+    arm, mujoco = load_arm(urdf), MujocoEngine(urdf)
     assert mujoco.joint_names == list(arm.joint_names)
     arm = arm.with_friction(make_friction(arm.joint_names, viscous=viscous))
     mujoco.model.dof_damping[mujoco.velocity] = viscous

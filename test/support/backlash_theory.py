@@ -74,16 +74,14 @@ def swing(duration: float) -> Way:
     return Way(*np.array(rows).T)
 
 
-def feed_back(duration: float, gap: float = 2.0 * HALF_GAP, joint_side: bool = True,
-              start: float = 0.1) -> Way:
-    """Return the motion back to 0 with integral action on the joint position or motor position."""
+def feed_back(duration: float, gap: float = 2.0 * HALF_GAP, start: float = 0.1) -> Way:
+    """Return the motion back to 0 with integral action on the joint position."""
     simulation, rows, integral = ArmSimulation(arm(gap, CYCLE_DRAG), (start,)), [], 0.0
     simulation.release()
     for k in range(round(duration / PERIOD)):
-        theta, omega = simulation.motor_state
-        measured = simulation.q if joint_side else theta
-        integral -= float(measured[0]) * PERIOD
-        simulation.step(K_I * integral - K_P * measured - K_D * omega, PERIOD)
+        integral -= float(simulation.q[0]) * PERIOD
+        simulation.step(
+            K_I * integral - K_P * simulation.q - K_D * simulation.motor_state.velocity, PERIOD)
         rows.append(((k + 1) * PERIOD, simulation.motor_state.position[0], simulation.q[0]))
     return Way(*np.array(rows).T)
 

@@ -28,8 +28,6 @@ ROBOTS = tuple(POSES)
 ROTORS = 0.005
 """[kg·m²] per N·m of the effort limit of a joint, which is usual for harmonic drives."""
 LARGEST_LIMIT = 300.0
-WALL_STIFFNESS = (1e4, 1e5, 1e6)
-"""[N/m]"""
 DEPTH = 0.03
 """[m] of the reference behind the wall, and of the start before it."""
 DIVERGED = 100.0

@@ -73,9 +73,9 @@ def regular(t: FloatArray, rate: int) -> FloatArray:
     return np.arange(0.0, t[-1], 1.0 / rate)
 
 
-def at_rest(rng: np.random.Generator, rate: int, seconds: float = 3.0) -> States:
-    """Return states at rest whose last digits change with every sample."""
-    m = int(seconds * rate)
+def at_rest(rng: np.random.Generator, rate: int) -> States:
+    """Return states at rest for 3 s whose last digits change with every sample."""
+    m = 3 * rate
     return States(
         SECOND + np.round(1e9 * np.arange(m) / rate).astype(np.int64),
         0.2 + rng.normal(0.0, 1e-5, (m, N)), rng.normal(0.0, 0.01, (m, N)))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 import zlib
 
-from engines import Array, DrakeEngine, Engine, MOVING, MujocoEngine, Projected, Wrench
+from engines import Array, DrakeEngine, Engine, MOVING, MujocoEngine, Projected
 import numpy as np
 from robot_dynamics.model import ArmModel, ExternalWrench, load_arm, Payload, RigidBody
 from robots import robot_urdf
@@ -25,7 +25,6 @@ from robots import robot_urdf
 # in the same tree as a lift, the condition number of M is above 10⁶.
 TOLERANCE = 1e-11
 MOTION_TOLERANCE = 1e-9
-DOWN = (0.0, 0.0, -9.81)
 ENGINES: dict[str, type[Engine]] = {'mujoco': MujocoEngine, 'drake': DrakeEngine}
 
 # Links with negative principal moments, or with one of them above the sum of the others. MuJoCo
@@ -195,12 +194,11 @@ class Case:
 
 
 def make_case(
-    engine: str, urdf: str, *, joints: Sequence[str] = (), gravity: Sequence[float] = DOWN,
-    theirs: str = '', damping: bool = False,
+    engine: str, urdf: str, *, joints: Sequence[str] = (), theirs: str = '', damping: bool = False,
 ) -> Case:
     """Return an arm and the engine of one description, or of the description `theirs`."""
-    arm = load_arm(urdf, joints, gravity)
-    reference = ENGINES[engine](theirs or urdf, gravity, damping)
+    arm = load_arm(urdf, joints)
+    reference = ENGINES[engine](theirs or urdf, damping)
     projection = tree_map(urdf, arm.joint_names, reference.joint_names)
     return Case(arm, RigidBody(arm), Projected(reference, *projection), generator(urdf))
 
@@ -220,10 +218,6 @@ def generator(urdf: str) -> np.random.Generator:
     return np.random.default_rng(zlib.crc32(urdf.encode()))
 
 
-def wrenches_of(wrenches: Sequence[ExternalWrench]) -> list[Wrench]:
-    return [Wrench(w.link, w.force, w.torque) for w in wrenches]
-
-
 def assert_near(actual: Array | float, reference: Array | float, what: str) -> None:
     """Compare max |actual − reference| relative to max |reference|."""
     assert np.shape(actual) == np.shape(reference)
@@ -235,7 +229,7 @@ def assert_near(actual: Array | float, reference: Array | float, what: str) -> N
 
 
 def assert_same_motion(
-    a: Array, reference: Projected, state: State, wrenches: Sequence[Wrench] = (),
+    a: Array, reference: Projected, state: State, wrenches: Sequence[ExternalWrench] = (),
 ) -> None:
     """Compare accelerations by the efforts that they need."""
     q, v, _, tau = state

@@ -6,11 +6,10 @@ Two independent engines, MuJoCo and Drake, behind one interface: the reference o
 
 Nothing here uses `robot_dynamics` or Pinocchio. An engine computes with all movable joints of
 the tree, including mimic joints as independent ones; `Projected` maps them to actuated joints.
-Conventions are those of the manipulator equation M a + C v + g − Jᵀ f = tau; a wrench acts on a
-link at its origin, in its frame.
+Conventions are those of the manipulator equation M a + C v + g − Jᵀ f = tau. A wrench has a
+link, a force (3,) [N] and a torque (3,) [N·m], which act at the origin of the link, in its frame.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 import importlib
 import math
@@ -23,14 +22,7 @@ from robots import missing
 
 Array = npt.NDArray[np.float64]
 MOVING = ('revolute', 'continuous', 'prismatic')
-
-
-class Wrench(NamedTuple):
-    """Force (3,) [N] and torque (3,) [N·m] on a link, at its origin and in its frame."""
-
-    link: str
-    force: Array
-    torque: Array
+GRAVITY = (0.0, 0.0, -9.81)
 
 
 class PointMotion(NamedTuple):
@@ -68,34 +60,21 @@ def bare_urdf(urdf: str, damping: bool) -> ElementTree.Element:
     return bare
 
 
-class Engine(ABC):
+class Engine:
     """
     Dynamics of the whole tree; vectors are (m,) in the order of `joint_names`.
 
+    An engine builds its model from `self.bare`, and has `inverse_dynamics`, `forward_dynamics`,
+    `mass_matrix`, `kinetic_energy`, `potential_energy`, and the `point_motion` of a point in the
+    frame of its link.
     With `damping`, forward and inverse dynamics include D v with the damping of the description.
     """
 
-    def __init__(self, urdf: str, gravity: Sequence[float], damping: bool = False) -> None:
+    def __init__(self, urdf: str, damping: bool = False) -> None:
         self.bare = bare_urdf(urdf, damping)
         joints = self.bare.findall('joint')
         self.joint_names = [j.attrib['name'] for j in joints if j.attrib['type'] in MOVING]
-        self.build(gravity)
-
-    @abstractmethod
-    def build(self, gravity: Sequence[float]) -> None:
-        """Build the model of the engine from `self.bare`."""
-
-    @abstractmethod
-    def inverse_dynamics(
-        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
-        """Return M a + C v + g − Jᵀ f."""
-
-    @abstractmethod
-    def mass_matrix(self, q: Array) -> Array: ...
-
-    @abstractmethod
-    def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
-        """Return the motion of a point, which is given in the frame of its link."""
+        self.build()
 
     def gravity(self, q: Array) -> Array:
         return self.inverse_dynamics(q, 0.0 * q, 0.0 * q)
@@ -104,7 +83,7 @@ class Engine(ABC):
         """Return C v."""
         return self.inverse_dynamics(q, v, 0.0 * q) - self.gravity(q)
 
-    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+    def external(self, q: Array, wrenches: Sequence[Any]) -> Array:
         """Return −Jᵀ f."""
         return self.inverse_dynamics(q, 0.0 * q, 0.0 * q, wrenches) - self.gravity(q)
 
@@ -136,14 +115,14 @@ class Engine(ABC):
 class MujocoEngine(Engine):
     """MuJoCo, with its constraint solver off and its bounds on mass and inertia unset."""
 
-    def build(self, gravity: Sequence[float]) -> None:
+    def build(self) -> None:
         self.mj = load('mujoco', 'mujoco')
         options = ElementTree.SubElement(self.bare, 'mujoco')
         ElementTree.SubElement(options, 'compiler', {
             'fusestatic': 'false', 'discardvisual': 'true', 'balanceinertia': 'false'})
         self.model = self.mj.MjModel.from_xml_string(
             ElementTree.tostring(self.bare, encoding='unicode'))
-        self.model.opt.gravity = gravity
+        self.model.opt.gravity = GRAVITY
         self.model.opt.disableflags = self.mj.mjtDisableBit.mjDSBL_CONSTRAINT
         self.model.opt.enableflags = self.mj.mjtEnableBit.mjENBL_ENERGY
         self.data = self.mj.MjData(self.model)
@@ -159,13 +138,13 @@ class MujocoEngine(Engine):
             data.qvel[self.velocity] = v
         return data
 
-    def _world(self, wrench: Wrench) -> tuple[int, Any, Any]:
+    def _world(self, wrench: Any) -> tuple[int, Any, Any]:
         body = self.model.body(wrench.link).id
         rotation = self.data.xmat[body].reshape(3, 3)
         return body, rotation @ wrench.force, rotation @ wrench.torque
 
     def inverse_dynamics(
-        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Any] = ()) -> Array:
         data = self._set(q, v)
         data.qacc[self.velocity] = a
         self.mj.mj_inverse(self.model, data)
@@ -173,7 +152,7 @@ class MujocoEngine(Engine):
         return np.asarray(tau + self.external(q, wrenches) if wrenches else tau)
 
     def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
         data = self._set(q, v)
         data.qfrc_applied[self.velocity] = tau
         self.mj.mj_kinematics(self.model, data)
@@ -205,7 +184,7 @@ class MujocoEngine(Engine):
             place, rotation, J.reshape(6, n)[:, self.velocity],
             J_dot.reshape(6, n)[:, self.velocity] @ v)
 
-    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
+    def external(self, q: Array, wrenches: Sequence[Any]) -> Array:
         data = self._set(q)
         self.mj.mj_forward(self.model, data)
         pushed = np.zeros(self.model.nv)
@@ -233,7 +212,7 @@ class DrakeEngine(Engine):
     Its parser replaces a physically impossible inertia of a link, and only warns.
     """
 
-    def build(self, gravity: Sequence[float]) -> None:
+    def build(self) -> None:
         multibody = load('pydrake.multibody.plant', 'drake')
         parsing = load('pydrake.multibody.parsing', 'drake')
         self.tree = load('pydrake.multibody.tree', 'drake')
@@ -247,7 +226,7 @@ class DrakeEngine(Engine):
         root, = links - children
         if root != 'world':
             self.plant.WeldFrames(self.plant.world_frame(), self._body(root).body_frame())
-        self.plant.mutable_gravity_field().set_gravity_vector(gravity)
+        self.plant.mutable_gravity_field().set_gravity_vector(GRAVITY)
         self.plant.Finalize()
         self.context = self.plant.CreateDefaultContext()
         joints = [self.plant.GetJointByName(name) for name in self.joint_names]
@@ -269,25 +248,24 @@ class DrakeEngine(Engine):
         return self.context
 
     def inverse_dynamics(
-        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Any] = ()) -> Array:
         context = self._set(q, v)
         forces = self.tree.MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(context, forces)
-        for link, force, torque in wrenches:
-            body = self._body(link)
-            body.AddInForce(
-                context, np.zeros(3), self.force_of(torque, force), body.body_frame(), forces)
+        for wrench in wrenches:
+            body, force = self._body(wrench.link), self.force_of(wrench.torque, wrench.force)
+            body.AddInForce(context, np.zeros(3), force, body.body_frame(), forces)
         tau = self.plant.CalcInverseDynamics(context, self._full(a, self.velocity), forces)
         return np.asarray(tau[self.velocity])
 
     def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
         context, applied = self._set(q, v), []
-        for link, force, torque in wrenches:
-            push = self.applied()
-            push.body_index, push.p_BoBq_B = self._body(link).index(), np.zeros(3)
-            rotation = self.plant.EvalBodyPoseInWorld(context, self._body(link)).rotation()
-            push.F_Bq_W = self.force_of(rotation.matrix() @ torque, rotation.matrix() @ force)
+        for wrench in wrenches:
+            push, body = self.applied(), self._body(wrench.link)
+            push.body_index, push.p_BoBq_B = body.index(), np.zeros(3)
+            R = self.plant.EvalBodyPoseInWorld(context, body).rotation().matrix()
+            push.F_Bq_W = self.force_of(R @ wrench.torque, R @ wrench.force)
             applied.append(push)
         self.plant.get_applied_spatial_force_input_port().FixValue(context, applied)
         self.plant.get_applied_generalized_force_input_port().FixValue(
@@ -317,7 +295,7 @@ class DrakeEngine(Engine):
         return float(self.plant.CalcPotentialEnergy(self._set(q)))
 
 
-class Projected:
+class Projected(Engine):
     """An engine in actuated joints: q_tree = G q + q0; efforts are mapped back with Gᵀ."""
 
     def __init__(self, engine: Engine, G: Array, q0: Array) -> None:
@@ -330,12 +308,12 @@ class Projected:
         return self.G @ q + self.q0
 
     def inverse_dynamics(
-        self, q: Array, v: Array, a: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, a: Array, wrenches: Sequence[Any] = ()) -> Array:
         return self.G.T @ self.engine.inverse_dynamics(
             self.tree(q), self.G @ v, self.G @ a, wrenches)
 
     def forward_dynamics(
-        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Wrench] = ()) -> Array:
+        self, q: Array, v: Array, tau: Array, wrenches: Sequence[Any] = ()) -> Array:
         G = self.G
         if self.whole:
             return G.T @ self.engine.forward_dynamics(self.tree(q), G @ v, G @ tau, wrenches)
@@ -348,15 +326,6 @@ class Projected:
     def point_motion(self, q: Array, v: Array, link: str, point: Array) -> PointMotion:
         motion = self.engine.point_motion(self.tree(q), self.G @ v, link, point)
         return motion._replace(jacobian=motion.jacobian @ self.G)
-
-    def coriolis(self, q: Array, v: Array) -> Array:
-        return self.G.T @ self.engine.coriolis(self.tree(q), self.G @ v)
-
-    def gravity(self, q: Array) -> Array:
-        return self.G.T @ self.engine.gravity(self.tree(q))
-
-    def external(self, q: Array, wrenches: Sequence[Wrench]) -> Array:
-        return self.G.T @ self.engine.external(self.tree(q), wrenches)
 
     def kinetic_energy(self, q: Array, v: Array) -> float:
         return self.engine.kinetic_energy(self.tree(q), self.G @ v)

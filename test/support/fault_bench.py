@@ -241,7 +241,7 @@ class FaultBench:
                 if status.name == f'{self.namespace}/dynamics: {check}']
 
     def wait_status(
-        self, check: str, predicate: Callable[[DiagnosticStatus], bool], timeout: float = TIMEOUT,
+        self, check: str, predicate: Callable[[DiagnosticStatus], bool],
     ) -> DiagnosticStatus:
         """Return the first status of a check, starting with the newest, that fulfils this."""
         newest = self.status(check)
@@ -254,7 +254,7 @@ class FaultBench:
             found[:] = filter(predicate, self._statuses(message, check))
             return bool(found)
 
-        self._diagnostics.wait_for(look, timeout)
+        self._diagnostics.wait_for(look)
         return found[0]
 
     def figure(self, check: str, key: str) -> int:

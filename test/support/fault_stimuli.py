@@ -23,6 +23,7 @@ from fault_bench import (
 import numpy as np
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 RATE = np.array([1500.0, 600.0])
 """`effort_rate_limit` of the default arm by default [N·m/s]: its effort limits in 0.1 s."""
@@ -62,13 +63,7 @@ def shifted(seconds: float) -> Change:
 
 def stamped(nanoseconds: int) -> Change:
     """Return a change that gives all states the same stamp."""
-    return lambda message: altered_stamp(message, nanoseconds)
-
-
-def altered_stamp(message: JointState, nanoseconds: int) -> JointState:
-    """Return a state with another stamp."""
-    message.header.stamp = stamp_of(nanoseconds)
-    return message
+    return altered(header=Header(stamp=stamp_of(nanoseconds)))
 
 
 class Swing:
@@ -100,26 +95,22 @@ def follow(bench: FaultBench, q: Sequence[float]) -> None:
     bench.wait_message('reference', 'following')
 
 
-def move_by_hand(
-    bench: FaultBench, q: Sequence[float], has_velocity: bool = True, speed: float = 1.5,
-) -> None:
-    """Make the driver report a smooth motion to q, with its velocities or without, and a rest."""
+def move_by_hand(bench: FaultBench, q: Sequence[float]) -> None:
+    """Make the driver report a smooth motion to q at up to 1.5 rad/s on average, and a rest."""
     begin, way = np.array(bench.driver.q), np.subtract(q, bench.driver.q)
-    start, duration = time.time_ns(), max(float(np.abs(way).max()) / speed, 0.02)
+    start, duration = time.time_ns(), max(float(np.abs(way).max()) / 1.5, 0.02)
 
     def moved(message: JointState) -> JointState:
         t = min(max(1e-9 * (nanoseconds_of(message.header.stamp) - start) / duration, 0.0), 1.0)
         message.position = (begin + (10.0 - 15.0 * t + 6.0 * t**2) * t**3 * way).tolist()
-        message.velocity = (
-            30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist() if has_velocity else []
+        message.velocity = (30.0 * t**2 * (1.0 - t)**2 / duration * way).tolist()
         return message
 
     bench.driver.change = moved
     wait_until(lambda: time.time_ns() - start > 1e9 * duration, 'the motion')
     wait_states(bench, 2)
     bench.driver.q = list(q)
-    if has_velocity:
-        bench.driver.change = lambda message: message
+    bench.driver.change = lambda message: message
     wait_states(bench, 2)
 
 
@@ -134,7 +125,7 @@ def wait_agreement(bench: FaultBench) -> None:
     bench.wait_status('joint states', lambda status: 'velocity of' not in status.message)
 
 
-def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
+def overflow(bench: FaultBench) -> None:
     """
     Cause the fault `non_finite`, after which the driver pauses.
 
@@ -151,7 +142,7 @@ def overflow(bench: FaultBench, velocity: float = 1e200) -> None:
         if time.monotonic() < pauses_until:
             return None
         pauses_until = time.monotonic() + 2.0 * PAUSE
-        message.velocity = [velocity] * len(message.name)
+        message.velocity = [1e200] * len(message.name)
         return message
 
     bench.driver.stream_changed(after_pauses)
@@ -198,16 +189,14 @@ def another_publisher(bench: FaultBench, change: Change, **driver: Any) -> Itera
 class SetPoints:
     """A stream of set-points from a thread; its `with` statement ends it."""
 
-    def __init__(
-        self, bench: FaultBench, next_pose: Callable[[], Sequence[float]], rate: float = 50.0,
-    ) -> None:
-        self._bench, self._next_pose, self._period = bench, next_pose, 1.0 / rate
+    def __init__(self, bench: FaultBench, next_pose: Callable[[], Sequence[float]]) -> None:
+        self._bench, self._next_pose = bench, next_pose
         self.sent, self.last = 0, 0.0
         self._ends = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def _run(self) -> None:
-        while not self._ends.wait(self._period):
+        while not self._ends.wait(0.02):
             self.last = time.monotonic()
             self._bench.set_point(self._next_pose())
             self.sent += 1

@@ -26,15 +26,10 @@ class DriverProcess:
     """A driver process for a `FaultBench`; only one process runs at a time."""
 
     def __init__(
-        self, _: RosClient, topic: str, names: Sequence[str] = NAMES,
-        q: Sequence[float] = Q, v: Sequence[float] = V, rate: float = 200.0,
-        prefix: Sequence[str] = (),
+        self, _: RosClient, topic: str, rate: float = 200.0, prefix: Sequence[str] = (),
     ) -> None:
         """Prepare the process without starting it; `prefix` is a command that runs a command."""
-        self.names, self.q = list(names), list(q)
-        self._parameters = {
-            'names': self.names, 'position': list(map(float, q)),
-            'velocity': list(map(float, v)), 'rate': rate}
+        self.names, self.q, self._rate = NAMES, Q, rate
         self._topic, self._prefix = topic, prefix
         self._process: NodeProcess | None = None
         self._stands = False
@@ -42,7 +37,7 @@ class DriverProcess:
     def start(self) -> 'DriverProcess':
         """Start the process; do not wait for it."""
         self._process = NodeProcess(
-            Path(__file__).stem, self._parameters, remaps={'joint_states': self._topic},
+            Path(__file__).stem, {'rate': self._rate}, remaps={'joint_states': self._topic},
             environment=NO_SHARED_MEMORY, ready=re.compile('Streaming'),
             prefix=self._prefix).launch()
         return self
@@ -78,14 +73,9 @@ def main() -> None:
     """Publish joint states until a signal ends the process."""
     rclpy.init()
     node = rclpy.create_node('driver', automatically_declare_parameters_from_overrides=True)
-
-    def parameter(name: str) -> object:
-        return node.get_parameter(name).value
-
     publisher = node.create_publisher(JointState, 'joint_states', 1)
-    message = JointState(
-        name=parameter('names'), position=parameter('position'), velocity=parameter('velocity'))
-    period = 1.0 / float(str(parameter('rate')))
+    message = JointState(name=NAMES, position=Q, velocity=V)
+    period = 1.0 / node.get_parameter('rate').value
     node.get_logger().info('Streaming')
     due = time.monotonic()
     try:

@@ -18,12 +18,7 @@ import numpy as np
 from request_bench import answer_lines, ClientProcess
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
-from robot_dynamics_interfaces.srv import (
-    InverseDynamics,
-    InverseDynamicsBatch,
-    InverseDynamicsTrajectory,
-    SetPayload,
-)
+from robot_dynamics_interfaces import srv
 from ros_harness import RosClient, TIMEOUT
 from simulated_arms import default_dynamics
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -57,19 +52,19 @@ class Answer(NamedTuple):
 def batch() -> Large:
     q, v, a = np.random.default_rng(1).uniform(-3.0, 3.0, (3, SAMPLES, 2))
     return Large(
-        'inverse_dynamics_batch', InverseDynamicsBatch, InverseDynamicsBatch.Request(
+        'inverse_dynamics_batch', srv.InverseDynamicsBatch, srv.InverseDynamicsBatch.Request(
             position=floats_to_ros(q), velocity=floats_to_ros(v), acceleration=floats_to_ros(a)),
         lambda response: np.allclose(
             np.reshape(response.effort, (-1, 2)), DYNAMICS.inverse_dynamics_batch(q, v, a)))
 
 
 def names() -> Large:
-    return Large('inverse_dynamics', InverseDynamics, InverseDynamics.Request(
+    return Large('inverse_dynamics', srv.InverseDynamics, srv.InverseDynamics.Request(
         joint_names=[f'joint{i}' for i in range(1, 200_001)], position=[0.0] * 200_000))
 
 
 def link_name() -> Large:
-    return Large('set_payload', SetPayload, SetPayload.Request(
+    return Large('set_payload', srv.SetPayload, srv.SetPayload.Request(
         payload=payload_to_ros(make_payload('x' * 10_000_000, 1.0))))
 
 
@@ -80,8 +75,8 @@ def points() -> Large:
             time_from_start=Duration(sec=i)) for i in range(POINTS)])
     gravity = DYNAMICS.rigid_body.gravity(np.array([1.0, 0.5]))
     return Large(
-        'inverse_dynamics_trajectory', InverseDynamicsTrajectory,
-        InverseDynamicsTrajectory.Request(trajectory=path),
+        'inverse_dynamics_trajectory', srv.InverseDynamicsTrajectory,
+        srv.InverseDynamicsTrajectory.Request(trajectory=path),
         lambda response: np.allclose(
             [point.effort for point in response.trajectory.points], gravity))
 

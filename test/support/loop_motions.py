@@ -29,13 +29,12 @@ def loaded(mass: float, name: str = 'default', link: str = 'tool0') -> ArmModel:
     return arm_named(name).with_payloads([make_payload(link, mass)])
 
 
-def in_motion(name: str = 'default', way: float = 1.0, after: float = 0.5, **more: float) -> (
-        LockStep):
+def in_motion(name: str = 'default', **more: float) -> LockStep:
     """Return an arm in a motion of all joints at about half of their velocity limits."""
     one = LockStep(arm_named(name), q=place(name), **more)  # type: ignore[arg-type]
     one.run(0.1)
-    one.follow(one.q + way * directions(len(one.q)))
-    assert one.run(after).speed[-1] > 0.5
+    one.follow(one.q + directions(len(one.q)))
+    assert one.run(0.5).speed[-1] > 0.5
     return one
 
 

@@ -10,11 +10,11 @@ BOX = '<collision><geometry><box size="0.1 0.1 1"/></geometry></collision>'
 LIMIT = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
 
 
-def inertial(mass=1.0, moments=(0.1, 0.1, 0.002), xyz='0 0 0', products=(0.0, 0.0, 0.0)):
-    (xx, yy, zz), (xy, xz, yz) = moments, products
+def inertial(mass=1.0, moments=(0.1, 0.1, 0.002), xyz='0 0 0'):
+    xx, yy, zz = moments
     return (
         f'<inertial><origin xyz="{xyz}"/><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" '
-        f'izz="{zz}" ixy="{xy}" ixz="{xz}" iyz="{yz}"/></inertial>')
+        f'izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>')
 
 
 def arm_of(link=None, limit=LIMIT, kind='revolute', more='', axis='0 1 0', geometry=BOX):

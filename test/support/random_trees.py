@@ -157,7 +157,7 @@ def random_inertial(rng: np.random.Generator) -> str:
         f'izz="{mass * (a*a + b*b) / 12!r}" ixy="0" ixz="0" iyz="0"/></inertial>')
 
 
-def random_urdf(rng: np.random.Generator, mimic: bool = True) -> str:
+def random_urdf(rng: np.random.Generator) -> str:
     """
     Return a tree with every kind of joint, mimics of mimics, and links without inertia.
 
@@ -177,7 +177,7 @@ def random_urdf(rng: np.random.Generator, mimic: bool = True) -> str:
         links.append(f'<link name="link{i + 1}">{random_inertial(rng) if heavy else ""}</link>')
         lower = rng.uniform(-3.0, 0.5)
         follows = ''
-        if mimic and kind != 'fixed' and i > 0 and rng.random() < 0.35:
+        if kind != 'fixed' and i > 0 and rng.random() < 0.35:
             leader = names[int(rng.choice([j for j in moving if j < i]))]
             follows = (f'<mimic joint="{leader}" multiplier="{rng.uniform(-2, 2)!r}" '
                        f'offset="{rng.uniform(-1, 1)!r}"/>')

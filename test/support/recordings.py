@@ -50,11 +50,11 @@ def recording_path(name, directory):
 class KnownMotion:
     """Two sines about `rest` at each joint of an arm, with the effort of inverse dynamics."""
 
-    def __init__(self, seconds=12.0, rate=RATE, urdf=None, seed=0, rest=0.0):
+    def __init__(self, seconds=12.0, rate=RATE, urdf=None, rest=0.0):
         self.arm = load_arm(urdf or default_arm_urdf())
         self.names = self.arm.joint_names
         t = np.arange(0.0, seconds, 1.0 / rate)
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(0)
         q, v, a = np.zeros((3, len(t), len(self.names)))
         for w in 2.0 * np.pi * np.array([0.2, 0.5]):
             amplitude, phase = rng.uniform(0.1, 0.3, len(self.names)), rng.uniform(

@@ -6,14 +6,14 @@ Stand-ins for the parts of ros2_control that this package communicates with.
 
 There are no wheels of ros2_control to install. The stand-ins are written in rclpy after the
 sources of ros2_controllers and of joint_state_topic_hardware_interface; they do not test those
-packages. One process runs three nodes in a loop of `update_rate`, as a controller manager does:
+packages. One process runs three nodes in a loop of 100 Hz, as a controller manager does:
 
 - the hardware component `JointStateTopicSystem`: it publishes a command, stamped with the time of
   publication, unless the summed distance from the state is at most
   `trigger_joint_command_threshold`; an unknown state or command is NaN, so that the
   distance is never within the threshold;
-- `joint_state_broadcaster`: all joints, stamped with the time of the update, with NaN for
-  position, velocity or effort if it is not in `state_interfaces`;
+- `joint_state_broadcaster`: all joints, stamped with the time of the update, with NaN for a
+  position, velocity or effort that is unknown;
 - `effort_controller`, a `JointGroupEffortController`: it keeps the last command of `~/commands`,
   has none (NaN) before the first, and writes 0 once at its deactivation. The service
   `~/set_active` stands for `switch_controller` of the controller manager.
@@ -55,7 +55,6 @@ def commanding(namespace: str) -> NodeProcess:
 
 def ros2_control(
     namespace: str, joints: Sequence[str], threshold: float = DEFAULT_THRESHOLD,
-    interfaces: Sequence[str] = INTERFACES, update_rate: float = 100.0,
 ) -> NodeProcess:
     """
     Return the process, not yet started; `joints` are in the order of the effort controller.
@@ -65,8 +64,7 @@ def ros2_control(
     """
     return NodeProcess(
         Path(__file__).stem,
-        {'joints': list(joints), 'state_interfaces': list(interfaces), 'update_rate': update_rate,
-         'trigger_joint_command_threshold': threshold},
+        {'joints': list(joints), 'trigger_joint_command_threshold': threshold},
         namespace=namespace, ready=re.compile('Updating'))
 
 
@@ -114,16 +112,13 @@ class Broadcaster(Node):
     def __init__(self, hardware: Hardware) -> None:
         super().__init__('joint_state_broadcaster')
         self._hardware = hardware
-        self._interfaces = self.declare_parameter('state_interfaces', STRINGS).value
         self._publisher = self.create_publisher(JointState, 'joint_states', 10)
 
     def update(self) -> None:
         """Publish one message."""
         states = self._hardware.states
         message = JointState(name=list(states), **{
-            interface: [
-                state[interface] if interface in self._interfaces else math.nan
-                for state in states.values()]
+            interface: [state[interface] for state in states.values()]
             for interface in INTERFACES})
         message.header.stamp = self.get_clock().now().to_msg()
         self._publisher.publish(message)
@@ -174,7 +169,7 @@ def main() -> None:
         controller.update()
         hardware.write()
 
-    hardware.create_timer(1.0 / hardware.declare_parameter('update_rate', 100.0).value, update)
+    hardware.create_timer(0.01, update)
     for node in (hardware, broadcaster, controller):
         executor.add_node(node)
     hardware.get_logger().info('Updating')

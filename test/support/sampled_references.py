@@ -75,13 +75,12 @@ def samples(one: ReferenceGenerator, start: float, end: float, count: int = 200)
 
 def stream(
     one: ReferenceGenerator, motion: Motion, h: float, end: float, with_v: bool,
-    measured: FloatArray = ZERO,
 ) -> Samples:
     """Send a set-point every h [s]; sample at least 4 times per period, and every 5 ms."""
     parts, count = [], max(4, round(h / 0.005))
     for i in range(round(end / h)):
         q, v = motion(i * h)
-        one.start(set_point(q, v if with_v else None), ns(i * h), measured, ZERO)
+        one.start(set_point(q, v if with_v else None), ns(i * h), ZERO, ZERO)
         parts.append(samples(one, i * h, (i + 1) * h - 1e-9, count))
     return Samples(*(np.concatenate(x) for x in zip(*parts)))
 

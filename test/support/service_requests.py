@@ -10,33 +10,16 @@ from disturbances import wrench
 from geometry_msgs.msg import Point
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.ros.middleware.conversions import payload_to_ros
-from robot_dynamics_interfaces.srv import (
-    EstimatePayload,
-    ForwardDynamics,
-    InverseDynamics,
-    InverseDynamicsBatch,
-    InverseDynamicsTrajectory,
-    ManipulatorEquation,
-    RetimeTrajectory,
-    SetPayload,
-    TaskSpace,
-)
+from robot_dynamics_interfaces import srv
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 NAN = float('nan')
 SERVICES: dict[str, Any] = {
-    'inverse_dynamics': InverseDynamics,
-    'inverse_dynamics_batch': InverseDynamicsBatch,
-    'inverse_dynamics_trajectory': InverseDynamicsTrajectory,
-    'retime_trajectory': RetimeTrajectory,
-    'forward_dynamics': ForwardDynamics,
-    'manipulator_equation': ManipulatorEquation,
-    'task_space': TaskSpace,
-    'set_payload': SetPayload,
-    'estimate_payload': EstimatePayload,
-}
+    name: getattr(srv, name.title().replace('_', '')) for name in (
+        'inverse_dynamics', 'inverse_dynamics_batch', 'inverse_dynamics_trajectory',
+        'retime_trajectory', 'forward_dynamics', 'manipulator_equation', 'task_space',
+        'set_payload', 'estimate_payload')}
 Q = (math.pi / 4, math.pi / 6)
-
 
 BAD_STATES: list[tuple[dict[str, Any], str]] = [
     ({}, 'position has 0 values, expected 2'),

@@ -10,10 +10,8 @@ import time
 
 import numpy as np
 from own_process import own_process, OwnProcess
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.ros.dynamics.node import DynamicsNode
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -33,11 +31,9 @@ class SteppedNode:
 
     def __init__(self, process: OwnProcess) -> None:
         self.namespace = process.namespace
-        self.node = DynamicsNode(
-            context=process.context, namespace=process.namespace, parameter_overrides=[
-                Parameter(name, value=value) for name, value in {
-                    'robot_description': chain(JOINTS), 'effort_check': False,
-                    'state_timeout': 60.0, 'state_max_age': 60.0}.items()])
+        self.node = process.dynamics(
+            robot_description=chain(JOINTS), effort_check=False, state_timeout=60.0,
+            state_max_age=60.0)
         self._stamp = time.time_ns()
         self._data = bytearray(serialize_message(
             JointState(name=NAMES, position=[0.1] * JOINTS, velocity=[0.0] * JOINTS)))

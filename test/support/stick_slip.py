@@ -12,7 +12,6 @@ from pathlib import Path
 import threading
 
 import numpy as np
-from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.recordings.reader import JointSeries, Recording, RecordingWriter
 from robot_dynamics.ros.middleware.recorder import Recorder, TopicSpec
@@ -46,7 +45,7 @@ class Spring:
 
     def _answer(self, state: JointState) -> None:
         stamp = state.header.stamp
-        seconds = stamp.sec + stamp.nanosec / NANOSECONDS_PER_SECOND
+        seconds = stamp.sec + 1e-9 * stamp.nanosec
         if seconds >= DURATION:
             self.over.set()
             return
@@ -66,13 +65,13 @@ def record_stick_slip(directory: Path) -> Path:
         def everything_arrived() -> bool:
             recorder.drain()
             newest = recorder.counts[STATES].stamp_ns
-            return spring.over.is_set() and newest >= DURATION * NANOSECONDS_PER_SECOND
+            return spring.over.is_set() and newest >= 1e9 * DURATION
 
         with NodeProcess(SIMULATED_ARM, PARAMETERS, namespace='/stick_slip', ready=None):
             wait_until(everything_arrived, 'the end of the run', LONG)
         recorder.close()
     steps = np.diff(np.unique(read_stick_slip(bag).stamps_ns))
-    assert (steps == round(NANOSECONDS_PER_SECOND / RATE)).all(), 'states are missing'
+    assert (steps == round(1e9 / RATE)).all(), 'states are missing'
     return bag
 
 

@@ -52,13 +52,11 @@ def running(command: np.ndarray = HOLD, reach: float = 1.0, **options: Any) -> C
     return one
 
 
-def course(
-    one: CommandSupervisor, begin: float = START, longest: float = 10.0,
-) -> tuple[np.ndarray, np.ndarray]:
+def course(one: CommandSupervisor, begin: float = START) -> tuple[np.ndarray, np.ndarray]:
     """Tick until the commands end; return the times since `begin` (k,) and the efforts (k, n)."""
     times, efforts = [], []
     for k in count():
-        assert k * PERIOD < longest, 'the commands do not end'
+        assert k * PERIOD < 10.0, 'the commands do not end'
         effort = one.tick(begin + k * PERIOD)
         if effort is None:
             break

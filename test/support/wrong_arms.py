@@ -12,7 +12,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.joints.friction import make_friction, SMOOTHING_VELOCITY
+from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import Wrenches
@@ -58,7 +58,7 @@ def model_arm(name: str) -> ArmModel:
     noise = NOISE * limit * (2.0 * BAND / RATE)**0.5
     return replace(arm, uncertainty=make_uncertainty(
         arm, names, covariance[np.tril_indices(size)], noise, BAND,
-        friction_deviation=dry / 3**0.5, friction_velocity=[2.0 * SMOOTHING_VELOCITY]))
+        friction_deviation=dry / 3**0.5, friction_velocity=[0.02]))
 
 
 def true_arm(model: ArmModel, rng: np.random.Generator) -> ArmModel:
