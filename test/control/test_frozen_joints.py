@@ -4,13 +4,17 @@
 """Prediction of joints without a signal, and the effort of their stop, with the real loop."""
 
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 from lock_step_loop import directions, frozen, LockStep, middle, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.frozen_joint_observer import FrozenJointObserver
+from robot_dynamics.control.safety.frozen_joints import FrozenJoints
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robots import robot_urdf
 
 DT = 0.002
@@ -45,7 +49,27 @@ def test_the_predicted_motion_is_the_true_one(joint, rate):
     assert moved > 0.01
 
 
+@pytest.mark.parametrize(('seconds', 'is_lost'), [(2.9, False), (3.1, True)])
+def test_a_stop_that_takes_more_than_3_s_is_one_no_longer(seconds, is_lost):
+    moving = SimpleNamespace(_controller=SimpleNamespace(has_stopped=False), _since_ns=0)
+    assert FrozenJoints.is_lost(moving, None, round(1e9 * seconds), 1.0) == is_lost
+
+
 # --- the observer of the frozen joints -----------------------------------------------------------
+
+@pytest.mark.parametrize(('sign', 'is_friction'), [(1, True), (-1, False)])
+def test_a_disturbance_of_1_percent_of_the_effort_limit_ends_the_estimate(sign, is_friction):
+    """A steady one is friction, which holds the arm; another one is noise or a push."""
+    arm, q = smooth_arm('default'), np.array([0.8, 0.5])
+    dynamics, zero = UncheckedArmDynamics(arm), np.zeros(2)
+    hold = dynamics.inverse_dynamics(q, zero, zero)
+    for share, is_used in ((0.009, True), (0.012, False)):
+        one = FrozenJointObserver(np.array([False, True]), dynamics, q, zero)
+        for k in range(100):
+            torque = hold + sign**k * share * arm.limits.effort * [1.0, 0.0]
+            one.update(dynamics, torque, DT, q, zero)
+        assert (one.is_used, one.is_held) == (is_used, is_friction and not is_used)
+
 
 @pytest.mark.parametrize(('name', 'j'), [('ur10', 1), ('panda', 3)])
 def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(name, j):

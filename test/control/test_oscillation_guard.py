@@ -59,6 +59,22 @@ def test_white_noise_lowers_them_rarely_and_by_one_step():
     assert np.count_nonzero(found < 1.0) <= 2
 
 
+@pytest.mark.parametrize(('louder', 'is_lowered'), [(3.5, False), (4.5, True)])
+def test_an_irregular_oscillation_is_four_times_as_large_as_the_quietest(louder, is_lowered):
+    t = np.arange(0.0, 2.0, 0.002)
+    wave = np.sin(2.0 * np.pi * 20.0 * t)
+    uneven = np.where(wave > 0.0, wave, 0.3 * wave)
+    assert (scales(np.where(t < 1.0, 1.0, louder) * uneven, 500)[-1] < 1.0) == is_lowered
+
+
+@pytest.mark.parametrize(('speed', 'is_lowered'), [(9.5, True), (10.5, False)])
+def test_a_twentieth_of_the_velocity_of_the_reference_is_no_oscillation(speed, is_lowered):
+    guard = OscillationGuard(1)
+    for t in np.arange(0.0, 0.6, 0.002).tolist():
+        guard.take(t, np.array([0.5 * np.sin(2.0 * np.pi * 15.0 * t)]), speed)
+    assert (guard.scale[0] < 1.0) == is_lowered
+
+
 @pytest.mark.parametrize('share', [0.18, 0.3])
 def test_only_joints_that_oscillate_are_lowered_and_their_frequency_is_known(share):
     """That of the third decays slowly: alone it would not be lowered, but with a fifth it is."""

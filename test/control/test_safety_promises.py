@@ -436,6 +436,15 @@ def test_a_fault_action_publishes_every_2_ms():
     assert output.CommandOutput._tick(bench) == 0.002
 
 
+def test_an_external_effort_is_over_after_25_states():
+    path, found = pytest.importorskip('robot_dynamics.ros.dynamics.control_path'), []
+    bench = SimpleNamespace(
+        estimates=SimpleNamespace(external_effort=[2.0], limit=[1.0]),
+        command=SimpleNamespace(fail=found.append))
+    path.ControlPath._fail_by_external_effort(bench, SimpleNamespace(names=['joint']), 0)
+    assert found[0].recovery == 25
+
+
 def test_requests_may_take_1_gib_beyond_the_memory_at_the_start(monkeypatch):
     running, asked = pytest.importorskip('robot_dynamics.ros.running'), []
     monkeypatch.setattr(running.resource, 'setrlimit', lambda _, limits: asked.append(limits[0]))

@@ -38,12 +38,12 @@ class Efforts:
         self.observer = ExternalEffort(dynamics, 1e3)
         self.estimator = ExternalWrenchEstimator(dynamics, self.observer, frame, **options)
 
-    def __call__(self, q: np.ndarray, r: np.ndarray) -> WrenchEstimate:
-        """Return the estimate at an external effort."""
+    def __call__(self, q: np.ndarray, r: np.ndarray, dt: float = 1.0) -> WrenchEstimate:
+        """Return the estimate at an external effort that acts for dt [s]."""
         self.observer.restart()
         for _ in range(2):
             self.observer.update(1.0, q, np.zeros(self.n), self.body.gravity(q) - r)
-        return self.estimator.update(1.0)
+        return self.estimator.update(dt)
 
 
 def certain(name: str, deviation: float) -> ArmModel:
@@ -136,6 +136,16 @@ def test_the_bias_at_a_request_is_subtracted():
         assert found.wrench == pytest.approx(F, abs=0.05)
     efforts.estimator.restart()
     assert efforts(TILTED, bias).wrench == pytest.approx(np.zeros(6), abs=0.01)
+
+
+def test_the_bias_is_the_mean_of_the_last_200_ms():
+    efforts, F = Efforts(certain('ur10', 0.1), 'tool0'), np.array([0.0, 8.0, 0.0, 0.5, 0.0, 0.0])
+    for _ in range(5):
+        efforts(TILTED, np.zeros(6))
+    effort = efforts.estimator.jacobian(TILTED).T @ F
+    efforts(TILTED, effort, 0.2)
+    efforts.estimator.zero()
+    assert efforts(TILTED, effort).wrench == pytest.approx(np.exp(-1.0) * F, abs=0.05)
 
 
 def test_errors_of_the_model_cancel_in_the_pose_of_the_zero():

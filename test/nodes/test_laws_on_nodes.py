@@ -134,7 +134,7 @@ def test_a_pose_moves_the_frame_and_an_unknown_load_sags_by_its_weight_over_the_
 @pytest.mark.parametrize(('message', 'words'), [
     (pose([0.5, 0.0, 0.5], 'map'), "header.frame_id is 'map', expected one of the links that no"),
     (pose([0.5, float('nan'), 0.5]), 'pose.position[1] (y) is nan'),
-    (pose([0.5, 0.0, 0.5], w=3.0), 'pose.orientation has the norm 3, expected 1'),
+    (pose([0.5, 0.0, 0.5], w=1.02), 'pose.orientation has the norm 1.02, expected 1'),
     (pose([9.0, 0.0, 0.5]), "pose of 'tool0' is ")], ids=['frame', 'nan', 'norm', 'far'])
 def test_a_wrong_pose_is_refused_by_name(client, node, message, words):
     client.set_parameters(NODE, {'command': 'cartesian_impedance'})

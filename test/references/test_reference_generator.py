@@ -116,6 +116,14 @@ def test_a_stream_that_leaves_the_position_limits_ends_5_mrad_before_them():
     assert (found.q[:, 0] <= 0.995 + 1e-9).all()
 
 
+@pytest.mark.parametrize(('q', 'end'), [(0.955, 0.9683), (0.972, 0.972)])
+def test_a_moving_set_point_is_followed_up_to_30_mrad_before_a_position_limit(q, end):
+    """Its velocity for 0.1 s, and a stop; closer to the limit, a motion to rest at it."""
+    one = generator(limits_of(box=1.0))
+    one.start(set_point((q, 0.0), (0.1, 0.0)), NOW, np.array((q, 0.0)), ZERO)
+    assert at(one, 1.0).position[0] == pytest.approx(end, abs=1e-4)
+
+
 def test_what_is_cleared_starts_from_the_measured_state():
     one = generator()
     one.start(set_point((1.0, 1.0)), NOW, ZERO, ZERO)
@@ -165,6 +173,13 @@ def test_a_trajectory_from_the_present_state_passes_unchanged(start, goal, durat
     for t in np.linspace(0.0, wait + duration + 0.1, 60).tolist():
         for found, expected in zip(at(one, t), exact.sample(ns(t))):
             assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(('away', 'is_joined'), [(9e-7, False), (2e-6, True)])
+def test_a_reference_that_is_a_microradian_away_from_a_path_is_on_it(away, is_joined):
+    sent, one = quintic_point_to_point(NAMES, (away, 0.0), (1.0, 1.0), 3.0), generator()
+    one.start(sent, NOW, ZERO, ZERO)
+    assert at(one, 0.0).position[0] == pytest.approx(0.0 if is_joined else away, abs=1e-9)
 
 
 @laws

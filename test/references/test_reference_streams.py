@@ -111,6 +111,7 @@ def test_a_ramp_of_positions_is_followed_smoothly_with_the_stated_lag(rate, limi
     lag = (ramp(1.0)[1] * found.t[:, np.newaxis] - found.q) / ramp(1.0)[1]
     assert (lag > 0.0).all()
     assert lag.max() <= stated_lag(h, 0.2, limits)
+    assert lag[:, 0].max() >= stated_lag(h, 0.2, limits) - h - 1e-4
     assert found.v[:, 0] == pytest.approx(0.2, rel=0.02)
     assert_within(everything, limits)
 

@@ -4,18 +4,20 @@
 """A parameter file describes the same arm to the offline tools and to the nodes."""
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from rclpy.context import Context
 from rclpy.node import Node
-from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters
+from robot_dynamics.ros.parameters.robot_description import check_joint_count
 import yaml
 
 GEARED = default_arm_urdf().replace(
@@ -158,3 +160,9 @@ def test_a_tool_may_use_some_joints_of_the_parameters():
     with pytest.raises(
             InvalidInputError, match=r'friction\.load_coefficient is 0\.1, expected an array'):
         arm_from_parameters(GEARED, {'friction.load_coefficient': 0.1})
+
+
+def test_a_node_uses_at_most_100_joints():
+    check_joint_count(SimpleNamespace(joint_count=100))
+    with pytest.raises(ModelError, match="'long' has 101 joints that move, expected at most 100"):
+        check_joint_count(SimpleNamespace(name='long', joint_count=101))

@@ -37,6 +37,25 @@ NEW_NAMES = {
     'friction.load': 'friction.load_coefficient', 'friction.effort_offset': 'friction.effort_bias',
     'uncertainty.effort_noise': 'uncertainty.noise_deviation'}
 SPECS = {NODE: DYNAMICS_SPECS, ARM_NODE: SIMULATED_ARM_SPECS}
+STATED = {
+    NODE: {
+        'state_timeout': (0.05, 0.001, 60.0), 'state_max_age': (0.2, 0.0, 60.0),
+        'reference_timeout': (0.1, 0.001, 60.0), 'hold_time': (1.0, 0.0, 3600.0),
+        'ramp_time': (0.5, 0.0, 60.0), 'effort_limit_fraction': (1.0, 0.0, 1.0),
+        'position_limit_margin': (0.01, 0.0, 10.0), 'goal.time': (5.0, 0.0, 3600.0),
+        'hand_guiding.friction_share': ([0.6], 0.0, 0.8),
+        'hand_guiding.feedback_gain': ([0.3], 0.0, 0.5),
+        'impedance.damping_ratio': ([1.0], 0.2, 1e4), 'cartesian.damping_ratio': (1.0, 0.2, 1e4),
+        'cartesian.translation_stiffness': ([500.0], 0.0, 1e9),
+        'cartesian.rotation_stiffness': (30.0, 0.0, 1e9),
+        'cartesian.null_space_frequency': (10.0, 0.0, 30.0),
+        'cartesian.force_limit': (100.0, 0.0, 1e4), 'cartesian.torque_limit': (30.0, 0.0, 1e4),
+        'gravity_rate_limit': (20.0, 0.1, 1e6), 'external_effort_bandwidth': (10.0, 0.01, 1000.0),
+        'joint_sample_max_age': (0.0, 0.0, 10.0)},
+    ARM_NODE: {
+        'rate': (500.0, 1.0, 10_000.0), 'command_timeout': (0.2, 0.0, 3600.0),
+        'max_step': (0.002, 1e-6, 0.1)}}
+"""Default, smallest and largest value of parameters of safety and of motion."""
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -102,6 +121,12 @@ def test_unset_parameters_have_their_defaults(client, node):
         given = NAMES if (node, spec.name) == (NODE, 'joints') else spec.default
         value = client.get_parameter(node, spec.name)
         assert value == given or list(value) == list(given), spec.name
+
+
+@pytest.mark.parametrize('node', [NODE, ARM_NODE])
+def test_defaults_and_ranges_of_safety_and_motion(node):
+    specs = {spec.name: (spec.default, spec.minimum, spec.maximum) for spec in SPECS[node]}
+    assert {name: specs[name] for name in STATED[node]} == STATED[node]
 
 
 def test_what_cannot_change_while_the_nodes_run(client):

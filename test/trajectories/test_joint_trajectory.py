@@ -60,7 +60,7 @@ def test_rows_come_as_a_message_holds_them():
 
 GOOD = {
     'names': JOINTS, 'times': (1.0, 2.0), 'q': ((0.1, 0.2), (0.3, 0.4)),
-    'v': ((0.1, 0.2), (0.0, 0.0)), 'a': ((0.1, 0.2), (0.3, 0.4)),
+    'v': ((0.1, 0.2), (0.0, 1.1e-7)), 'a': ((0.1, 0.2), (0.3, 0.4)),
 }
 REFUSALS = [
     ({'names': ()}, "joint_names is empty, expected ['shoulder', 'elbow']"),
@@ -94,6 +94,7 @@ REFUSALS = [
     ({'v': ((0.1, 0.2), (0.0, 0.3))},
      'points[1].velocities[1] (elbow) is 0.3, expected 0 at the last point, where the arm '
      'has to be at rest'),
+    ({'v': ((0.1, 0.2), (0.0, 1.3e-7))}, 'points[1].velocities[1] (elbow) is 1.3e-07'),
     ({'v': ()}, 'points[0].velocities is empty although accelerations are given, expected 2 '
      'values, one for'),
     ({'a': ((0.1, 0.2), (0.0,))}, 'points[1].accelerations has 1 values, expected 2'),
