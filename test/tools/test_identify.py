@@ -198,13 +198,12 @@ def test_the_samples_of_the_test_part_are_exported(output):
             values[f'{name}.velocity [rad/s]'][5:-40], abs=0.01)
 
 
-def test_every_blas_kernel_makes_the_same_choices(tmp_path, urdf):
+def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
     """The printed report: cut-off, kind of friction, regularization and excited parameters."""
-    record(tmp_path / 'bag')
     printed = {}
     for name, environment in blas_environments().items():
         done = children.run(
-            [sys.executable, '-m', 'robot_dynamics.tools.identify', str(tmp_path / 'bag'),
+            [sys.executable, '-m', 'robot_dynamics.tools.identify', str(short),
              '--urdf', str(urdf), '--output', str(tmp_path / 'out')],
             env=environment, capture_output=True, text=True, timeout=LONG)
         assert done.returncode == DONE, done.stderr
