@@ -202,15 +202,6 @@ def test_efforts_of_drives_are_converted_by_the_parameters(tmp_path):
     assert any('gravity is added; the measured' in one for one in analysis.recording.remarks)
 
 
-@pytest.mark.parametrize(('text', 'words'), [
-    ('- 1', 'no parameters for the node'), ('dynamics: {a: 1}', r"it has \['dynamics'\]"),
-    ('a: [', 'cannot be read'), ('/arm: {ros__parameters: {joints: [a]}}', r"'/arm'")])
-def test_parameter_files_that_do_not_fit(tmp_path, text, words):
-    (tmp_path / 'a.yaml').write_text(text)
-    with pytest.raises(InvalidInputError, match=words):
-        read_parameter_file(tmp_path / 'a.yaml')
-
-
 # --- a real arm ----------------------------------------------------------------------------------
 
 def test_the_urdf_of_a_real_ur10_leaves_a_third_to_all_of_the_effort():

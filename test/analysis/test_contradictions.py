@@ -44,14 +44,12 @@ def recorded(path, q=MOTION.q, v=MOTION.v, tau=MOTION.tau):
     ({'q': 0.02 * np.degrees(MOTION.q), 'v': 0.02 * MOTION.v}, 'position in degrees'),
 ])
 def test_a_wrong_unit_is_an_error_with_its_likely_cause(tmp_path, change, words):
+    bag = recorded(tmp_path / 'bag', **change)
     with pytest.raises(RecordingError, match=words):
-        read_for_arm(recorded(tmp_path / 'bag', **change), SETTINGS)
-
-
-def test_currents_have_no_limit_of_the_effort(tmp_path):
-    bag = recorded(tmp_path / 'bag', tau=100.0 * MOTION.tau)
-    read = read_for_arm(bag, AnalysisSettings(urdf=URDF, effort_is_current=True))
-    assert len(read.series.stamps_ns) == len(MOTION.stamps_ns)
+        read_for_arm(bag, SETTINGS)
+    if list(change) == ['tau']:  # currents have no limit
+        read = read_for_arm(bag, AnalysisSettings(urdf=URDF, effort_is_current=True))
+        assert len(read.series.stamps_ns) == len(MOTION.stamps_ns)
 
 
 # --- causes that a fit names ---------------------------------------------------------------------
@@ -87,8 +85,7 @@ CASES = [
     (r'changes by \+[\d.]+ kg after about (8|9|1[0-2])', LOADED, STATES),
     (r'shoulder_lift_joint is \+[12]\.?\d* ° too large', effort_of(),
      STATES._replace(q=STATES.q + OFFSET)),
-    ('effort in mA', 60.0 * CONSTANTS * effort_of(), STATES),
-    ('effort in mA', 1000.0 * CONSTANTS * effort_of(), STATES)]
+    ('effort in mA', 60.0 * CONSTANTS * effort_of(), STATES)]
 
 
 @pytest.mark.parametrize(('words', 'effort', 'states'), CASES)
@@ -97,29 +94,6 @@ def test_a_cause_is_named(words, effort, states):
     assert not found.delay
     (cause,) = found.causes
     assert re.search(words, cause)
-
-
-def test_the_offset_of_an_encoder_of_a_light_arm_is_named():
-    arm, states = load_arm(robot_urdf('ur3')), fourier_motion(ARM, 125.0, 30.0, 1)
-    effort = rigid_effort(changed_arm(arm, 0.15, 1), states, 0.1) + np.tanh(states.v / 0.03)
-    noise = 0.2 * np.random.default_rng(1).normal(size=effort.shape)
-    read = series_of(arm, states._replace(q=states.q + OFFSET), effort + noise)
-    causes = find_contradictions(arm, filter_motion(read)).causes
-    assert len(causes) == 1
-    assert 'shoulder_lift_joint is +' in causes[0]
-
-
-def test_a_tilt_is_not_also_an_offset_of_an_encoder():
-    arm = load_arm(robot_urdf('talos_left_arm'))
-    states = fourier_motion(arm, 100.0, 20.0, 1)
-    limit = np.where(arm.limits.effort > 0.0, arm.limits.effort, 50.0)
-    tilted = changed_arm(arm, 0.25, 1).with_gravity((-3.83, 0.0, -9.03))
-    effort = rigid_effort(tilted, states, 0.005 * limit) + limit * (
-        0.02 * np.tanh(states.v / 0.03) + 0.01 * states.v)
-    noise = 0.004 * limit * np.random.default_rng(1).normal(size=effort.shape)
-    motion = filter_motion(series_of(arm, states, effort + noise))
-    (cause,) = find_contradictions(arm, motion).causes
-    assert 'base is tilted by 2' in cause
 
 
 def planar_causes(seed, tilted, has_gravity=True):
@@ -175,7 +149,7 @@ def test_a_delay_is_found_and_removed():
 
 
 @pytest.mark.parametrize(('robot', 'moves'), [
-    ('default', fourier_motion), ('panda', moves_with_pauses), ('ur3', moves_with_pauses)])
+    ('default', fourier_motion), ('panda', moves_with_pauses)])
 def test_a_clean_recording_of_another_friction_has_no_cause(robot, moves):
     arm = load_arm(robot_urdf(robot), JOINTS.get(robot, ()))
     states = moves(arm, 100.0, 20.0, 3)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from robot_dynamics.analysis.residual import merged_statistics, residual_statistics
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
 from robots import robot_urdf
@@ -36,16 +35,6 @@ def test_terms_of_many_states_are_those_of_each(robot):
         np.testing.assert_allclose(terms.effort[i], one.effort, rtol=1e-9, atol=1e-9)
         assert terms.kinetic_energy[i] == pytest.approx(one.kinetic_energy, rel=1e-9, abs=1e-9)
         assert terms.potential_energy[i] == pytest.approx(one.potential_energy, rel=1e-9)
-
-
-def test_friction_keeps_its_sign_smooth_around_rest():
-    arm = load_arm(robot_urdf('ur10'))
-    arm = arm.with_friction(make_friction(arm.joint_names, [2.0], [3.0], offset=[0.5]))
-    v = np.array([[1.0, -1.0, 0.0, 1e-4, -1e-4, 0.5]])
-    friction = model_terms(ArmDynamics(arm), np.zeros((1, 6)), v, np.zeros((1, 6))).friction
-    np.testing.assert_allclose(friction[0, :3], [5.5, -4.5, 0.5])
-    assert abs(friction[0, 3] - 0.5) < 0.1
-    assert friction[0, 3] > friction[0, 4]
 
 
 def test_statistics_of_a_known_residual():

@@ -5,7 +5,6 @@
 
 import numpy as np
 import numpy.testing as npt
-from one_joint_arm import arm_of
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
@@ -36,17 +35,6 @@ def test_an_arc_is_about_the_axis_as_long_as_its_ratio(ratio):
     npt.assert_allclose(arms @ AXIS, 0.0, atol=1e-12)
     npt.assert_allclose(np.linalg.norm(arms, axis=1), 0.2)
     assert sum(turns(arc, PLACE)) == pytest.approx(ratio * 1.5 * np.pi)
-
-
-def test_the_head_of_an_arc_ends_at_its_tip_and_points_onward():
-    for ratio in (0.4, -0.4):
-        line = effort_line(PLACE, ratio, 0.2)
-        one, tip, other = line[-3:]
-        npt.assert_allclose(tip, line[-4])
-        onward = tip - 0.5 * (one + other)
-        assert onward @ (line[-4] - line[-5]) > 0.0
-    for place in (PLACE, PLACE._replace(slides=True)):  # no effort has no head
-        npt.assert_allclose(np.ptp(effort_line(place, 0.0, 0.2), axis=0), 0.0, atol=1e-12)
     arc = effort_line(PLACE, 50.0, 0.2)[:-3]  # does not wind up
     assert sum(turns(arc, PLACE)) == pytest.approx(1.2 * 1.5 * np.pi)
 
@@ -76,17 +64,6 @@ def test_joints_of_the_planar_arm_are_where_trigonometry_puts_them():
         assert not place.slides
     assert marks.reach == pytest.approx(1.8)
     assert marks.weight == pytest.approx(8.0 * 9.81)
-
-
-@pytest.mark.parametrize('kind', ['revolute', 'prismatic'])
-def test_marks_of_one_joint(kind):
-    marks = ArmMarks(load_arm(arm_of(kind=kind)))
-    marks.move(np.array([0.4]))
-    [place] = marks.joints()
-    npt.assert_allclose(place.axis, [0.0, 1.0, 0.0])
-    slides = kind == 'prismatic'
-    npt.assert_allclose(marks.manipulability()[0], [0.0, 0.0, float(slides)], atol=1e-7)
-    assert place.slides == slides
 
 
 @pytest.mark.parametrize('name', ['ur10', 'panda'])

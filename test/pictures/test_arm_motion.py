@@ -5,7 +5,7 @@
 
 import numpy as np
 import numpy.testing as npt
-from planar_chains import arm_of, on_a_turned_base, random_chain, urdf_of
+from planar_chains import on_a_turned_base, random_chain, urdf_of
 import pytest
 from robot_dynamics.animation.arm_motion import lowest_position, motion_of, simulate_motion
 from robot_dynamics.joints.friction import make_friction
@@ -81,15 +81,6 @@ def test_measured_efforts_are_split_into_the_model_and_the_rest(swing):
     npt.assert_allclose(again.heat, swing.heat, rtol=0.02, atol=0.1)
 
 
-def test_instants_can_be_chosen(swing):
-    chosen = swing.at(np.array([0.0, 1.0, 2.514]))
-    npt.assert_allclose(chosen.times, [0.0, 1.0, 2.52], atol=0.011)
-    row = int(np.flatnonzero(swing.times == chosen.times[2])[0])
-    npt.assert_array_equal(chosen.position[2], swing.position[row])
-    npt.assert_array_equal(chosen.terms['gravity'][2], swing.terms['gravity'][row])
-    assert chosen.heat[2] == swing.heat[row]
-
-
 def test_friction_of_the_description_is_kept():
     arm = load_arm(default_arm_urdf())
     arm = arm.with_friction(make_friction(arm.joint_names, [0.7]))
@@ -104,8 +95,3 @@ def test_hanging_is_at_rest_and_nowhere_is_lower(seed, lean):
     npt.assert_allclose(body.gravity(hanging), 0.0, atol=1e-7)
     others = np.random.default_rng(seed).uniform(-np.pi, np.pi, (300, arm.joint_count))
     assert body.potential_energy(hanging) <= min(map(body.potential_energy, others))
-
-
-def test_without_gravity_nothing_hangs():
-    arm = arm_of(random_chain(0, 2), gravity=(0.0, 0.0, 0.0))
-    npt.assert_array_equal(lowest_position(arm), [0.0, 0.0])

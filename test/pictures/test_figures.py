@@ -45,20 +45,6 @@ def test_a_boundary_in_time_is_drawn_and_named_in_every_field():
         assert [text.get_text().strip() for text in axes.texts] == ['training', 'test']
 
 
-def test_the_legend_of_the_terms_is_one_line_inside_the_figure():
-    names = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
-    figure = figures.joint_figure('two joints', ('turn', 'slide'), ('revolute', 'prismatic'), [
-        figures.position_panel(TIMES, WAVES, WAVES),
-        figures.effort_panel('Effort', TIMES, dict.fromkeys(names, WAVES))])
-    figure.canvas.draw()
-    texts = figure.axes[1].get_legend().get_texts()
-    assert [text.get_text() for text in texts] == [
-        'gravity', 'inertial', 'Coriolis', 'friction', 'sum']
-    boxes = [text.get_window_extent() for text in texts]
-    assert np.ptp([box.y0 for box in boxes]) < 0.5 * boxes[0].height
-    assert max(box.x1 for box in boxes) < figure.bbox.x1
-
-
 def test_lines_show_the_values(figure):
     position, error, effort = figure.axes[:3]
     names = [line.get_label() for line in position.lines]
@@ -125,25 +111,6 @@ def test_colours_of_lines_differ_with_any_kind_of_colour_vision(vision):
         for one, other in itertools.combinations(colours, 2)}
     closest = min(distances, key=distances.get)
     assert distances[closest] > 15.0, closest
-
-
-def test_the_measured_line_is_visible_on_the_reference():
-    reference, measured = figures.LINES['reference'], figures.LINES['measured']
-    assert reference.width > 3.0 * measured.width
-    assert luminance(reference.colour) > 2.0 * luminance(measured.colour)
-
-
-def test_figures_of_their_own_have_the_style_and_titles_do_not_collide():
-    with figures.styled_figure(4.0, 3.0, style={'font.size': 5.0}) as figure:
-        axes = figure.subplots()
-        figures.title_axes(axes, 'Title', 'a note')
-        axes.set_xlabel('time [s]')
-    assert axes.xaxis.label.get_size() == 11.0
-    assert not axes.spines['top'].get_visible()
-    figure.canvas.draw()
-    title, note = axes._left_title.get_window_extent(), axes.texts[0].get_window_extent()
-    assert note.y0 >= axes.get_window_extent().y1
-    assert title.y0 >= note.y1 - 1.0
 
 
 def test_values_of_zero_are_drawn_on_a_finite_axis():

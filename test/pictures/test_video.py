@@ -55,17 +55,6 @@ def test_many_colours_become_the_nearest_of_a_palette(tmp_path):
     assert np.abs(pixels - ramp).max() <= 16
 
 
-def test_what_stands_still_costs_nothing(tmp_path):
-    noise = np.random.default_rng(0).integers(0, 255, (60, 80, 3)).astype(np.uint8)
-    write_video(tmp_path / 'one.gif', [Frame(noise, 0.1)])
-    changing = [noise.copy() for _ in range(10)]
-    for k, pixels in enumerate(changing):
-        pixels[5, 5 + k] = 0
-    write_video(tmp_path / 'ten.gif', [Frame(pixels, 0.1) for pixels in changing])
-    sizes = [(tmp_path / name).stat().st_size for name in ('one.gif', 'ten.gif')]
-    assert sizes[1] < 1.5 * sizes[0]
-
-
 def test_an_mp4_lasts_as_long_as_its_frames(tmp_path):
     try:
         check_format(Path('x.mp4'))
@@ -103,8 +92,3 @@ def test_without_pillow_it_is_named(monkeypatch, tmp_path):
 def test_what_cannot_be_written_is_refused(tmp_path, name, frames, message):
     with pytest.raises(InvalidInputError, match=message):
         write_video(tmp_path / name, frames)
-
-
-def test_a_directory_that_is_not_there_is_an_error_of_the_system(tmp_path):
-    with pytest.raises(OSError, match='nowhere'):
-        write_video(tmp_path / 'nowhere' / 'x.gif', [Frame(bar(3), 0.1)])

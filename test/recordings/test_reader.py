@@ -199,14 +199,6 @@ def test_gaps_that_split_a_series():
         assert len(series.stretches()) == parts, (period, gap)
 
 
-def test_positions_that_do_not_wrap_are_unchanged():
-    q = np.linspace(-20.0, 20.0, 200).reshape(100, 2)
-    series = JointSeries(('a', 'b'), 10**7 * np.arange(100), q, None, None, 0)
-    assert series.unwrapped(np.array([True, True])).position.tolist() == q.tolist()
-    without = JointSeries(('a', 'b'), 10**7 * np.arange(100), None, q, None, 0)
-    assert without.unwrapped(np.array([True, True])) is without
-
-
 # --- selection of the topic ----------------------------------------------------------------------
 
 def test_the_topic_of_joint_states_is_the_usual_one_or_the_only_one(tmp_path):
@@ -228,7 +220,11 @@ def test_several_topics_to_choose_from_or_none(tmp_path):
     with Recording(tmp_path / 'two') as opened:
         with pytest.raises(RecordingError, match=r"'/a', '/b'"):
             opened.joint_state_topic()
+    with pytest.raises(RecordingError, match='exists'):
+        RecordingWriter(tmp_path / 'two')
     with RecordingWriter(tmp_path / 'none') as writer:
+        with pytest.raises(RecordingError, match=r"'/x' has type 'no_msgs/msg/None'"):
+            writer.add_topic('/x', 'no_msgs/msg/None')
         writer.add_topic('/text', 'std_msgs/msg/String')
         writer.write('/text', 1, serialized('std_msgs/msg/String', data='x'))
     with Recording(tmp_path / 'none') as opened:
@@ -269,14 +265,6 @@ def test_wrong_questions_are_refused(recording):
             opened.joint_series('/joint_states', ['a', 'c'])
 
 
-def test_what_cannot_be_written_is_refused(recording, tmp_path):
-    with pytest.raises(RecordingError, match='exists'):
-        RecordingWriter(recording)
-    with RecordingWriter(tmp_path / 'new') as writer:
-        with pytest.raises(RecordingError, match=r"'/x' has type 'no_msgs/msg/None'"):
-            writer.add_topic('/x', 'no_msgs/msg/None')
-
-
 def test_an_exception_leaves_a_readable_recording(tmp_path):
     class SomethingElseError(Exception):
         pass
@@ -295,7 +283,6 @@ def test_an_exception_leaves_a_readable_recording(tmp_path):
 
 def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
     """A signal during any write ends with KeyboardInterrupt and a complete recording."""
-    interrupts = 0
     with RecordingWriter(tmp_path / 'bag') as writer:
         writer.add_topic('/text', 'std_msgs/msg/String')
         whole = writer._writer.write
@@ -305,12 +292,10 @@ def test_an_interrupt_waits_until_the_record_is_whole(tmp_path):
             whole(*arguments)
 
         writer._writer.write = write_and_be_interrupted
-        for k in range(20):
+        for k in range(5):
             message = serialized('std_msgs/msg/String', data=f'{k}')
             with pytest.raises(KeyboardInterrupt):
                 writer.write('/text', k + 1, message)
-            interrupts += 1
-    assert interrupts == 20
     with Recording(tmp_path / 'bag') as recording:
         assert [message.data for _, message in recording.messages('/text')] == [
-            str(k) for k in range(20)]
+            str(k) for k in range(5)]

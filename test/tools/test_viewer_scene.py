@@ -152,8 +152,6 @@ def test_marks_come_change_and_go(server, tmp_path):
     scene.mark([marker for marker in changed if marker.ns == 'effort'])
     left = [marker.ns for marker in changed if shown([marker]) != [None]]
     assert left == ['effort', 'effort']
-    scene.mark(())
-    assert set(shown(changed)) == {None}
     scene.mark(marks)
     scene.close()
     assert set(shown(changed)) == {None}
