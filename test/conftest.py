@@ -23,7 +23,6 @@ from largest_error import ERRORS
 import pytest
 from robots import must_have_everything
 from shared_memory import remove_orphans
-from suite_header import SuiteHeader, Tool
 
 if TYPE_CHECKING:
     from ros_harness import RosClient
@@ -127,8 +126,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.stash[ROWS] = {}
-    config.pluginmanager.register(SuiteHeader(
-        Tool('ROS', lambda: not absent_for_ros(), IMPORTS_ROS)))
     config.stash[BROKEN] = {}
 
 

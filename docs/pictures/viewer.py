@@ -30,7 +30,6 @@ from robot_dynamics.tools.demo.processes import (
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import browser  # noqa: E402
 from robots import robot_path  # noqa: E402
-from suite_header import chromium_program  # noqa: E402
 
 JOINTS = ['shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint', 'wrist_1_joint',
           'wrist_2_joint', 'wrist_3_joint']
@@ -50,7 +49,7 @@ PATIENT = {'state_timeout': 5.0}
 
 def main(directory: Path) -> int:
     """Write the picture into a directory."""
-    if chromium_program() is None:
+    if browser.chromium_program() is None:
         print('viewer.png is left as it is: no Chromium on the PATH', file=sys.stderr)
         return 0
     os.environ.update(choose_domain(os.environ))

@@ -145,19 +145,3 @@ def test_every_path_of_foxglove_leads_to_a_number_and_its_scene_is_published(cli
             assert path['color'] != '#000000'
             has_header = hasattr(messages[path['value'].split('.')[0]], 'header')
             assert path['timestampMethod'] != 'headerStamp' or has_header
-
-
-def test_the_panels_of_foxglove_are_those_of_its_layout():
-    panels, nodes = [], [FOXGLOVE['layout']]
-    for node in nodes:
-        if isinstance(node, str):
-            panels.append(node)
-        else:
-            assert node['direction'] in ('row', 'column')
-            assert 0 < node['splitPercentage'] < 100
-            nodes += [node['first'], node['second']]
-    assert sorted(panels) == sorted(FOXGLOVE['configById'])
-    variables = {panel['globalVariableName'] for panel in FOXGLOVE['configById'].values()
-                 if 'globalVariableName' in panel}
-    assert variables == set(FOXGLOVE['globalVariables']) == {'joint'}
-    assert FOXGLOVE['configById']['DiagnosticSummary!health']['topicToRender'] in TYPES

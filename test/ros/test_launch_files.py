@@ -232,14 +232,3 @@ def test_the_loops_of_two_arms_close(client, tmp_path):
         assert client.get_parameter('/right/dynamics', 'effort_limit_fraction') == 0.5
         client.forget('/left')
         client.forget('/right')
-
-
-@with_launch
-@every_file
-def test_ros2_launch_starts_no_node_for_an_invalid_argument(path):
-    done = children.run(
-        launch(path.name.partition('.')[0], 'params:=no/such.yaml'), text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-    assert done.returncode == 1, done.stdout
-    assert 'launch argument params is' in done.stdout
-    assert 'process started' not in done.stdout

@@ -14,7 +14,7 @@ import threading
 import time
 from typing import Any
 
-from own_process import answer, own_process, OwnProcess, stamps_of
+from own_process import own_process, OwnProcess, stamps_of
 import pytest
 from rcl_interfaces.srv import ListParameters
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -27,12 +27,9 @@ from robot_dynamics.ros.middleware.answer_delivery import is_discovered
 from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
-from simulated_arms import default_dynamics
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-NAMES, Q = ['joint1', 'joint2'], [0.4, -0.3]
-GRAVITY = default_dynamics().gravity(Q)
 SECOND = 1_000_000_000
 MEMBERS = (
     'HANDLE', 'PUBLISH_RAW', 'SUBSCRIPTION_COUNT', 'TAKE_MESSAGE', 'TAKE_REQUEST', 'WAIT_SET',
@@ -226,14 +223,6 @@ def test_without_members_joint_states_are_answered(client, process, monkeypatch,
             wait_until(lambda: len(set(stamps_of(answers))) >= 20, 'answers to 20 joint states')
         assert client.call(Trigger, f'{name}/stop').success
         assert client.call(ListParameters, f'{name}/list_parameters').result.names
-
-
-@pytest.mark.parametrize('member', ['HANDLE', 'TAKE_MESSAGE'])
-def test_without_a_member_the_executor_answers_joint_states(client, process, monkeypatch, member):
-    monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
-    process.dynamics(state_thread=False)
-    with process.spun(SingleThreadedExecutor):
-        assert list(answer(client, process, NAMES, Q).effort) == pytest.approx(GRAVITY)
 
 
 def test_fallbacks_are_documented_members(client, monkeypatch):

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 from robots import missing
 from ros_harness import LONG, TIMEOUT
-from suite_header import chromium_program
 
 # Rendering in software must leave processor time to the nodes.
 OPTIONS = (
@@ -70,6 +69,12 @@ ARM_BOX = """() => {
     return [Math.min(...columns), Math.min(...rows), Math.max(...columns), Math.max(...rows)];
 }"""
 """The box around the meshes of the arm on the page: left, top, right, bottom [pixel]."""
+
+
+def chromium_program() -> str | None:
+    """Return the path of the browser, or None without one."""
+    names = ('chromium', 'chromium-browser', 'google-chrome')
+    return next(filter(None, map(shutil.which, names)), None)
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What would let tests pass wrongly: a node of an earlier run, an excused end, a skipped test."""
+"""What would let tests pass wrongly: a node of an earlier run, an excused end."""
 
 import os
 from pathlib import Path
@@ -13,7 +13,6 @@ import blocked_ends
 from children import is_gone, popen
 import pytest
 from ros_harness import wait_until
-from suite_header import missing_tools, Tool
 
 TEST_RUN = """
 import sys
@@ -47,14 +46,3 @@ def test_one_end_that_fast_dds_blocks_is_no_failure(monkeypatch):
     assert not blocked_ends.is_excused(log.replace(blocked_ends.PLACE, 'in _spin'))
     assert blocked_ends.is_excused(log)
     assert not blocked_ends.is_excused(log)
-
-
-def test_a_missing_tool_is_named_with_the_files_that_need_it():
-    sources = {  # formatted, so that the header does not find these names in this file
-        'test_a.py': 'numpy = pytest.importorskip({!r})'.format('numpy'),
-        'test_b.py': 'x = pytest.importorskip({!r}, reason="")'.format('no_such_module.part'),
-        'test_c.py': 'has_it = find_spec({!r})'.format('no_such_module')}
-    tools = (Tool('hammer', lambda: False, 'numpy'), Tool('nail', lambda: True, 'numpy'))
-    assert list(missing_tools(sources, tools)) == [
-        'missing: hammer; tests in test_a.py that need it are skipped',
-        'missing: no_such_module; tests in test_b.py, test_c.py that need it are skipped']
