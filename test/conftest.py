@@ -10,6 +10,7 @@ Without ROS, modules that import a ROS package are skipped; the reason is report
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from importlib.util import find_spec
+import itertools
 import json
 import os
 from pathlib import Path
@@ -132,6 +133,21 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     config.stash[COLLECTED] = list(filter(None, map(row_of, items)))
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        items[:] = alternating(items)
+
+
+def alternating(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Alternate files that wait for nodes and files that compute, so that all cores are used."""
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    wait, compute = [], []
+    for path, tests in files.items():
+        waits = IMPORTS_ROS.search(path.read_text(encoding='utf-8')) is not None
+        (wait if waits else compute).append(tests)
+    pairs = itertools.zip_longest(wait, compute, fillvalue=())
+    return [item for pair in pairs for tests in pair for item in tests]
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

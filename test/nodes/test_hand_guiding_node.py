@@ -3,6 +3,7 @@
 
 """`~/force_feedback` and `~/set_point` of nodes with `command: hand_guiding`: two arms coupled."""
 
+from collections.abc import Sequence
 import re
 
 from closed_loop import closed_loop, NAMES, START
@@ -33,16 +34,17 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
             client.collect(JointState, '/felt/effort_command') as efforts, closed_loop(
                 '/felt', {**UNHURRIED, **LAW, **ROUGH}, lock_step=False, **ROUGH) as guided:
         publisher = client.publisher(JointState, '/felt/dynamics/force_feedback')
+        deviations = client.publisher(JointState, '/felt/dynamics/force_feedback_deviation')
         states.wait_count(100)
         efforts.wait_count(100)
 
-        def is_felt(*expected: float) -> bool:
+        def is_felt(*expected: float, deviation: Sequence[float] = ()) -> bool:
+            if deviation:
+                deviations.publish(JointState(name=NAMES, effort=deviation))
             publisher.publish(force)
             return bool(np.allclose(excess(efforts.messages[-1]), expected, atol=0.1))
         wait_until(lambda: is_felt(2.0, -3.0), 'the force', LONG)
-        client.publisher(JointState, '/felt/dynamics/force_feedback_deviation').publish(
-            JointState(name=NAMES, effort=[1.0, 1.0]))
-        wait_until(lambda: is_felt(1.0, -2.0), 'less by two deviations', LONG)
+        wait_until(lambda: is_felt(1.0, -2.0, deviation=[1.0, 1.0]), 'two deviations less', LONG)
         wait_until(lambda: bool(np.abs(excess(efforts.messages[-1])).max() < 0.1), 'its end', LONG)
         guided.provoke(lambda: publisher.publish(JointState(name=['joint1'], effort=[1.0])),
                        re.escape("name leaves out ['joint2']"))

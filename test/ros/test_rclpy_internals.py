@@ -199,7 +199,6 @@ def test_parameter_overrides(process):
     assert rclpy_internals.parameter_overrides(process.add(node)) == ['unknown'], (
         'rclpy has no Node._parameter_overrides any more: no warning names a parameter that is '
         'set, but not declared')
-    node.destroy_node()
 
 
 @pytest.mark.parametrize('name', ['RCLError', 'UnknownROSArgsError'])

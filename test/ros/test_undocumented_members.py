@@ -70,7 +70,6 @@ def test_nodes_name_none_of_their_attributes_as_rclpy_does():
     with own_process() as process:
         bare = process.add(LifecycleNode('bare', context=process.context))
         of_rclpy = {name for name in dir(bare) if PRIVATE.match(name)}
-        bare.destroy_node()
     own = set()
     for kind in (DynamicsNode, SimulatedArmNode, GuardedCallbacks):
         own |= set(re.findall(r'self\.(_[a-z]\w*)', inspect.getsource(kind)))

@@ -48,6 +48,11 @@ class OwnProcess:
         self.nodes.append(node)
         return node
 
+    def destroy_nodes(self) -> None:
+        """Destroy the nodes: others find a node until then, also after its context has ended."""
+        while self.nodes:
+            self.nodes.pop().destroy_node()
+
     def _arguments(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         return {
             'context': self.context, 'namespace': self.namespace,
@@ -69,8 +74,7 @@ class OwnProcess:
             ended.set()
             executor.wake()
             thread.join(TIMEOUT)
-            for node in self.nodes:
-                node.destroy_node()
+            self.destroy_nodes()
             executor.shutdown()
         assert not thread.is_alive()
 
@@ -88,9 +92,11 @@ def own_process() -> Iterator[OwnProcess]:
     """Yield a context for nodes; shut it down at the end."""
     context = Context()
     rclpy.init(args=[], context=context)
+    process = OwnProcess(context)
     try:
-        yield OwnProcess(context)
+        yield process
     finally:
+        process.destroy_nodes()
         rclpy.try_shutdown(context=context)
 
 
