@@ -126,6 +126,7 @@ def stored_figures(cell: dict[str, Any]) -> list[bytes]:
             if 'image/png' in output.get('data', {})]
 
 
+@pytest.mark.soak
 def test_one_command_opens_the_notebooks():
     """JupyterLab serves them, and can start a kernel of this environment."""
     with socket.create_server(('127.0.0.1', 0)) as server:

@@ -223,6 +223,7 @@ def test_the_intervals_contain_the_true_wrench(name, runs, least):
     assert np.sqrt(np.mean(z**2)) > 0.4  # the intervals are not far too wide
 
 
+@pytest.mark.soak
 def test_the_deviation_covers_the_residual_of_a_real_ur10(tmp_path):
     """Identified from the first 60 % of the recording, without a contact: judged on the rest."""
     if not UR10.exists():
