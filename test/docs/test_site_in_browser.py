@@ -37,6 +37,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str],
         yield lambda name: (tab.goto((directory / f'{name}.html').as_uri()), tab)[1]
 
 
+@pytest.mark.soak
 @pytest.mark.parametrize('name', PAGES)
 def test_a_page_is_readable_on_a_narrow_screen(opened, name):
     tab = opened(name)

@@ -255,7 +255,8 @@ SLOW = 0.05
 
 # ------------------------------------------------------------------ gaps
 
-@pytest.mark.parametrize(('share', 'second'), [(0.35, -0.5), (0.9, 1.7)])
+@pytest.mark.parametrize(('share', 'second'), [
+    (0.35, -0.5), pytest.param(0.9, 1.7, marks=pytest.mark.soak)])
 def test_a_gap_and_a_second_goal(client, share, second, seen):
     """
     The arm stays in the hull of start, earliest stop and goals.

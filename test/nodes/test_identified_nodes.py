@@ -132,6 +132,7 @@ def play(
 
 # --- the simulated arm ---------------------------------------------------------------------------
 
+@pytest.mark.soak
 def test_every_base_parameter_is_within_three_deviations(client, tmp_path):
     """The identified model starts from the URDF: no friction, no rotors."""
     arm = arm_from_parameters(default_arm_urdf(), TRUTH)

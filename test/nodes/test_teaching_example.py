@@ -11,6 +11,7 @@ from children import run, TIMEOUT
 from closed_loop import START
 from disturbances import push, ZERO
 import numpy as np
+import pytest
 from robot_dynamics.recordings import Recording
 from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
@@ -19,6 +20,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / 'docs' / 'examples' / 'play_back
 RECORD = [sys.executable, '-m', 'robot_dynamics.tools.ros2_dynamics', 'record', 'joint_states']
 
 
+@pytest.mark.soak
 def test_a_taught_motion_is_played_back(client, tmp_path):
     nodes = running(
         NodeProcess(DYNAMICS, {**UNHURRIED, 'command': 'hand_guiding'}),

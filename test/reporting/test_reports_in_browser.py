@@ -67,7 +67,9 @@ def opened(browser, path, size=SIZE):
     tab.close()
 
 
-@pytest.mark.parametrize('name', ['check_model', 'torque_map', *ZOOMABLE])
+@pytest.mark.parametrize('name', [
+    'check_model', *(pytest.param(name, marks=pytest.mark.soak) for name in (
+        'torque_map', *ZOOMABLE))])
 def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(browser, reports, name):
     """It requests only itself, and scrolls in no element horizontally."""
     with opened(browser, reports[name]) as tab:

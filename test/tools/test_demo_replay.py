@@ -5,6 +5,7 @@
 
 from demo_process import relative_residuals, run_demo
 import numpy as np
+import pytest
 from recordings import KnownMotion, write_recording
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.recordings.reader import Recording
@@ -26,6 +27,7 @@ def motion_with_brakes():
     return motion
 
 
+@pytest.mark.soak
 def test_brakes_in_a_recording_are_played_and_not_compared(tmp_path):
     """An arm that its brakes hold has no effort, which no model of the arm can explain."""
     motion = motion_with_brakes()

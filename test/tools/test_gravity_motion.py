@@ -239,6 +239,7 @@ def test_states_that_stop_are_an_error(client):
                 client.set_parameters('/simulated_arm', {'paused': False})
 
 
+@pytest.mark.soak
 def test_a_joint_that_does_not_arrive_is_an_error(request_of, client):
     request = request_of(settings=FAST._replace(tolerance=1e-7))
     with pytest.raises(ToolError) as raised:

@@ -198,6 +198,7 @@ def test_the_samples_of_the_test_part_are_exported(output):
             values[f'{name}.velocity [rad/s]'][5:-40], abs=0.01)
 
 
+@pytest.mark.soak
 def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
     """The printed report: cut-off, kind of friction, regularization and excited parameters."""
     printed = {}

@@ -164,6 +164,7 @@ def size_of(message):
     return float(np.linalg.norm((force.x, force.y, force.z)))
 
 
+@pytest.mark.soak
 def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(page, client):
     drawn = {f'/marks/{mark}' for mark in (
         'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
@@ -183,6 +184,7 @@ def test_a_reset_puts_the_simulated_arm_back(page, client):
         wait_for_position(states, 'joint1', 0.785)
 
 
+@pytest.mark.soak
 def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(page):
     """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
     blue, red = '#0072B2', '#D55E00'
