@@ -182,19 +182,3 @@ def test_the_system_python_gets_a_command_that_it_does_not_refuse():
     assert shlex.split(pip.rpartition(' && ')[2]) == [
         str(SYSTEM_PYTHON), '-m', 'pip', 'install', '--user', '--break-system-packages', 'rosbags',
         'numpy<2']
-
-
-# --- the statements of the documentation ---------------------------------------------------------
-
-INSTALLATION = (ROOT / 'docs' / 'installation.md').read_text(encoding='utf-8')
-
-
-def names_in_table(heading: str) -> set[str]:
-    """Return the names in the first column of a table of docs/installation.md."""
-    rows = re.findall(r'(?:^\|.*\n)+', INSTALLATION.split(heading)[1], re.MULTILINE)[0]
-    return {name for line in rows.splitlines() for name in re.findall(
-        '`([^`]+)`', line.split('|')[1])}
-
-
-def test_the_installation_page_has_every_extra():
-    assert names_in_table('\n| extra | for |\n') == set(extras())

@@ -108,10 +108,6 @@ def test_the_parts_of_plotjuggler_fit_together():
         fractions = [float(fraction) for fraction in splitter.attrib['sizes'].split(';')]
         assert len(fractions) == len(splitter)
         assert sum(fractions) == pytest.approx(1.0, abs=1e-5)
-    for plot in PLOTJUGGLER.iter('plot'):
-        colours = [curve.attrib['color'] for curve in plot.iter('curve')]
-        assert '#000000' not in colours  # it would not be seen on the dark ground
-        assert len(set(colours)) == len(colours)
 
 
 # --- Foxglove ------------------------------------------------------------------------------------
@@ -142,6 +138,5 @@ def test_every_path_of_foxglove_leads_to_a_number_and_its_scene_is_published(cli
     for name, plot in PLOTS.items():
         for path in plot['paths']:
             assert isinstance(found(path['value'], messages), float), name
-            assert path['color'] != '#000000'
             has_header = hasattr(messages[path['value'].split('.')[0]], 'header')
             assert path['timestampMethod'] != 'headerStamp' or has_header

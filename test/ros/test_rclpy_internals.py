@@ -24,7 +24,6 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 from robot_dynamics.ros.middleware import rclpy_internals
 from robot_dynamics.ros.middleware.answer_delivery import is_discovered
-from robot_dynamics.ros.middleware.spun_inbox import SpunInbox
 from ros_harness import RosClient, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -88,12 +87,12 @@ def test_wait_set_and_take_message(client):
     inbox.close()
 
 
-def arrives_at(inbox: rclpy_internals.MessageInbox | SpunInbox, nanoseconds: int) -> bool:
+def arrives_at(inbox: rclpy_internals.MessageInbox, nanoseconds: int) -> bool:
     inbox.wait(nanoseconds)
     return inbox.is_ready()
 
 
-def exchange_messages(client: RosClient, inbox: rclpy_internals.MessageInbox | SpunInbox) -> None:
+def exchange_messages(client: RosClient, inbox: rclpy_internals.MessageInbox) -> None:
     """Send three messages to an inbox, take them, and wake a wait."""
     publisher = client.publisher(String, inbox.subscription.topic_name)
     assert inbox.take() is None
@@ -243,13 +242,3 @@ def test_fallbacks_are_documented_members(client, monkeypatch):
     client.call(Trigger, 'fallback_service')
     assert rclpy_internals.request_number(object()) is None
     assert rclpy_internals.parameter_overrides(client.node) == []
-
-
-def test_without_a_wait_set_messages_arrive_in_a_thread(client, monkeypatch):
-    monkeypatch.setattr(rclpy_internals, 'WAIT_SET', 'no_such_member')
-    inbox = rclpy_internals.message_inbox(
-        client.node, String, 'fallback', QoSProfile(depth=5), can_wake=True)
-    assert type(inbox) is SpunInbox
-    exchange_messages(client, inbox)
-    inbox.close()
-    assert not [thread for thread in threading.enumerate() if thread.name == 'inbox']
