@@ -58,7 +58,8 @@ class Viewer:
         `mesh_paths` are directories in which meshes of a URDF from a topic may be opened.
         """
         self._server, self._node, self._cameras = server, node, Cameras(server)
-        self._asked: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        # (SimpleQueue.get would wait indefinitely after a signal at the end of its timeout)
+        self._asked: queue.Queue[Callable[[], None]] = queue.Queue()
         self._words = server.gui.add_html(text_box(['Waiting for an arm …']))
         self._shown: Shown | None = None
         self._actions: PageActions | None = None
