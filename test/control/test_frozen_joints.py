@@ -4,13 +4,11 @@
 """Prediction of joints without a signal, and the effort of their stop, with the real loop."""
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 
 from lock_step_loop import directions, frozen, LockStep, middle, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.frozen_joint_observer import FrozenJointObserver
-from robot_dynamics.control.safety.frozen_joints import FrozenJoints
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
@@ -49,12 +47,6 @@ def test_the_predicted_motion_is_the_true_one(joint, rate):
     assert moved > 0.01
 
 
-@pytest.mark.parametrize(('seconds', 'is_lost'), [(2.9, False), (3.1, True)])
-def test_a_stop_that_takes_more_than_3_s_is_one_no_longer(seconds, is_lost):
-    moving = SimpleNamespace(_controller=SimpleNamespace(has_stopped=False), _since_ns=0)
-    assert FrozenJoints.is_lost(moving, None, round(1e9 * seconds), 1.0) == is_lost
-
-
 # --- the observer of the frozen joints -----------------------------------------------------------
 
 @pytest.mark.parametrize(('sign', 'is_friction'), [(1, True), (-1, False)])
@@ -84,4 +76,3 @@ def test_an_arm_without_friction_is_held_although_a_joint_is_frozen(name, j):
     assert (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()
     assert one.loop.supervisor.mode is Mode.FAULT
     assert trace.last(0.5).speed.max() < 0.05
-

@@ -18,7 +18,7 @@ import os
 from pathlib import Path
 import re
 import signal
-from types import SimpleNamespace
+import time
 from typing import Any
 
 from bristled_arm import BristledArm, Case
@@ -427,22 +427,12 @@ def test_the_node_has_the_defaults_of_the_loop():
 
 def test_a_fault_action_publishes_every_2_ms():
     """command.md: without valid states fault_action, every 2 ms."""
-    output = pytest.importorskip('robot_dynamics.ros.dynamics.command_output')
-    one = Fed().states(5)
-    one.loop.fail(one.now, Fault('trouble', 'words'))
-    bench = SimpleNamespace(
-        loop=one.loop, _stamp=b'', publish=lambda *_: None, log_changes=lambda: None,
-        _changed=SimpleNamespace(notify_all=lambda: None))
-    assert output.CommandOutput._tick(bench) == 0.002
-
-
-def test_an_external_effort_is_over_after_25_states():
-    path, found = pytest.importorskip('robot_dynamics.ros.dynamics.control_path'), []
-    bench = SimpleNamespace(
-        estimates=SimpleNamespace(external_effort=[2.0], limit=[1.0]),
-        command=SimpleNamespace(fail=found.append))
-    path.ControlPath._fail_by_external_effort(bench, SimpleNamespace(names=['joint']), 0)
-    assert found[0].recovery == 25
+    bench = pytest.importorskip('stepped_node')
+    with bench.stepped_node() as one:
+        path = one.node._path
+        path.loop.fail(time.monotonic(), Fault('trouble', 'words'))
+        with path.command._changed:
+            assert path.command._tick() == 0.002
 
 
 def test_requests_may_take_1_gib_beyond_the_memory_at_the_start(monkeypatch):

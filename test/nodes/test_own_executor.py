@@ -11,18 +11,15 @@ from pathlib import Path
 import subprocess
 import sys
 import threading
-from types import SimpleNamespace
 
 from action_clients import Client
 from children import TIMEOUT
 from closed_loop import receiving
 from control_msgs.action import FollowJointTrajectory
-import numpy as np
 from own_process import answer, own_process, OwnProcess, stamps_of
 import pytest
 from rclpy.duration import Duration
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from robot_dynamics.ros.middleware.diagnostics import Diagnostics
 from ros_harness import NodeProcess, UNHURRIED, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
@@ -63,15 +60,6 @@ def test_the_periods_of_its_timers(process):
     """[ms] of markers, of the feedback of a goal, of the looks at statuses and subscribers."""
     periods = sorted(round(1e-6 * timer.timer_period_ns, 1) for timer in process.dynamics().timers)
     assert periods == [33.3, 50.0, 100.0, 100.0]
-
-
-def test_unchanged_statuses_are_published_at_every_tenth_look():
-    due = list[bool]()
-    diagnostics = SimpleNamespace(
-        _looks=0, _report=lambda even_unchanged: due.append(even_unchanged))
-    for _ in range(21):
-        Diagnostics._tick(diagnostics)
-    assert np.flatnonzero(due).tolist() == [0, 10, 20]
 
 
 @pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])

@@ -4,7 +4,6 @@
 """A parameter file describes the same arm to the offline tools and to the nodes."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 from robot_dynamics.exceptions import InvalidInputError, ModelError
-from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS
@@ -163,6 +162,8 @@ def test_a_tool_may_use_some_joints_of_the_parameters():
 
 
 def test_a_node_uses_at_most_100_joints():
-    check_joint_count(SimpleNamespace(joint_count=100))
-    with pytest.raises(ModelError, match="'long' has 101 joints that move, expected at most 100"):
-        check_joint_count(SimpleNamespace(name='long', joint_count=101))
+    def chain(n):
+        return load_arm(planar_arm_urdf([1.0] * n, [0.5] * n, [0.2] * n, [0.01] * n))
+    check_joint_count(chain(100))
+    with pytest.raises(ModelError, match='has 101 joints that move, expected at most 100'):
+        check_joint_count(chain(101))

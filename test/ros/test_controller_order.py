@@ -5,11 +5,9 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, ExitStack
-from types import SimpleNamespace
 
 import pytest
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.ros.dynamics import controller_order
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
 from ros_harness import RosClient, wait_until
 from std_msgs.msg import Float64MultiArray
@@ -82,24 +80,3 @@ def test_a_model_with_another_order_is_compared_with_known_controllers(commander
         assert not commander.order.allows()
         wait_until(lambda: bool(commander.faults), 'a fault')
         assert not commander.order.allows()
-
-
-@pytest.mark.parametrize(('services', 'seconds'), [
-    ([], 0.5), ([('/bridge/get_parameters', [])], 5.0)])
-def test_a_subscriber_that_does_not_answer_delays_the_commands(monkeypatch, services, seconds):
-    """Half a second without a parameter service, 5 s with one."""
-    now, logged = 100.0, list[str]()
-    monkeypatch.setattr(controller_order, 'time', SimpleNamespace(monotonic=lambda: now))
-    monkeypatch.setattr(controller_order, 'subscription_count', lambda _: lambda: 1)
-    bridge = SimpleNamespace(node_name='bridge', node_namespace='/', endpoint_gid=b'1')
-    order = ControllerOrder(SimpleNamespace(
-        create_client=lambda *_: SimpleNamespace(service_is_ready=lambda: False),
-        destroy_client=print, create_timer=lambda *_, **__: None,
-        get_subscriptions_info_by_topic=lambda _: [bridge],
-        get_service_names_and_types_by_node=lambda *_: services,
-        get_logger=lambda: SimpleNamespace(warning=logged.append)),
-        SimpleNamespace(topic_name='commands'), lambda: NAMES, print)
-    for after, allows in ((0.0, False), (seconds - 0.01, False), (seconds + 0.01, True)):
-        now = 100.0 + after
-        order.check()
-        assert (order.allows(), len(logged)) == (allows, allows)
