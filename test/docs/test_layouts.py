@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, UNHURRIED
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -37,7 +37,7 @@ PATH = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\$?\w+\])?)+)$')
 @pytest.fixture(scope='module')
 def messages(client: RosClient) -> Iterator[dict[str, Any]]:
     """Return a message of each topic, while the arm follows a reference."""
-    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
+    with running(NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
         collectors = {
             topic: client.collect(kind, topic) for topic, kind in TYPES.items()}
         collectors['/effort_command'].wait_for()  # nothing is followed before the first state

@@ -23,6 +23,7 @@ from ros_harness import (
     RosClient,
     running,
     SIMULATED_ARM,
+    UNHURRIED,
     wait_until,
 )
 from sensor_msgs.msg import JointState
@@ -255,7 +256,8 @@ def test_known_friction_can_hold_an_error(ask):
         'joints': ['joint1', 'joint2'], 'friction.coulomb': friction,
         'actuator.reflected_inertia': rotors}
     with (NodeProcess(SIMULATED_ARM, parameters, namespace='/rubs'),
-          NodeProcess(DYNAMICS, {**parameters, 'scale_gains': False}, namespace='/rubs'),
+          NodeProcess(DYNAMICS, {
+              **UNHURRIED, **parameters, 'scale_gains': False}, namespace='/rubs'),
           DynamicsClient('/rubs/dynamics', TIMEOUT) as client):
         def at_rest() -> Any:
             return json.loads(ask('status', '--json', client=client)[1])['at_rest']

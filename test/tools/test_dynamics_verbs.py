@@ -20,7 +20,15 @@ from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics.tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics.tools.ros2_dynamics.verbs import main, VERBS
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+    UNHURRIED,
+    wait_until,
+)
 from simulated_arms import default_dynamics
 from verb_bench import assert_refused
 
@@ -52,7 +60,7 @@ DYNAMICS_OF = default_dynamics()
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
+            NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
             NodeProcess(
                 DYNAMICS, {
                     'robot_description': LIFT, 'ignore_checks': ['inertia'],

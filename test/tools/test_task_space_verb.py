@@ -13,7 +13,7 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space import TaskSpace
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, UNHURRIED
 from verb_bench import assert_refused
 
 ARM = load_arm(default_arm_urdf())
@@ -22,7 +22,7 @@ Q, V = [0.785398, 0.523599], [0.5, 0.3]
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
-    with running(NodeProcess(DYNAMICS), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
+    with running(NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
         yield
 
 

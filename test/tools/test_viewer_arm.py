@@ -14,7 +14,15 @@ import rclpy
 from rclpy.context import Context
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robots import must_have_everything, robot_path
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, TIMEOUT, wait_until
+from ros_harness import (
+    DYNAMICS,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    TIMEOUT,
+    UNHURRIED,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 
 if not must_have_everything():
@@ -75,7 +83,7 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
         simulated = NodeProcess(SIMULATED_ARM, {
             'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
             namespace='/viewed')
-        with running(NodeProcess(DYNAMICS, namespace='/viewed'), simulated):
+        with running(NodeProcess(DYNAMICS, UNHURRIED, namespace='/viewed'), simulated):
             page.wait_for('planar_arm, 2 joints', 'follows a reference',
                           without=('no node', 'no joint states'))
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
