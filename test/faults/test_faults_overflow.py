@@ -47,6 +47,7 @@ def test_an_effort_that_is_not_finite(bench):
     answer = reset(bench)
     assert answer.success
     assert answer.message.startswith('reset non_finite: ')
+    wait_states(bench, 5)  # the next valid state ends the fault
     answer = reset(bench)
     assert not answer.success
     assert answer.message == 'there is no fault'
