@@ -27,7 +27,6 @@ from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.payload import Payload
-from robot_dynamics.monitoring.velocity_estimate import VelocityEstimate
 from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
@@ -59,15 +58,10 @@ class Controller:
         """The dynamics with the active loads, and those for planning."""
         self.followed = FollowedReference(arm)
         """The trajectory or stop that is followed."""
-        self.gains = StableGains(arm.joint_kinds)
+        self.gains = StableGains(arm.joint_count)
         """Period and noise of the joint states, and the bandwidth that they allow."""
-        self._velocity = VelocityEstimate(arm.is_continuous)
         self.state: LastState | None = None
         """The last state with a velocity, or None."""
-        self._is_estimated = False
-        """Whether the velocity of the last state was estimated from positions."""
-        self.has_lost_velocity = False
-        """Whether a reference has ended because states have no velocity; the reader resets it."""
         self.may_hold = True
         """Whether a stop may begin, if `stops_and_holds`; not during a fault."""
         self.options = options
@@ -101,11 +95,6 @@ class Controller:
                 self.load.dynamics.rigid_body, scaled, rate, q, v))
         self.laws.limit(workspace, rate)
         self.followed.scale(self.gains.reference_scale)
-
-    def set_without_signal(self, is_without: bool) -> None:
-        """Stop by computed torque while a joint has no signal: its motion is predicted with it."""
-        if self.laws.set_without_signal(is_without):
-            self.followed.scale(self.gains.reference_scale)
 
     # ------------------------------------------------------------------ references
 
@@ -166,7 +155,6 @@ class Controller:
         """Treat the next state as a first one: it need not be consistent with the last state."""
         with self.lock:
             self.state = None
-            self._velocity.restart()
 
     @property
     def reference(self) -> Reference | None:
@@ -208,7 +196,6 @@ class Controller:
         with self._exchange:
             load = self.load.prepare(payloads)
             with self.lock:
-                self.laws.restore()
                 if transition_time == 0.0:
                     self.load.replace(load)
                 else:
@@ -241,13 +228,12 @@ class Controller:
 
     # ------------------------------------------------------------------ the control path
 
-    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
+    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> ControlOutput:
         """
-        Return the efforts for the state (q, v) measured at stamp_ns; v may be unknown (None).
+        Return the efforts for the state (q, v), each (n,), at stamp_ns.
 
-        Without a velocity, measured or estimated, only gravity compensation is computed. Raises
-        NonFiniteEffortError if an effort is not finite: the state is outside the range of the
-        model.
+        Raises NonFiniteEffortError if an effort is not finite: the state is outside the range of
+        the model.
         """
         with self.lock, np.errstate(over='ignore', invalid='ignore'):
             if not np.isfinite(q).all():
@@ -256,43 +242,33 @@ class Controller:
             self.evaluate()
             return output
 
-    def answer(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> ControlOutput:
-        """Do the same as `update`; the caller holds `lock`, and calls `evaluate` afterwards."""
-        velocity_delay = 0.0
+    def answer(
+        self, stamp_ns: int, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
+    ) -> ControlOutput:
+        """
+        Do the same as `update`; the caller holds `lock`, and calls `evaluate` afterwards.
+
+        `velocity_delay` [s] is the delay of v.
+        """
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
             load.advance(stamp_ns)
-        if v is None and self.options.estimates_velocity:
-            if self.state is not None and not self._is_estimated:
-                self._velocity.restart()
-                self._velocity.update(*self.state[:2])
-            v, velocity_delay = self._velocity.update(stamp_ns, q), self._velocity.delay
-            self._is_estimated = True
-        else:
-            self._is_estimated = False
-        law, q_ahead, lag, trajectory = laws.at_rest, q, 0.0, None
-        if v is None:
-            self._lose_velocity()
-        else:
-            last = self.state
-            v = gains.take(
-                1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, q, v, velocity_delay)
-            self.state = stamp_ns, q, v
-            reference = self.followed
-            trajectory = reference.active
-            if self.may_hold and (
-                    laws.holds or reference.stops_next if trajectory is None else
-                    trajectory is reference.first_stop and (
-                        last is None or stamp_ns != last[0])):
-                trajectory = reference.stop_from(last, stamp_ns, q)
+        law, q_ahead, lag, last = laws.at_rest, q, 0.0, self.state
+        gains.take(1e-9 * (stamp_ns - last[0]) if last is not None else 0.0, v, velocity_delay)
+        self.state = stamp_ns, q, v
+        reference = self.followed
+        trajectory = reference.active
+        if self.may_hold and (
+                laws.holds or reference.stops_next if trajectory is None else
+                trajectory is reference.first_stop and (last is None or stamp_ns != last[0])):
+            trajectory = reference.stop_from(last is None, stamp_ns, q, v)
         if trajectory is not None:
             law, lag = laws.with_reference, gains.lag
-            if lag > 0.0 and v is not None:  # the arm moves before the effort acts
+            if lag > 0.0:  # the arm moves before the effort acts
                 q_ahead = q + lag * v
         state = LawInput(
             load.dynamics, stamp_ns, q, v, q_ahead, trajectory, laws.feedback, lag)
         answer, options, drive = law(state), self.options, self.arm.drive
-        laws.last = (state, answer) if trajectory is not None else None
         effort, bounds = answer.effort, self._bounds
         is_clear = math.dist(effort.tolist(), bounds.center) <= bounds.clearance or (
             bounds.is_clear(effort))
@@ -318,22 +294,12 @@ class Controller:
             output.command = drive.command(output.command)
         return output
 
-    def evaluate(self, adapts: bool = True) -> None:
+    def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
         laws = self.laws
-        has_changed = self.gains.evaluate(laws.with_reference.bounces)
-        if adapts and laws.last is not None:
-            has_changed |= laws.adapt()
-        if has_changed:
+        if self.gains.evaluate(laws.with_reference.bounces):
             laws.scale()
             self.followed.scale(self.gains.reference_scale)
-
-    def _lose_velocity(self) -> None:
-        """End the reference: without velocities, no motion can be followed or started."""
-        if self.followed.active is not None:
-            self.followed.end(self.options.stops_and_holds)
-            self.has_lost_velocity = True
-        self.state = None
 
     def motion_equation(
         self, output: ControlOutput, q: FloatArray, v: FloatArray | None,

@@ -11,7 +11,6 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import TrajectoryError
-from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.follower import ActiveTrajectory
@@ -32,8 +31,6 @@ LastState = tuple[int, FloatArray, FloatArray]
 """A stamp [ns], and the position and velocity (n,) in use."""
 Prepared = tuple[JointTrajectory, float]
 """A trajectory that the arm can follow, and the factor by which it was slowed down."""
-LONGEST_DIFFERENCE = 0.1
-"""[s] between two states whose positions give the velocity at which a stop starts."""
 FASTEST_STOP = 2.0
 """Largest velocity from which a stop begins, by the velocity limit."""
 
@@ -143,28 +140,17 @@ class FollowedReference:
         self.active, self.stops_next = None, holds
 
     def stop_from(
-        self, last: LastState | None, stamp_ns: int, q: FloatArray,
+        self, is_first: bool, stamp_ns: int, q: FloatArray, v: FloatArray,
     ) -> ActiveTrajectory | None:
         """
-        Return a stop at q (n,), with the mean velocity since the last state.
+        Return a stop from q and v (n,).
 
-        One sample of a noisy velocity would move the reference. A first state is a stop at rest
-        until a state with another stamp.
+        A first state is a stop at rest until a state with another stamp.
         """
-        v = self.mean_velocity(last, stamp_ns, q)
         self.end()
-        self.stop(stamp_ns, q, np.zeros_like(q) if v is None else v)
-        self.first_stop = self.active if last is None else None
+        self.stop(stamp_ns, q, v)
+        self.first_stop = self.active if is_first else None
         return self.active
-
-    def mean_velocity(
-        self, last: LastState | None, stamp_ns: int, q: FloatArray,
-    ) -> FloatArray | None:
-        """Return the mean velocity (n,) since the last state, or None if that is too long ago."""
-        dt = 0.0 if last is None else 1e-9 * (stamp_ns - last[0])
-        if last is None or not 0.0 < dt <= LONGEST_DIFFERENCE:
-            return None
-        return np.asarray((nearest_turn(q, last[1], self._arm.is_continuous) - last[1]) / dt)
 
     def stop(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
         """

@@ -133,32 +133,21 @@ class GoalExecution:
                         not self.interruption):
                     self.interruption = goal.result.message
 
-    def fail(self, fault: Fault, is_predicted: bool) -> None:
-        """End goals and reference by a fault; a stop with predicted joints continues."""
+    def fail(self, fault: Fault) -> None:
+        """End goals and reference by a fault."""
         self.revoke(str(fault))
         if self.goal is not None:
             goal, self.goal = self.goal, None
             goal.fail(fault)
-        if is_predicted:
-            self.stream.end()
-            self.interruption = str(fault)
-        else:
-            self.interrupt(str(fault))
+        self.interrupt(str(fault))
 
-    def interrupt(self, reason: str, holds: bool = False) -> None:
-        """
-        End the reference; the arm stops from the next measured state, and is held.
-
-        With `holds` an arm that has stopped is held at the end of its reference.
-        """
+    def interrupt(self, reason: str) -> None:
+        """End the reference; the arm stops from the next measured state, and is held."""
         self.revoke(reason)
         self.stream.end()
         if self._controller.trajectory is not None:
             self.interruption = reason
-            if holds and self._controller.has_stopped:
-                self._controller.stop()
-            else:
-                self._controller.stop_from_state()
+            self._controller.stop_from_state()
 
     def pause(self) -> None:
         """Stop, because the stream of set-points has paused."""

@@ -5,8 +5,8 @@
 The control loop: from a measured state to the effort that is commanded, without ROS.
 
 The node `dynamics`, the benchmark `safe_motion` and the tests use this class. A state passes, in
-this order: its plausibility (`state_plausibility`), the check of its velocities
-(`motion_consistency`), the control law with its reference (`controller`), the limits of the effort
+this order: its plausibility (`state_plausibility`), the gate, which knows its velocities
+(`gate`), the control law with its reference (`controller`), the limits of the effort
 (`effort_limiter`) and the supervisor (`supervisor`).
 
 With a law that follows references, the arm always has a reference while it is commanded: it stops
@@ -18,17 +18,16 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.braking import braked
 from robot_dynamics.control.command_end import CommandEnd
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gate import Gate, LOST, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
-from robot_dynamics.control.joint_signals import JointSignals
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.options import (
     ControllerOptions,
@@ -43,7 +42,6 @@ from robot_dynamics.control.safety.supervisor import (
     CommandSupervisor,
     Mode,
     SafetyOptions,
-    slower,
 )
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
@@ -57,15 +55,15 @@ from robot_dynamics.monitoring.state_plausibility import (
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
-CHECK_PERIOD = 0.005
-"""[s] between two states whose velocity is checked and to which the loop adapts, or longer."""
-CHECK_PERIOD_NS = round(1e9 * CHECK_PERIOD)
 _ENDS = {
     Mode.BRAKING: 'the arm is being stopped, because the command ends',
     Mode.STOPPING: 'the command is being ramped to zero'}
 STOPPED = '~/stop was called'
-JUMP = 1.0
-"""[rad/s] between the velocities of two states above which they are checked before the answer."""
+STOP_TIME, CALM = 0.3, 0.1
+"""[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
+up to which they are held then: above it the lost joint moves them."""
+FROZEN_RECOVERY = 25
+"""Valid states in a row with a signal of all joints after which frozen_joint ends."""
 
 
 class LoopAnswer(NamedTuple):
@@ -105,7 +103,7 @@ class ControlLoop:
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
         self.goals = GoalExecution(controller, lambda: self.obstacle, lambda: self._steady)
-        self.signals = JointSignals(controller, self.goals)
+        self.gate = Gate(arm.is_continuous, arm.limits.velocity)
         self._end = CommandEnd(controller, self.goals)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.is_active = False
@@ -113,7 +111,8 @@ class ControlLoop:
         self.states = 0
         """Number of answered states."""
         self._steady = 0.0
-        self._velocities: list[float] = []
+        self._output: ControlOutput | None = None
+        """The output for the last new state."""
         self._fault_count = 0
         if before is not None:
             self._continue(before)
@@ -205,6 +204,11 @@ class ControlLoop:
         with self.lock:
             self.controller.feel(external)
 
+    def set_lock_step(self, is_lock_step: bool) -> None:
+        """Serve a simulation that waits for the answer to each of its states, or not."""
+        self.monitor.is_lock_step = is_lock_step
+        self.supervisor.set_lock_step(is_lock_step)
+
     @property
     def obstacle(self) -> str:
         """The reason why no reference can be followed now, empty if one can."""
@@ -263,29 +267,22 @@ class ControlLoop:
         with self.lock:
             clock_ns = stamp_ns if clock_ns is None else clock_ns
             steady_ns = clock_ns if steady_ns is None else steady_ns
-            signals = self.signals
             now = self._steady = 1e-9 * steady_ns
             try:
                 verdict = self.monitor.judge(
-                    stamp_ns, clock_ns, q, v, has_several_publishers, steady_ns)
+                    stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift or now > self.goals.stream.deadline:
                     self._follow_time(verdict, now)
-                is_slow = verdict.dt is None or verdict.dt >= CHECK_PERIOD
-                if v is not None and not is_slow:
-                    before, self._velocities = self._velocities, v.tolist()
-                    is_slow = len(before) == len(v) and math.dist(before, self._velocities) > JUMP
-                is_due = is_slow or not (
-                    0 <= verdict.stamp - signals.checked_ns < CHECK_PERIOD_NS)
-                if is_slow or not signals.is_consistent:
-                    signals.check(verdict.stamp, q, v)
-                answer = self._answer(verdict, q, v, now, fault)
+                signals = self.gate.take(verdict.stamp, q, v)
+                if signals is None and self._output is not None:
+                    return LoopAnswer(
+                        self.supervisor.repeat(), self._output, verdict._replace(is_new=False))
+                answer = self._answer(verdict, signals or Signals(q, 0.0 * q), now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
                 if self.goals.goal is not None:
                     self.goals.judge()
-                self.controller.evaluate(is_due)
-                if is_due and not is_slow:
-                    signals.check(verdict.stamp, q, v)
+                self.controller.evaluate()
                 return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:
@@ -297,21 +294,14 @@ class ControlLoop:
                 raise
 
     def _answer(
-        self, verdict: StateVerdict, q: FloatArray, v: FloatArray | None, now: float,
-        fault: Fault | None,
+        self, verdict: StateVerdict, signals: Signals, now: float, fault: Fault | None,
     ) -> LoopAnswer:
-        controller, supervisor, dt, measured = self.controller, self.supervisor, verdict.dt, q
-        signals = self.signals
-        if not signals.is_consistent or signals.frozen is not None:
-            q, v, frozen = signals.judged(
-                verdict.stamp, q, v, dt or 0.0, supervisor.limiter.last)
-            fault = fault or frozen
-        before = controller.state
-        output = controller.answer(verdict.stamp, q, v)
+        controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
+        q, v, delay, lost = signals
+        if lost is not None:
+            fault = fault or self._frozen(lost)
+        output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1
-        if controller.has_lost_velocity:
-            controller.has_lost_velocity = False
-            self.goals.interruption = 'the joint states have no velocity'
         if output.command is None:
             supervisor.deactivate(now)
             return LoopAnswer(None, output, verdict)
@@ -320,10 +310,10 @@ class ControlLoop:
         if output.law.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
                 output.state.reference.position, q, controller.arm.joint_names))
-        used, limiter = output.velocity, supervisor.limiter
+        limiter = supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
                 now - supervisor.last_state <= supervisor.state_timeout
-                and limiter.limits.is_clear(q, used)):  # the usual case
+                and limiter.limits.is_clear(q, v)):  # the usual case
             supervisor.last_state, supervisor.holding = now, output.holding_effort
             passed = dt if dt is not None else now - supervisor.last_output
             supervisor.last_output = now
@@ -337,23 +327,31 @@ class ControlLoop:
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(braked, controller)
-        if signals.frozen is not None:
-            if signals.frozen.is_lost(used, verdict.stamp, supervisor.options.hold_time):
-                supervisor.act(now)
-            brake = partial(signals.frozen.stopping_effort, output, dt or 0.0)
-            # The limits are those of the measured joints.
-            q, used = measured, None if used is None else np.where(signals.frozen.marks, 0.0, used)
-        mean = controller.followed.mean_velocity(before, verdict.stamp, q)
+        if lost is not None and self._moves_on(now, v):
+            supervisor.act(now)
         limited = supervisor.answer(
-            now, q, used, output.command, output.holding_effort, dt, brake, fault,
-            partial(controller.motion_equation, output), mean)
+            now, q, v, output.command, output.holding_effort, dt, brake, fault,
+            partial(controller.motion_equation, output))
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING and self._end.is_reached(
-                verdict.stamp, q, slower(used, mean)):
+                verdict.stamp, q, v):
             supervisor.deactivate(now)
             self._follow_faults()
         return LoopAnswer(limited, output, verdict, limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
+
+    def _frozen(self, lost: BoolArray) -> Fault:
+        names = [name for name, is_lost in zip(self.controller.arm.joint_names, lost) if is_lost]
+        return Fault(
+            'frozen_joint', f'the position of {names} has not changed for more than {LOST:g} s, '
+            'although it moved before: check the encoder or its driver',
+            recovery=FROZEN_RECOVERY)
+
+    def _moves_on(self, now: float, v: FloatArray) -> bool:
+        """Return whether the joints with a signal move, STOP_TIME after one was lost."""
+        return self.supervisor.mode is Mode.FAULT and (
+            now - self.supervisor.failed_at > STOP_TIME) and bool(
+            (np.abs(v) > CALM * self.controller.arm.limits.velocity).any())
 
     @property
     def _awaits_command(self) -> bool:
@@ -373,14 +371,13 @@ class ControlLoop:
     def _follow_time(self, verdict: StateVerdict, now: float) -> None:
         """Restart if the joint states restart, and end a stream of set-points that has paused."""
         if verdict.restart:
-            self.signals.consistency.restart()
+            self.gate.restart()
             if self.states > 0:
                 self.restarts[verdict.restart] += 1
                 self.goals.interrupt(f'joint states restarted: {verdict.restart}')
                 self.controller.restart_states()
         if verdict.time_shift:
             self.controller.followed.shift_time(verdict.time_shift)
-            self.signals.consistency.restart()
         if now > self.goals.stream.deadline:
             self.goals.pause()
 
@@ -391,7 +388,7 @@ class ControlLoop:
             self._fault_count = supervisor.fault_count
             if controller.trajectory is not None:
                 fault = supervisor.recurring.count(fault, self._steady)
-            self.goals.fail(fault, self.signals.frozen is not None)
+            self.goals.fail(fault)
         controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
             controller.followed.end()  # the arm may move until the next command

@@ -59,8 +59,6 @@ class ControllerOptions:
     """Limit of the following error [rad] or [m], (n,) or one for all joints; 0: no limit."""
     stream_timeout: float = 0.1
     """[s] for which a set-point with a velocity is followed."""
-    estimates_velocity: bool = False
-    """Estimate a velocity that is not measured from the positions (`velocity_estimate`)."""
     checks_goals: bool = False
     """Reject points beyond the position and velocity limits of the arm; see `goal_limits`."""
     clips_positions: bool = False
@@ -98,7 +96,7 @@ def default_options(arm: ArmModel, **options: Any) -> ControllerOptions:
         'guiding': make_guiding(arm), 'cartesian': make_cartesian(arm),
         'effort_rate': rates if arm.drive is None else arm.drive.scale * rates,
         'scales_gains': True, 'conditions_references': True, 'stops_and_holds': True,
-        'estimates_velocity': True, 'checks_goals': True}
+        'checks_goals': True}
     return ControllerOptions(**{**defaults, **options})
 
 

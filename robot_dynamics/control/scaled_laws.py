@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control laws of a controller, at the bandwidth that the states and the loop allow."""
+"""The control laws of a controller, at the bandwidth that the states allow."""
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.gains.adaptation import Adaptation
 from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
@@ -14,8 +13,6 @@ from robot_dynamics.control.laws.control_law import (
     further_laws,
     GravityCompensation,
     LawFactory,
-    LawInput,
-    LawOutput,
     load_law,
 )
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
@@ -89,7 +86,6 @@ class ScaledLaws:
             options.friction_compensation == 'reference') and bool(
             (friction.at_rest.static + friction.load_coefficient).any())
         """Whether dry friction is compensated at joints that rest away from their goal."""
-        self.restore()
 
     def check_follows(self) -> None:
         """Raise TrajectoryError if the law does not follow references."""
@@ -99,12 +95,6 @@ class ScaledLaws:
             raise TrajectoryError(
                 f'command is {self._options.command!r}, expected '
                 f'{" or ".join(map(repr, names))} to follow a reference')
-
-    def restore(self) -> None:
-        """Forget what the loop has learned, because it changes."""
-        self.adaptation = Adaptation(self._arm.joint_names, self._arm.limits.velocity)
-        self.last: tuple[LawInput, LawOutput] | None = None
-        """The last state with a reference and the answer of the law, until `evaluate`."""
 
     def limit(self, workspace: WorkspaceInertia, rate: FloatArray) -> None:
         """Derive the gains of the loop from M(q), and limit the efforts to a rate (n,) [N·m/s]."""
@@ -116,40 +106,19 @@ class ScaledLaws:
                 law.limit_rate(rate, workspace.row_sums())
         self._use(self.with_reference)
 
-    def set_without_signal(self, is_without: bool) -> bool:
-        """Use computed torque for references or not; return whether the law has changed."""
-        law = self._stop if is_without else self._own
-        if law is self.with_reference:
-            return False
-        self._use(law)
-        return True
-
     def _use(self, law: ControlLaw) -> None:
         self.with_reference, self.loop_gains = law, self._gains_of_laws[id(law)]
         self._gains.set_loop_gains(
             self.loop_gains if self._options.scales_gains else None, self._rate)
         self.scale()
 
-    @property
-    def _scale_in_use(self) -> FloatArray:
-        return self._gains.scale * self.adaptation.scale
-
     def scale(self) -> None:
-        """Scale the gains to the bandwidth that states and oscillations allow."""
+        """Scale the gains to the bandwidth that the states allow."""
         for law in (self.with_reference, self.at_rest):
-            law.scale_gains(self._scale_in_use)
-        self.adaptation.apply(self.with_reference)
-
-    def adapt(self) -> bool:
-        """Adapt to the last state with a reference; return whether gains must change."""
-        if self.last is None or not self._options.scales_gains:
-            return False
-        (state, answer), self.last = self.last, None
-        return self.adaptation.take(
-            state, answer.friction if self.compensates_at_rest else None, self.with_reference)
+            law.scale_gains(self._gains.scale)
 
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
         """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        s, gains = self._scale_in_use, self.feedback.gains
+        s, gains = self._gains.scale, self.feedback.gains
         return np.asarray(s * s * gains.kp), np.asarray(s * gains.kd)

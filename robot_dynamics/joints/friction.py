@@ -171,8 +171,7 @@ class JointFriction:
 
     def tracking_effort(
         self, v: FloatArray, error: FloatArray, rate: FloatArray | float = 0.0,
-        load: FloatArray | float = 0.0, stiffness: FloatArray | float = 1.0,
-        share: FloatArray | float = 1.0,
+        load: FloatArray | float = 0.0,
     ) -> FloatArray:
         """
         Return the compensation (n,) along a reference with the velocity v, at a position error.
@@ -185,16 +184,14 @@ class JointFriction:
         gearbox, F_c over its presliding distance d. It acts late: if w is below about twice d, the
         loop gain of both exceeds 1, and the joint vibrates (small-gain theorem). With w = 5 d the
         gain is below 1 for a resonance of 3.5 and friction that is given 1.4 times too large.
-
-        `stiffness` in (0, 1] and `share` are factors of this spring, and of dry friction.
         """
         pull = self.viscous * rate * error
         if self.is_viscous:
             return np.asarray(self.viscous * v + pull)
-        offset = stiffness * error / self.tracking_width
-        direction = gear = share * _tracking_sign(v / SMOOTHING_VELOCITY, offset)
+        offset = error / self.tracking_width
+        direction = gear = _tracking_sign(v / SMOOTHING_VELOCITY, offset)
         if self.has_gear_terms:
-            gear = share * _tracking_sign(v / self.sigmoid_velocity, offset)
+            gear = _tracking_sign(v / self.sigmoid_velocity, offset)
         return pull + self.directed_effort(v, direction, gear, load)
 
     def directed_effort(

@@ -13,10 +13,11 @@ have moved since the previous state. Stamps belong to one of three clocks:
   first offset by more than `max_age`;
 - simulated time, if they are before SIMULATED_BEFORE: simulated time may run slowly or pause.
 
-If a stamp jumps back or ahead, or if a position jumps (because a robot or a simulator was reset),
-the estimates restart with this state. If the topic has several publishers, such a state is
-rejected until CONFIRMATIONS states have followed it. If states that follow the old ones arrive in
-the meantime, the publishers contradict each other.
+A state whose stamp or position cannot follow the last one is missing: an older message, or a
+corrupted sample. Only if CONFIRMATIONS states have followed each other from there on (because a
+robot or a simulator was reset), the estimates restart with the last of them. If the topic has
+several publishers, and states that follow the old ones arrive in the meantime, the publishers
+contradict each other.
 """
 
 from collections.abc import Callable
@@ -42,9 +43,10 @@ DRIFT = 1e-3
 """Rate [s/s] at which the offset of the clock of another computer is tracked."""
 PLAY = 0.05
 """[rad] or [m] that a joint may move between two states at any velocity."""
-SPEED_FACTOR = 1.5
+SPEED_FACTOR, LARGEST_SPEED = 1.5, 100.0
+"""Plausible speed by the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s]."""
 CONFIRMATIONS = 5
-"""States that must confirm an implausible state if there are several publishers."""
+"""States that must confirm an implausible state."""
 CONTRADICTION = 100
 """Consecutive good states after which a contradiction between publishers has ended."""
 
@@ -86,7 +88,8 @@ class StatePlausibility:
 
         `wraps` (n,) marks the continuous joints, for which a whole turn is no distance.
         """
-        self._names, self._velocity_limit, self._wraps = joint_names, velocity_limit, wraps
+        self._names, self._wraps = joint_names, wraps
+        self._speed = SPEED_FACTOR * np.minimum(velocity_limit, LARGEST_SPEED)
         self.max_age = max_age
         self.has_age: Callable[[], bool] = lambda: True
         """Called before a state is rejected for its age: returns whether stamps have an age."""
@@ -104,11 +107,15 @@ class StatePlausibility:
         """Delay [s] of the clock of the stamps relative to the clock of this computer."""
         self._challenger: tuple[int, FloatArray, int] | None = None
         """Stamp and position of the newest rejected state, and the count of those before it."""
+        self._has_several = False
+        """Whether there were several publishers when it was rejected."""
+        self.is_lock_step = False
+        """Whether a simulation waits for the answer to each state: none is rejected."""
         self._contradiction = 0
         """Number of good states until a contradiction between publishers has ended."""
 
     def judge(
-        self, stamp: int, clock: int, q: FloatArray, v: FloatArray | None,
+        self, stamp: int, clock: int, q: FloatArray,
         has_several_publishers: Callable[[], bool], steady: int | None = None,
     ) -> StateVerdict:
         """
@@ -146,7 +153,7 @@ class StatePlausibility:
         is_same_clock = abs(age) < SAME_CLOCK or self._stamp is not None and self._is_same_clock
         if self.max_age > 0.0:
             self._check_clock(stamp, age, is_same_clock)
-        judgement = self._follows(stamp, passed, q, v, has_several_publishers)
+        judgement = self._follows(stamp, passed, q, has_several_publishers)
         if judgement.is_new:
             self._follow_offset(age, passed, bool(judgement.restart))
             self._stamp, self._q, self._received, self._values = stamp, q, steady, q.tolist()
@@ -179,7 +186,7 @@ class StatePlausibility:
         self._offset += min(max(age - self._offset, -most), most)
 
     def _follows(
-        self, stamp: int, passed: float, q: FloatArray, v: FloatArray | None,
+        self, stamp: int, passed: float, q: FloatArray,
         has_several_publishers: Callable[[], bool],
     ) -> StateVerdict:
         if self._stamp is None:
@@ -189,14 +196,17 @@ class StatePlausibility:
         dt = 1e-9 * (stamp - self._stamp)
         try:
             with np.errstate(over='ignore', invalid='ignore'):  # any finite number can be measured
-                self._check_follows(dt, passed, q, v)
+                self._check_follows(dt, passed, q)
         except ImplausibleStateError as error:
-            if has_several_publishers() and not self._is_confirmed(stamp, q):
+            self._has_several = has_several_publishers()
+            if not (self.is_lock_step or self._is_confirmed(stamp, q)):
                 raise
             self._challenger = None
             return StateVerdict(True, dt if error.reason == 'jump' else None, error.reason)
         if self._challenger is not None:
-            self._challenger, self._contradiction = None, CONTRADICTION
+            self._challenger = None
+            if self._has_several:
+                self._contradiction = CONTRADICTION
         self._contradiction = max(self._contradiction - 1, 0)
         return StateVerdict(True, dt)
 
@@ -207,7 +217,7 @@ class StatePlausibility:
         count = 0
         if self._challenger is not None:
             before, q_before, count = self._challenger
-            follows = 0 < stamp - before <= _LONGEST_GAP_NS and (
+            follows = 0 <= stamp - before <= _LONGEST_GAP_NS and (
                 math.dist(q.tolist(), q_before.tolist()) <= PLAY)
             count = count + 1 if follows else 0
         self._challenger = stamp, q, count
@@ -218,10 +228,11 @@ class StatePlausibility:
         return math.dist(q.tolist(), self._q.tolist()) <= PLAY
 
     def _check_follows(
-        self, dt: float, passed: float, q: FloatArray, v: FloatArray | None,
+        self, dt: float, passed: float, q: FloatArray,
     ) -> None:
-        publishers, is_conflict = 'there are several publishers of joint_states', (
-            self._contradiction > 0)
+        is_conflict = self._contradiction > 0
+        publishers = 'there are several publishers of joint_states' if is_conflict else (
+            'it is not used')
         if dt < 0.0:
             raise ImplausibleStateError(
                 'stamp went back', f'header.stamp is {-dt:.3f} s before that of the previous '
@@ -234,10 +245,8 @@ class StatePlausibility:
                 is_conflict)
         if self._has_hardly_moved(q):
             return
-        speed = self._velocity_limit if v is None else np.maximum(
-            self._velocity_limit, np.abs(v))
         moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
-        too_far = moved > PLAY + SPEED_FACTOR * speed * dt
+        too_far = ~(moved <= PLAY + self._speed * dt)
         if too_far.any():
             j = int(np.argmax(too_far))
             raise ImplausibleStateError(

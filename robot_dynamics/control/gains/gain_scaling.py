@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The velocity that the feedback uses, and the fraction of its bandwidth at which it is stable.
+The fraction of the bandwidth of the feedback at which it is stable.
 
 A law states its closed loop ë + D ė + K e = 0 as matrices of acceleration per error, M⁻¹ K and
 M⁻¹ D (`ControlLaw.closed_loop`). Joint j crosses over at ω_x with ω_x⁴ = K_jj² + D_jj² ω_x², with
@@ -10,18 +10,16 @@ the phase margin φ = atan(D_jj ω_x / K_jj): 2.06 ω and 76° for a damping rat
 of the joints raises their frequencies by at most the largest eigenvalue ρ of K whose diagonal is
 normalised to 1. Two delays reduce the margin:
 
-- sampling and transport: half a period of the states, LOOP_DELAY, and the delay of an estimated
-  velocity (`velocity_estimate`);
+- sampling and transport: half a period of the states, LOOP_DELAY, and the delay of the velocity
+  (`gate`);
 - the rate limit of the effort. Noise σ of the velocity is amplified to M D σ. If this noise
   exceeds the changes that the limit τ̇ permits, the limit acts as a low-pass with the time
   constant M D σ / (0.8 τ̇): the expected change of a slew-limited value whose input has normal
   noise.
 
 The bandwidth of joint j is scaled by s_j, with K s² and D s, so that each phase lag at s ω_x ρ
-stays below its bound, which is proportional to φ. If the noise of the measured velocity would
-lower the gains, the difference of the measured positions replaces it, provided that the difference
-has less noise; it is late by half a period. If s is below 1, M, C and g are those of the position
-q + q̇ (T + LOOP_DELAY)/2 when the effort acts on average.
+stays below its bound, which is proportional to φ. If s is below 1, M, C and g are those of the
+position q + q̇ (T + LOOP_DELAY)/2 when the effort acts on average.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +27,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray, wrap_to_pi
+from robot_dynamics.arrays import FloatArray
 
 LOOP_DELAY = 0.008
 """[s] allowed for transport and computation, in addition to half a period."""
@@ -43,8 +41,6 @@ USUAL_MARGIN = math.atan(2.0 * CROSSOVER)
 """Phase margin [rad] at a damping ratio of 1."""
 USUAL_FREQUENCY = 20.0
 """[rad/s]: references are slowed down for a loop that is scaled to less than this."""
-LESS = 0.5
-"""The noise of the position difference must be below this fraction of that of the velocity."""
 _SLEW = math.sqrt(2.0 / math.pi)
 LEAST = 0.05
 """Smallest fraction s for noise; with noise that requires less, the loop is no longer stable."""
@@ -60,14 +56,13 @@ _SPARSE = 3
 """Consecutive states of each turn that are used while the noise does not matter."""
 _QUIET_TURN = 64
 """States between two evaluations while the noise does not matter."""
-PAUSE = 0.5
-"""[s]: a longer single gap between two states is a pause of the source, not its period."""
+GAP, GAPS, PAUSE = 1.7, 3, 0.5
+"""An interval that is GAP times the period is the period only after GAPS of them in a row, and
+never above PAUSE [s]."""
 _QUIET = 3.0
 """The fraction s that the noise permits if the noise is negligible."""
 _STEP = 1.1
 """Ratio of two periods, or of two scales, below which the scale stays unchanged."""
-_AVERAGING_TIME = 0.2
-"""[s] over which the period for references is averaged."""
 
 
 class LoopGains(NamedTuple):
@@ -119,20 +114,19 @@ class Noise:
     """Running estimate of the standard deviation of white noise on a signal (n,)."""
 
     def __init__(self, n: int) -> None:
-        self._before = self._last = self._variance = self._residual = np.zeros(n)
+        self._before = self._last = self._variance = np.zeros(n)
         self._consecutive = self._updates = 0
 
     def restart(self) -> None:
         """Treat the next sample as not following the last one; keep the estimate."""
         self._consecutive = 0
 
-    def take(self, x: FloatArray, forgetting: float, mean: FloatArray | None = None) -> None:
+    def take(self, x: FloatArray, forgetting: float) -> None:
         """
         Take a sample, which replaces at least the fraction `forgetting` of the estimate.
 
         The second difference of a signal contains six times the variance of its white noise, and
-        little of its motion. If the mean of the signal since the last sample is known, the mean of
-        both samples differs from it by half that variance, and a twelfth of that motion.
+        little of its motion.
         """
         before, last, self._before, self._last = self._before, self._last, self._last, x
         self._consecutive += 1
@@ -141,50 +135,36 @@ class Noise:
             d = x - 2.0 * last + before
             weight = max(forgetting, 1.0 / self._updates)
             self._variance = self._variance + weight * (d * d / 6.0 - self._variance)
-            if mean is not None:
-                r = x + last - 2.0 * mean
-                self._residual = self._residual + weight * (0.5 * r * r - self._residual)
 
     @property
     def deviation(self) -> FloatArray:
-        """The standard deviation (n,) by second differences."""
+        """The standard deviation (n,)."""
         return np.asarray(np.sqrt(self._variance))
-
-    @property
-    def deviation_with_mean(self) -> FloatArray:
-        """The standard deviation (n,), the smaller of both estimates."""
-        return np.asarray(np.sqrt(np.minimum(self._variance, self._residual)))
 
 
 class StableGains:
-    """The scale of the gains that rate and noise of the states allow, and the velocity to use."""
+    """The scale of the gains that rate and noise of the states allow."""
 
-    def __init__(self, joint_kinds: Sequence[str]) -> None:
-        n = len(joint_kinds)
+    def __init__(self, n: int) -> None:
+        """Scale the gains of n joints."""
         self.scale: FloatArray = np.ones(n)
         """Factors of the bandwidth of the joints, (n,) in (0, 1]."""
         self.least = 1.0
         """The smallest of these factors."""
         self.reference_scale = 1.0
         """Factor by which references are slowed down, in (0, 1]."""
-        self._taken: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
-        """Period, velocity, position and last position of the last state, until `evaluate`."""
         self.period = 0.0
-        """[s]; follows a longer period at once, and a shorter one in about 50 states."""
-        self.mean_period = 0.0
-        """[s], the mean over about 0.2 s: one gap is no period of the states."""
-        self.differs = False
-        """Whether the velocity is the difference of positions."""
+        """[s] between the states: a single long interval is a gap, not their rate."""
         self.is_known = False
         """Whether enough states have been received; fewer suffice without noise."""
+        self._taken: tuple[float, FloatArray] | None = None
+        """Period and velocity of the last state, until `evaluate`."""
         self._velocity_delay = 0.0
         self._gains: LoopGains | None = None
         self._effort_rate: FloatArray = np.full(n, math.inf)
-        self._measured, self._difference = Noise(n), Noise(n)
-        self._turns = np.array([kind == 'continuous' for kind in joint_kinds], dtype=bool)
-        self._q: FloatArray | None = None
-        self._count = 0
-        self._is_noisy, self._is_paused = True, False
+        self._noise = Noise(n)
+        self._count = self._long = 0
+        self._is_noisy = True
         self._free_period, self._rated_period = math.inf, 0.0
 
     def set_loop_gains(self, gains: LoopGains | None, effort_rate: FloatArray) -> None:
@@ -197,27 +177,22 @@ class StableGains:
         self._free_period = math.inf if gains is None else longest_period(gains)
         self._set_scale(is_forced=True)
 
-    def take(
-        self, dt: float, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
-    ) -> FloatArray:
+    def take(self, dt: float, v: FloatArray, velocity_delay: float = 0.0) -> None:
         """
-        Return the velocity to use at a state dt [s] after the last one, 0 if that is unknown.
+        Take the velocity (n,) of a state dt [s] after the last one, 0 if that is unknown.
 
-        Arrays are (n,). `velocity_delay` [s] is the delay of v, 0 if it is measured.
+        `velocity_delay` [s] is the delay of v.
         """
-        last, self._q = self._q, q
-        self._taken = None
-        if self._gains is None or dt <= 0.0 or last is None:
-            return v
-        if dt >= PAUSE and not self._is_paused:
-            self._is_paused = True
-            self._measured.restart()
-            self._difference.restart()
-            return v
-        self._is_paused = dt >= PAUSE
+        if self._gains is None or dt <= 0.0:
+            self._taken = None
+            return
+        self._long = self._long + 1 if dt > GAP * self.period > 0.0 else 0
+        if 0 < self._long < GAPS or dt >= PAUSE:
+            self._taken = None
+            self._noise.restart()
+            return
         self._velocity_delay = velocity_delay
-        self._taken = dt, v, q, last
-        return self._difference_of(dt, q, last) if self.differs else v
+        self._taken = dt, v
 
     def evaluate(self, bounces: bool = False) -> bool:
         """
@@ -227,62 +202,41 @@ class StableGains:
         """
         if self._taken is None:
             return False
-        (dt, v, q, last), self._taken = self._taken, None
+        (dt, v), self._taken = self._taken, None
         self._count += 1
         rest = self.period - dt
-        self.period = period = min(dt, 1.0) if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
-        weight = min(1.0, max(dt / _AVERAGING_TIME, 1.0 / self._count))
-        self.mean_period += weight * (dt - self.mean_period)
+        self.period = period = dt if rest < 0.0 else dt + (1.0 - _FORGETTING) * rest
         phase = self._count % _TURN
         if bounces:
-            self._measured.restart()
-            self._difference.restart()
+            self._noise.restart()
             return False
         if self._is_noisy:
-            difference = self._difference_of(dt, q, last)
-            self._measured.take(v, _FORGETTING, difference)
-            self._difference.take(difference, _FORGETTING)
-            if not self.is_known:
-                self.differs = bool(
-                    LESS * self._difference.deviation.sum() < (
-                        self._measured.deviation_with_mean.sum()))
+            self._noise.take(v, _FORGETTING)
             is_due = phase == 2 or not self.is_known
         else:
             is_due = self._count % _QUIET_TURN == 2
             if phase < _SPARSE:  # three consecutive states are enough for one estimate
                 if phase == 0:
-                    self._measured.restart()
-                self._measured.take(
-                    v, _SPARSE_FORGETTING, self._difference_of(dt, q, last))
+                    self._noise.restart()
+                self._noise.take(v, _SPARSE_FORGETTING)
         if not (is_due or period > self._free_period and period > _STEP * self._rated_period):
             return False
         self._rated_period = period
         return self._set_scale()
 
-    def _difference_of(self, dt: float, q: FloatArray, last: FloatArray) -> FloatArray:
-        """Return the difference of the positions as a velocity."""
-        moved = q - last
-        if self._turns.any():
-            moved = np.where(self._turns, wrap_to_pi(moved), moved)
-        return np.asarray(moved / dt)
-
     def __str__(self) -> str:
-        noise = float(self._measured.deviation_with_mean.max(initial=0.0))
-        source = 'differences of the positions' if self.differs else (
-            'estimated velocities' if self._velocity_delay else 'measured velocities')
+        noise = float(self._noise.deviation.max(initial=0.0))
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
-                f'{round(noise, 6):.2g} per second, {source} in use')
+                f'{round(noise, 6):.2g} per second')
 
     @property
     def lag(self) -> float:
         """
         The mean time [s] from a state to the middle of the period in which its effort acts.
 
-        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time. A
-        single gap is no period of the states.
+        It is 0 for fast states, whose gains are not lowered: the arm hardly moves in that time.
         """
-        period = min(self.period, self.mean_period)
-        return 0.5 * (period + LOOP_DELAY) if self.least < 1.0 else 0.0
+        return 0.5 * (self.period + LOOP_DELAY) if self.least < 1.0 else 0.0
 
     def _set_scale(self, is_forced: bool = False) -> bool:
         """Evaluate the scales; return whether they have changed."""
@@ -290,14 +244,12 @@ class StableGains:
         if gains is None:
             self.scale, self.least, self.reference_scale = np.ones_like(self.scale), 1.0, 1.0
             return False
-        of_noise = self._scale_of_noise(gains)
-        full = self._scaled(gains, self.period or FIRST_PERIOD, of_noise)
+        full = self._scaled(gains, self.period or FIRST_PERIOD, self._scale_of_noise(gains))
         scale = full if self.is_known else UNKNOWN * full
         least = float(scale.min(initial=1.0))
         usual = np.minimum(gains.frequency, USUAL_FREQUENCY)
-        mean = self._scaled(gains, min(self.mean_period, self.period), of_noise)
         with np.errstate(divide='ignore', invalid='ignore'):
-            share = np.where(usual > 0.0, mean * gains.frequency / usual, 1.0)
+            share = np.where(usual > 0.0, full * gains.frequency / usual, 1.0)
         reference_scale = min(1.0, float(share.min(initial=1.0)))
         is_forced = is_forced or self.is_known != was_known
         if not is_forced and _is_same(least, self.least) and _is_same(
@@ -308,41 +260,22 @@ class StableGains:
 
     def _scaled(self, gains: LoopGains, period: float, of_noise: float) -> FloatArray:
         """Return the factors s (n,) at a period of the states [s]."""
-        delay = LOOP_DELAY + (
-            period if self.differs else 0.5 * period + self._velocity_delay)
+        delay = LOOP_DELAY + 0.5 * period + self._velocity_delay
         with np.errstate(divide='ignore', invalid='ignore'):
             of_delay = np.where(gains.crossover > 0.0, gains.lag / (gains.crossover * delay), 1.0)
         return np.asarray(np.minimum(np.minimum(of_delay, of_noise), 1.0))
 
     def _scale_of_noise(self, gains: LoopGains) -> float:
-        """Return the factor s that the noise permits; choose the velocity."""
-        measured = self._measured.deviation_with_mean
-        if not np.isfinite(measured).all():  # after implausibly large velocities
-            self._measured = Noise(len(measured))
-            self._count, self.is_known, self.differs = 0, False, False
-            measured = self._measured.deviation_with_mean
-        scale = self._largest_scale(gains, measured)
+        """Return the factor s that the noise permits."""
+        effort = np.sqrt((gains.noise * self._noise.deviation) ** 2 @ np.ones_like(self.scale))
+        lag = float(gains.crossover.max(initial=0.0)) * float(
+            np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
+        scale = math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
         self.is_known = self._count >= (_TURN if scale < _QUIET else _FEW)
         was_noisy, self._is_noisy = self._is_noisy, scale < 1.0 or not self.is_known
         if self._is_noisy and not was_noisy:
-            self._measured.restart()
-            self._difference.restart()
-        if not self.is_known:
-            return 1.0
-        if self._is_noisy and was_noisy:
-            of_difference = self._largest_scale(gains, self._difference.deviation)
-            lowers = scale < float(self._scaled(gains, self.period, 1.0).min(initial=1.0))
-            self.differs = self.differs or lowers and LESS * of_difference**2 > scale**2
-            scale = of_difference if self.differs else scale
-        else:
-            self.differs = False
-        return max(scale, LEAST)
-
-    def _largest_scale(self, gains: LoopGains, noise: FloatArray) -> float:
-        effort = np.sqrt((gains.noise * noise) ** 2 @ np.ones(len(noise)))
-        lag = float(gains.crossover.max(initial=0.0)) * float(
-            np.max(effort / (_SLEW * self._effort_rate), initial=0.0))
-        return math.sqrt(NOISE_LAG / lag) if lag > 0.0 else math.inf
+            self._noise.restart()
+        return max(scale, LEAST) if self.is_known else 1.0
 
 
 def _is_same(scale: float, other: float) -> bool:

@@ -52,10 +52,6 @@ class ComputedTorque(ControlLaw):
         self.feedback = self._full_feedback.scaled(scale) if (scale < 1.0).any() else (
             self._full_feedback)
 
-    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
-        """Scale the compensation of dry friction; see `JointFriction.tracking_effort`."""
-        self._friction.scale(stiffness, share)
-
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort that follows the reference."""
         dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory

@@ -109,7 +109,7 @@ class ControlLaw:
     follows: ClassVar[bool] = True
     """Whether the law follows references."""
     bounces: bool = False
-    """Whether the arm bounces off a surface: neither noise nor an oscillation of the loop."""
+    """Whether the arm bounces off a surface: the changes of its velocity are no noise."""
     scale: FloatArray | float = 1.0
     """Factors s (n,) of the bandwidth, set by the controller: stiffness s² K, damping s D."""
 
@@ -132,15 +132,6 @@ class ControlLaw:
     def scale_gains(self, scale: FloatArray) -> None:
         """Scale the bandwidth by these factors (n,) in (0, 1] from now on."""
         self.scale = scale
-
-    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
-        """
-        Scale what the law adds to its closed loop against friction, by factors (n,).
-
-        `stiffness` is that of efforts per position error at rest, `share` that of all efforts
-        against dry friction.
-        """
-        return
 
     def feel(self, external: FloatArray, stamp_ns: int) -> None:
         """Take the external effort (n,) [N·m] or [N] of a follower at a stamp."""

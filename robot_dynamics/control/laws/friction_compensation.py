@@ -18,12 +18,6 @@ class FrictionCompensation:
         self._mode = mode
         self.none = np.zeros(n)
         self.none.setflags(write=False)
-        self._stiffness: FloatArray | float = 1.0
-        self._share: FloatArray | float = 1.0
-
-    def scale(self, stiffness: FloatArray, share: FloatArray) -> None:
-        """Scale the compensation of dry friction; see `JointFriction.tracking_effort`."""
-        self._stiffness, self._share = stiffness, share
 
     def effort(
         self, state: LawInput, v_ref: FloatArray, e: FloatArray, rate: FloatArray,
@@ -38,8 +32,7 @@ class FrictionCompensation:
         if self._mode == 'reference':
             if state.trajectory is not None and state.trajectory.is_from_measurement:
                 v_ref = self.none
-            return state.dynamics.friction.tracking_effort(
-                v_ref, e, rate, load, self._stiffness, self._share)
+            return state.dynamics.friction.tracking_effort(v_ref, e, rate, load)
         if self._mode == 'none' or state.v is None:
             return self.none
         return state.dynamics.friction_effort(state.v, load)

@@ -82,10 +82,6 @@ class ModalImpedance(ControlLaw):
         """Limit the change of the feedback to a fraction of the rate limit of the effort."""
         self._effort_rate = effort_rate
 
-    def scale_compensation(self, stiffness: FloatArray, share: FloatArray) -> None:
-        """Scale the compensation of dry friction."""
-        self._friction.scale(stiffness, share)
-
     def scale_gains(self, scale: FloatArray) -> None:
         """Scale the largest frequency."""
         super().scale_gains(scale)

@@ -72,11 +72,6 @@ class SafetyOptions:
     overspeed: float = 1.2
 
 
-def slower(v: FloatArray | None, mean: FloatArray | None) -> FloatArray | None:
-    """Return of each joint the smaller of two velocities (n,); None is unknown."""
-    return v if v is None or mean is None else np.where(np.abs(mean) < np.abs(v), mean, v)
-
-
 class CommandSupervisor:
     """
     Passes the efforts of n joints on, or replaces them with the fault action; for one thread.
@@ -96,6 +91,8 @@ class CommandSupervisor:
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
+        self.failed_at = 0.0
+        """Time [s] of the active fault, or of the last one."""
         self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
@@ -189,22 +186,21 @@ class CommandSupervisor:
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
+            self.failed_at = now
 
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         holding: HoldingEffort, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None, equation: MotionEquation | None = None,
-        mean: FloatArray | None = None,
     ) -> FloatArray | None:
         """
         Return the effort for a valid state; `holding` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
         fault that was found with this state. `brake` returns `holding` with damping at (q, v), for
-        a fault. `equation` is that of `EffortLimiter.apply`. `mean` (n,) is the mean
-        velocity since the previous state: one noisy velocity v is no overspeed.
+        a fault. `equation` is that of `EffortLimiter.apply`.
         """
-        cause = self._beyond_a_limit(q) or self._overspeed(slower(v, mean)) or fault
+        cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.state_timeout):
             cause = self._timeout()

@@ -138,7 +138,6 @@ class ControlPath:
             self._foreign_joints = ''
             self._awaits_description = is_embedded
             self._used_at = time.monotonic()
-            self.counters.velocities = 'measured'
             self.estimates.set_estimates(estimates)
             self._drives.set_loop(loop)
             self.command.set_loop(loop)
@@ -242,7 +241,7 @@ class ControlPath:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return position and velocity (n,) of a state, and learn where its layout has them."""
         q, v = served.reader.read(state)
-        served.loop.supervisor.set_lock_step(state.layout.is_lock_step)
+        served.loop.set_lock_step(state.layout.is_lock_step)
         if state.layout is served.assembly.whole and not self._awaits_description:
             served.layout, served.places = state.layout, served.reader.places
         return q, v
@@ -274,16 +273,11 @@ class ControlPath:
             self._look_for_replay(state.stamp_ns)
         elif counters.replay.text:
             counters.replay.reset()
-        if v is None or counters.velocities != 'measured' or (
-                output.scale != self._log.bandwidth_scale):
-            self._log.quality(served.loop, v is None, output)
+        if output.scale != self._log.bandwidth_scale:
+            self._log.bandwidth(served.loop.controller)
         if served.loop.goals.notice:
             self._log.warn('notice', served.loop.goals.notice)
             served.loop.goals.notice = ''
-        adaptation = served.loop.controller.laws.adaptation
-        if adaptation.has_notice:
-            self._log.warn(
-                'oscillation', f'The control loop has reacted: {adaptation.take_notice()}.')
         for count in self._counts:
             if count():
                 self._publish(state, served, answer)

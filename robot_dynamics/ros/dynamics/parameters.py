@@ -195,10 +195,6 @@ SPECS = (
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     robot_description.ROBOT_GRAVITY_SPEC,
     *GRAVITY_SPECS,
-    flag('require_measured_velocities', False, (
-        'Follow references only if the joint states contain velocities. By default, velocities '
-        'that are missing or NaN are estimated from the positions with a delay of 5 ms or half a '
-        'period of the states, and the gains are lowered accordingly.')),
     number('joint_sample_max_age', 0.0, 0.0, 10.0, (
         'Largest difference [s] between the stamps of the samples of one state, if the joints of '
         'the arm are spread over several messages; 0 for half a period of these messages.')),
@@ -239,7 +235,7 @@ def options_from(values: Values, arm: ArmModel) -> ControllerOptions:
         torque_rates(values, arm), convention_from_parameters(values), values['scale_gains'],
         values['condition_references'], values['infeasible_trajectory'] != 'reject', True,
         optional_values('following_error_limit', values, arm), values['reference_timeout'],
-        not values['require_measured_velocities'], checks_goals=True,
+        checks_goals=True,
         clips_positions=values['infeasible_trajectory'] == 'clip',
         impedance=make_impedance(
             arm.joint_names, arm.limits.effort, *(values[name] for name in IMPEDANCE)),

@@ -10,12 +10,10 @@ import math
 import time
 
 from rclpy.node import Node
-from robot_dynamics.control.control_output import ControlOutput
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.monitoring.event_timing import EventTiming
 from robot_dynamics.monitoring.replay_hint import ReplayHint
-from robot_dynamics.monitoring.velocity_estimate import SPAN
 from robot_dynamics.ros.middleware.diagnostics import ERROR, OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 
@@ -43,7 +41,6 @@ class ControlCounters:
     """Messages with some of the joints that do not complete a state."""
     missing: tuple[str, ...] = ()
     """Joints without a sample that is new enough, at the last message with some of the joints."""
-    velocities: str = 'measured'
     answered_at: float = -math.inf
     """Time [s] of the last answer on the steady clock."""
     arrivals: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_ARRIVALS))
@@ -106,31 +103,7 @@ class StateLog:
             self._refused = words
             self._node.get_logger().error(self._counters.last_drop)
 
-    def quality(self, loop: ControlLoop, is_estimated: bool, output: ControlOutput) -> None:
-        """Log the source of the velocities, their contradictions and the gain scaling."""
-        controller, v = loop.controller, output.velocity
-        source = 'measured' if not is_estimated else (
-            'estimated from positions' if v is not None else 'missing')
-        if is_estimated and (v is not None or not controller.options.estimates_velocity):
-            self._velocities(source)
-        self._counters.velocities = source if v is not None or not is_estimated else (
-            self._counters.velocities)
-        if output.scale != self.bandwidth_scale:
-            self._bandwidth(controller)
-
-    def _velocities(self, source: str) -> None:
-        """Log once that the joint states have no velocities, and the effect of that."""
-        if source == self._counters.velocities:
-            return
-        self._counters.velocities = source
-        self._node.get_logger().warning(
-            'The joint states have no velocities: only gravity is compensated, and no reference '
-            'is followed. Publish velocities, or set require_measured_velocities to false.'
-            if source == 'missing' else
-            'The joint states have no velocities: they are estimated from the positions, over '
-            f'{1e3 * SPAN:g} ms or one period, and the gains are lowered if necessary.')
-
-    def _bandwidth(self, controller: Controller) -> None:
+    def bandwidth(self, controller: Controller) -> None:
         """Log the gain scaling if it has changed much."""
         scale = self.bandwidth_scale = controller.gains.least
         if not controller.gains.is_known or (
@@ -186,13 +159,10 @@ class StateReport:
                     '(joint_sample_max_age)')
         if counters.replay.text:
             level, words = max(level, WARN), f'{words}; {counters.replay.text}'
-        if loop is not None and not loop.signals.consistency.is_consistent:
-            level, words = max(level, WARN), f'{words}; {loop.signals.consistency.reason}'
         return Status('joint states', level, words, {
             'answered': 0 if loop is None else loop.states,
             'not new (stamp repeated)': counters.repeated,
             'parts of a state': counters.incomplete,
-            'velocities': counters.velocities,
             **{f'dropped: {reason}': count for reason, count in sorted(drops.items())},
             **{f'restarted: {reason}': count for reason, count in sorted(restarts.items())}})
 

@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+What is known of each joint now: the only place that judges the measured values of a state.
+
+The velocity of a joint is the measured one as long as it agrees with the positions, else the
+difference quotient d of the positions over SPAN, or over one period of the states if that is
+longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN. It is late by half of this span
+(P. R. Bélanger, "Estimation of angular velocity and acceleration from shaft encoder measurements",
+IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
+wrong judgement costs only bandwidth:
+
+- A sample further than FAR velocity limits from d is missing: nothing is learned from it.
+- The integral of v must equal the displacement. Both are forgotten with the time constant MEMORY;
+  if they differ by more than FLOOR + RATIO times the displacement (resolution of encoders, scale
+  of the velocity), the velocity is not used until it has agreed in motion for AGREEMENT.
+
+A joint does not stop from one sample to the next. If its position repeats bit by bit although the
+last step was faster than MOVING, its sample is missing: its position is continued with its last
+velocity until it changes, for at most LOST seconds; then the joint has no signal. If the whole
+state repeats, there is no new state.
+"""
+
+from collections import deque
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import (
+    BoolArray,
+    FloatArray,
+    NANOSECONDS_PER_SECOND,
+    wrap_angle,
+    wrap_to_pi,
+)
+
+SPAN = 0.008
+"""[s]"""
+FAR, LARGEST_SPEED = 0.5, 20.0
+"""Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s]."""
+FLOOR, RATIO = 0.003, 0.3
+"""[rad] or [m], and share of the displacement, that integral and displacement may differ."""
+MEMORY, AGREEMENT = 0.1, 1.0
+"""[s]"""
+MOVING, BRAKING = 0.1, 15.0
+"""[rad/s] or [m/s] from which a joint does not stop in one sample, and [rad/s²] or [m/s²] with
+which dry friction brakes a joint: slower states need a faster joint."""
+LOST = 0.05
+"""[s] for which the position of a joint without a new sample is continued."""
+_SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
+_LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
+_PAUSE_NS = NANOSECONDS_PER_SECOND // 2
+"""[ns] between two states after which the difference of their positions gives no velocity."""
+_MOST = 100
+"""Number of stored states within a span."""
+
+
+class Signals(NamedTuple):
+    """
+    Position and velocity (n,) in use, and the delay [s] of the velocity.
+
+    `lost` (n,) marks joints without a signal, None for none; their velocity is 0, as that of a
+    first state.
+    """
+
+    q: FloatArray
+    v: FloatArray
+    delay: float = 0.0
+    lost: BoolArray | None = None
+
+
+class Gate:
+    """Follows the positions of n joints, state by state; for one thread."""
+
+    def __init__(self, wraps: BoolArray, velocity_limit: FloatArray) -> None:
+        """
+        Take the velocity limits (n,), infinite for none.
+
+        `wraps` (n,) marks the continuous joints: their positions may jump by a turn.
+        """
+        n = len(wraps)
+        self._wraps, self._any_wraps = wraps, bool(wraps.any())
+        self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
+        self._agreed = [AGREEMENT] * n
+        """[s] in motion for which the velocity of each joint has agreed with its positions."""
+        self._integral, self._moved = [0.0] * n, [0.0] * n
+        self._before = [0.0] * n
+        """Velocities of the last state."""
+        self._states: deque[tuple[int, FloatArray]] = deque(maxlen=_MOST)
+        """Stamps [ns] and the positions in use."""
+        self._measured: FloatArray = np.full(n, np.nan)
+        self._v: FloatArray = np.zeros(n)
+        self._missing: BoolArray = np.zeros(n, dtype=bool)
+        self._since_ns = np.zeros(n, dtype=np.int64)
+        """Stamp (n,) of the last sample of each joint that is missing."""
+        self._is_missing = False
+
+    def restart(self) -> None:
+        """Treat the next state as a first one."""
+        self._states.clear()
+        self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
+        self._missing = np.zeros_like(self._missing)
+        self._is_missing = False
+
+    @property
+    def doubtful(self) -> BoolArray:
+        """Whether the measured velocity of each joint is not used, because it is wrong, (n,)."""
+        return np.array(self._agreed) < AGREEMENT
+
+    def take(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> Signals | None:
+        """
+        Return the signals at a state (q, v), each (n,), None if the positions repeat as a whole.
+
+        `v` is None if it is not measured.
+        """
+        states = self._states
+        if states and not 0 <= stamp_ns - states[-1][0] <= _PAUSE_NS:
+            self.restart()
+        measured, self._measured = self._measured, q
+        if not states:
+            states.append((stamp_ns, q))
+            self._v = np.zeros_like(q)
+            return Signals(q, self._v)
+        last_ns, last = states[-1]
+        if stamp_ns == last_ns:
+            return Signals(last, self._v)
+        same = q == measured
+        if self._is_missing or True in same.tolist():
+            suspects = same & ~self._missing & self._moved_fast()
+            if suspects.any() and same.all():
+                return None
+            q = self._continued(stamp_ns, q, same, suspects)
+        states.append((stamp_ns, q))
+        while len(states) > 2 and stamp_ns - states[1][0] >= _SPAN_NS:
+            states.popleft()
+        begin_ns, begin = states[0]
+        moved = q - begin
+        if self._any_wraps:
+            moved = np.where(self._wraps, wrap_to_pi(moved), moved)
+        span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
+        d, lost, delay = np.asarray(moved / span), None, 0.5 * span
+        if self._is_missing:
+            lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
+            d = np.where(lost, 0.0, d)
+            if not lost.any():
+                lost = None
+        if v is not None:
+            d, is_late = self._agreeing(1e-9 * (stamp_ns - last_ns), d, v, q - last)
+            delay = delay if is_late else 0.0
+        self._v = d
+        return Signals(q, d, delay, lost)
+
+    def _agreeing(
+        self, dt: float, d: FloatArray, v: FloatArray, moved: FloatArray,
+    ) -> tuple[FloatArray, bool]:
+        """Return the measured velocities that agree, else d, (n,), and whether d is needed."""
+        used, is_late, keep = d.tolist(), False, 1.0 - min(dt / MEMORY, 1.0)
+        before, agreed, missing = self._before, self._agreed, self._missing.tolist()
+        w, m = self._integral, self._moved
+        for j, (v_j, d_j, moved_j, far) in enumerate(zip(
+                v.tolist(), used, moved.tolist(), self._far)):
+            if not -pi < moved_j <= pi:
+                moved_j = wrap_angle(moved_j)
+            if missing[j] or not -far <= v_j - d_j <= far:
+                v_j, v_now = d_j, d_j
+            else:
+                v_now = v_j
+            w[j] = keep * w[j] + 0.5 * dt * (v_now + before[j]) - moved_j
+            m[j] = keep * m[j] + moved_j
+            before[j] = v_now
+            tolerance = FLOOR + RATIO * abs(m[j])
+            if not -tolerance <= w[j] <= tolerance:
+                agreed[j] = 0.0
+            elif agreed[j] < AGREEMENT and not -FLOOR <= m[j] <= FLOOR:
+                agreed[j] += dt
+            if agreed[j] < AGREEMENT:
+                is_late = True
+            else:
+                used[j] = v_j
+        return np.array(used), is_late
+
+    def _moved_fast(self) -> BoolArray:
+        """Return which joints (n,) were so fast in the last step that they cannot stand now."""
+        if len(self._states) < 2:
+            return np.zeros_like(self._missing)
+        (begin_ns, before), (end_ns, q) = self._states[-2], self._states[-1]
+        dt = (end_ns - begin_ns) / NANOSECONDS_PER_SECOND
+        moved = np.abs(q - before)
+        if self._any_wraps:
+            moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
+        return np.asarray(moved > dt * max(MOVING, BRAKING * dt))
+
+    def _continued(
+        self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray,
+    ) -> FloatArray:
+        """Return the positions (n,) with those of missing joints continued."""
+        last_ns, used = self._states[-1]
+        found = self._missing & ~same
+        if found.any():  # the positions before are moved, so that the velocity is the last one
+            shift = np.where(found, q - used - self._v * (1e-9 * (stamp_ns - last_ns)), 0.0)
+            for k, (at_ns, before) in enumerate(self._states):
+                self._states[k] = at_ns, before + shift
+        self._since_ns = np.where(suspects, last_ns, self._since_ns)
+        self._missing = self._missing & same | suspects
+        self._is_missing = bool(self._missing.any())
+        if not self._is_missing:
+            return q
+        dt = 1e-9 * np.clip(self._since_ns + _LOST_NS - last_ns, 0, stamp_ns - last_ns)
+        return np.where(self._missing, used + dt * self._v, q)
