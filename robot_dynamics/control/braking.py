@@ -9,8 +9,9 @@ from robot_dynamics.control.controller import Controller
 
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
-USUAL_FRICTION = 0.1
-"""Largest dry friction of usual gearboxes, as a fraction of the effort limit."""
+USUAL_FRICTION, SURPLUS = 0.05, 0.4
+"""Dry friction of usual gearboxes, as a fraction of the effort limit; and the share of known
+friction that may be more than its compensation."""
 HELD_ERROR = 0.03
 """[rad] or [m] that a joint may be away from its reference without friction."""
 
@@ -49,14 +50,17 @@ def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArr
     """
     Return at which joints (n,) dry friction can hold the arm against the feedback, at rest.
 
-    `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Friction that is not known is
-    assumed to be as large as usual in gearboxes; a further HELD_ERROR is tolerated.
+    `q` and `error`, the reference minus q, are (n,) [rad] or [m]. Known friction is compensated
+    but for SURPLUS; other friction is assumed to be as large as usual in gearboxes. A further
+    HELD_ERROR is tolerated.
     """
     friction, limit = controller.arm.friction.at_rest, controller.arm.limits.effort
     usual = np.where(np.isfinite(limit), USUAL_FRICTION * limit, 0.0)
     with controller.lock:
-        M, K_p = controller.dynamics.rigid_body.mass_matrix(q), controller.feedback_gains[0]
+        M, (K_p, K_d) = controller.dynamics.rigid_body.mass_matrix(q), controller.feedback_gains
     drives = controller.options.drive_stiffness
-    K = M * K_p if drives is None else np.diag(drives)
-    holding = np.maximum(friction.static + friction.offset, usual) + HELD_ERROR * np.diagonal(K)
+    viscous = controller.arm.friction.viscous * K_p / np.maximum(K_d, 1e-9)
+    K = M * K_p + np.diag(viscous) if drives is None else np.diag(drives)
+    known = friction.static + friction.offset
+    holding = np.where(known > 0.0, SURPLUS * known, usual) + HELD_ERROR * np.diagonal(K)
     return np.asarray(np.abs(K @ error) <= holding)

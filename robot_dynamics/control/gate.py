@@ -18,12 +18,15 @@ wrong judgement costs only bandwidth:
 
 A joint does not stop from one sample to the next. If its position repeats bit by bit although the
 last step was faster than MOVING, its sample is missing: its position is continued with its last
-velocity until it changes, for at most LOST seconds; then the joint has no signal. If the whole
-state repeats, there is no new state.
+velocity until it changes. After LOST seconds the joint has no signal: the fault brakes it, and its
+velocity is assumed to decay with DECAY. A slower joint
+may stand; it has no signal if its reference moves on by LEFT where friction cannot hold it. If the
+whole state repeats, there is no new state.
 """
 
 from collections import deque
-from math import pi
+from collections.abc import Callable
+from math import exp, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -46,8 +49,11 @@ MEMORY, AGREEMENT = 0.1, 1.0
 MOVING, BRAKING = 0.1, 15.0
 """[rad/s] or [m/s] from which a joint does not stop in one sample, and [rad/s²] or [m/s²] with
 which dry friction brakes a joint: slower states need a faster joint."""
-LOST = 0.05
-"""[s] for which the position of a joint without a new sample is continued."""
+LEFT = 0.03
+"""[rad] or [m] that the reference of a joint that stands may move."""
+LOST, DECAY = 0.05, 20.0
+"""[s] for which a joint without a new sample is assumed to move on, and [1/s] with which it then
+stops: the damping of a fault with the default gains."""
 _SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
 _LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
@@ -60,8 +66,7 @@ class Signals(NamedTuple):
     """
     Position and velocity (n,) in use, and the delay [s] of the velocity.
 
-    `lost` (n,) marks joints without a signal, None for none; their velocity is 0, as that of a
-    first state.
+    `lost` (n,) marks joints without a signal, None for none. The velocity of a first state is 0.
     """
 
     q: FloatArray
@@ -73,12 +78,21 @@ class Signals(NamedTuple):
 class Gate:
     """Follows the positions of n joints, state by state; for one thread."""
 
-    def __init__(self, wraps: BoolArray, velocity_limit: FloatArray) -> None:
+    def __init__(
+        self, wraps: BoolArray, velocity_limit: FloatArray,
+        reference: Callable[[], FloatArray | None],
+        is_held: Callable[[FloatArray, FloatArray], BoolArray],
+    ) -> None:
         """
         Take the velocity limits (n,), infinite for none.
 
-        `wraps` (n,) marks the continuous joints: their positions may jump by a turn.
+        `wraps` (n,) marks the continuous joints: their positions may jump by a turn. `reference`
+        returns the position of the reference (n,), or None. `is_held` returns at which joints (n,)
+        friction can hold an arm at q (n,) with a position error (n,).
         """
+        self._reference, self._is_held = reference, is_held
+        self._left: FloatArray | None = None
+        """The reference (n,) when the position of each joint began to repeat."""
         n = len(wraps)
         self._wraps, self._any_wraps = wraps, bool(wraps.any())
         self._far: list[float] = (FAR * np.minimum(velocity_limit, LARGEST_SPEED)).tolist()
@@ -101,7 +115,7 @@ class Gate:
         self._states.clear()
         self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
         self._missing = np.zeros_like(self._missing)
-        self._is_missing = False
+        self._is_missing, self._left = False, None
 
     @property
     def doubtful(self) -> BoolArray:
@@ -130,6 +144,7 @@ class Gate:
             suspects = same & ~self._missing & self._moved_fast()
             if suspects.any() and same.all():
                 return None
+            self._follow_reference(q, same, stamp_ns)
             q = self._continued(stamp_ns, q, same, suspects)
         states.append((stamp_ns, q))
         while len(states) > 2 and stamp_ns - states[1][0] >= _SPAN_NS:
@@ -142,7 +157,7 @@ class Gate:
         d, lost, delay = np.asarray(moved / span), None, 0.5 * span
         if self._is_missing:
             lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
-            d = np.where(lost, 0.0, d)
+            d = np.where(self._missing, self._v, d)
             if not lost.any():
                 lost = None
         if v is not None:
@@ -191,6 +206,19 @@ class Gate:
             moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
         return np.asarray(moved > dt * max(MOVING, BRAKING * dt))
 
+    def _follow_reference(self, q: FloatArray, same: BoolArray, stamp_ns: int) -> None:
+        """Lose joints (n,) whose position repeats while their reference leaves them."""
+        desired = self._reference()
+        if desired is None or self._left is None:
+            self._left = desired
+            return
+        self._left = np.where(same, self._left, desired)
+        left = same & (np.abs(desired - self._left) > LEFT) & ~self._missing
+        if left.any():
+            left &= ~self._is_held(q, desired - q)
+            self._missing = self._missing | left
+            self._since_ns = np.where(left, stamp_ns - 2 * _LOST_NS, self._since_ns)
+
     def _continued(
         self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray,
     ) -> FloatArray:
@@ -206,5 +234,7 @@ class Gate:
         self._is_missing = bool(self._missing.any())
         if not self._is_missing:
             return q
-        dt = 1e-9 * np.clip(self._since_ns + _LOST_NS - last_ns, 0, stamp_ns - last_ns)
+        dt = 1e-9 * (stamp_ns - last_ns)
+        is_lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
+        self._v = np.where(is_lost, exp(-DECAY * dt) * self._v, self._v)
         return np.where(self._missing, used + dt * self._v, q)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.braking import braked
+from robot_dynamics.control.braking import braked, is_held
 from robot_dynamics.control.command_end import CommandEnd
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
@@ -103,7 +103,9 @@ class ControlLoop:
             arm.joint_names, arm.limits.velocity, DEFAULT_STATE_MAX_AGE, arm.is_continuous,
         ) if monitor is None else monitor
         self.goals = GoalExecution(controller, lambda: self.obstacle, lambda: self._steady)
-        self.gate = Gate(arm.is_continuous, arm.limits.velocity)
+        self.gate = Gate(
+            arm.is_continuous, arm.limits.velocity, controller.reference_position,
+            partial(is_held, controller))
         self._end = CommandEnd(controller, self.goals)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.is_active = False
