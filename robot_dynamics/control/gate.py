@@ -11,17 +11,18 @@ longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN. It is late 
 IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
 wrong judgement costs only bandwidth:
 
-- A sample further than FAR velocity limits from d is missing: nothing is learned from it.
+- A sample further than FAR velocity limits from d, or exactly 0 in motion, is missing: nothing is
+  learned from it.
 - The integral of v must equal the displacement. Both are forgotten with the time constant MEMORY;
   if they differ by more than FLOOR + RATIO times the displacement (resolution of encoders, scale
   of the velocity), the velocity is not used until it has agreed in motion for AGREEMENT.
 
-A joint does not stop from one sample to the next. If its position repeats bit by bit although the
-last step was faster than MOVING, its sample is missing: its position is continued with its last
-velocity until it changes. After LOST seconds the joint has no signal: the fault brakes it, and its
-velocity is assumed to decay with DECAY. A slower joint
-may stand; it has no signal if its reference moves on by LEFT where friction cannot hold it. If the
-whole state repeats, there is no new state.
+A joint does not stop from one sample to the next. If its position repeats bit by bit although
+velocity and last step were above MOVING, its sample is missing: its position is continued with its
+last velocity until it changes. After LOST seconds the joint has no signal: the fault brakes it,
+and its velocity is assumed to decay with DECAY. A slower joint may stand; it has no signal if its
+reference moves on by LEFT where friction cannot hold it. If the whole state repeats, there is no
+new state.
 """
 
 from collections import deque
@@ -177,7 +178,8 @@ class Gate:
                 v.tolist(), used, moved.tolist(), self._far)):
             if not -pi < moved_j <= pi:
                 moved_j = wrap_angle(moved_j)
-            if missing[j] or not -far <= v_j - d_j <= far:
+            if missing[j] or not -far <= v_j - d_j <= far or (
+                    v_j == 0.0 and not -MOVING <= d_j <= MOVING):
                 v_j, v_now = d_j, d_j
             else:
                 v_now = v_j
@@ -204,7 +206,7 @@ class Gate:
         moved = np.abs(q - before)
         if self._any_wraps:
             moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
-        return np.asarray(moved > dt * max(MOVING, BRAKING * dt))
+        return np.asarray(np.minimum(moved, dt * np.abs(self._v)) > dt * max(MOVING, BRAKING * dt))
 
     def _follow_reference(self, q: FloatArray, same: BoolArray, stamp_ns: int) -> None:
         """Lose joints (n,) whose position repeats while their reference leaves them."""
