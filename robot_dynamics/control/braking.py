@@ -3,9 +3,12 @@
 
 """The damping of an arm in a fault, and the dry friction that may hold it."""
 
+import math
+
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.controller import Controller
+from robot_dynamics.control.gate import DECAY
 
 FAULT_DAMPING = 0.5
 """Fraction of K_d with which a joint is damped in a fault."""
@@ -17,21 +20,20 @@ HELD_ERROR = 0.03
 
 
 def braked(
-    controller: Controller, q: FloatArray, v: FloatArray | None, holding: FloatArray,
+    controller: Controller, q: FloatArray, v: FloatArray, holding: FloatArray,
+    ahead: FloatArray | None = None,
 ) -> FloatArray:
     """
-    Return `holding` (n,) with a damping torque −M D v, within the effort limits.
+    Return `holding` (n,), that of q, with a damping torque −M D v, within the effort limits.
 
-    With slow states M and g are those of the position when the effort acts: the gravity of moving
-    joints changes by more than light joints can bear.
+    M and g are those of the position `ahead` when the effort acts, with slow states later than q
+    unless it is given: the gravity of moving joints changes by more than light joints can bear.
     """
-    if v is None:
-        return holding
     drive = controller.arm.drive
     torque = holding if drive is None else drive.torque(holding)
     with controller.lock, np.errstate(all='ignore'):
         body, limit = controller.dynamics.rigid_body, controller.arm.limits.effort
-        ahead = q + controller.gains.lag * v
+        ahead = q + controller.gains.lag * v if ahead is None else ahead
         torque = torque + (body.gravity(ahead) - body.gravity(q))
         M = body.mass_matrix(ahead)
         damping = M @ (FAULT_DAMPING * controller.feedback_gains[1] * v)
@@ -44,6 +46,23 @@ def braked(
         if not np.isfinite(torque).all():
             return holding
         return torque if drive is None else drive.command(torque)
+
+
+def coasting(
+    controller: Controller, holding: FloatArray, passed: float, since: float,
+) -> FloatArray:
+    """
+    Return the effort (n,) that brakes and holds an arm of which no states arrive.
+
+    `holding` (n,) is that of the last state, `passed` [s] ago. Until `since` [s] after it the arm
+    has moved on; then its velocity decays as by the damping of `braked`.
+    """
+    if controller.state is None:
+        return holding
+    _, q, v = controller.state
+    left = math.exp(-DECAY * max(passed - since, 0.0))
+    ahead = q + v * (min(passed, since) + (1.0 - left) / DECAY)
+    return braked(controller, q, left * v, holding, ahead)
 
 
 def is_held(controller: Controller, q: FloatArray, error: FloatArray) -> BoolArray:

@@ -109,14 +109,15 @@ class Gate:
         self._missing: BoolArray = np.zeros(n, dtype=bool)
         self._since_ns = np.zeros(n, dtype=np.int64)
         """Stamp (n,) of the last sample of each joint that is missing."""
-        self._is_missing = False
+        self._is_missing = self._is_silent = False
 
     def restart(self) -> None:
         """Treat the next state as a first one."""
         self._states.clear()
         self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
         self._missing = np.zeros_like(self._missing)
-        self._is_missing, self._left = False, None
+        self._is_missing = self._is_silent = False
+        self._left = None
 
     @property
     def doubtful(self) -> BoolArray:
@@ -130,6 +131,10 @@ class Gate:
         `v` is None if it is not measured.
         """
         states = self._states
+        if self._is_silent:
+            if (q == self._measured).all():
+                return None
+            self._is_silent = False
         if states and not 0 <= stamp_ns - states[-1][0] <= _PAUSE_NS:
             self.restart()
         measured, self._measured = self._measured, q
@@ -143,7 +148,8 @@ class Gate:
         same = q == measured
         if self._is_missing or True in same.tolist():
             suspects = same & ~self._missing & self._moved_fast()
-            if suspects.any() and same.all():
+            self._is_silent = bool(suspects.any() and same.all())
+            if self._is_silent:
                 return None
             self._follow_reference(q, same, stamp_ns)
             q = self._continued(stamp_ns, q, same, suspects)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.control.braking import braked, is_held
+from robot_dynamics.control.braking import braked, coasting, is_held
 from robot_dynamics.control.command_end import CommandEnd
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
@@ -364,7 +364,7 @@ class ControlLoop:
     def tick(self, now: float) -> FloatArray | None:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
         with self.lock:
-            effort = self.supervisor.tick(now)
+            effort = self.supervisor.tick(now, partial(coasting, self.controller))
             self._follow_faults()
             if self.goals.goal is not None:
                 self.goals.goal.end_if_replaced(self.goals.interruption)

@@ -35,7 +35,9 @@ FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
 HoldingEffort = Callable[[], FloatArray]
 """Returns the command (n,) that holds the arm still; it is computed only when it is needed."""
-Brake = Callable[[FloatArray, FloatArray | None, FloatArray], FloatArray]
+Coasting = Callable[[FloatArray, float, float], FloatArray]
+"""Returns the command (n,) for an arm without states, see `braking.coasting`."""
+Brake = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Returns the command (n,) that holds and brakes the arm at (q, v), from the `holding` command."""
 BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then the ramp begins in any case."""
@@ -238,8 +240,15 @@ class CommandSupervisor:
         """Return the effort of the last state again, or None if no efforts are published."""
         return self.limiter.last if self.mode in (Mode.RUNNING, Mode.BRAKING) else None
 
-    def tick(self, now: float) -> FloatArray | None:
-        """Return the effort that is due without a state (fault action or ramp), or None."""
+    def tick(self, now: float, coasting: Coasting | None = None) -> FloatArray | None:
+        """
+        Return the effort that is due without a state (fault action or ramp), or None.
+
+        `coasting` brakes and holds an arm in a fault while no states arrive, by default `holding`.
+        """
+        if coasting is not None and self.mode is Mode.FAULT and now > self._since and (
+                now <= self._since + self.options.hold_time):
+            self._ramped = coasting(self.holding(), now - self.last_state, self.state_timeout)
         is_overdue = now - self.last_state > self.state_timeout
         if is_overdue and self.mode is Mode.RUNNING:
             self.fail(now, self._timeout())
