@@ -62,8 +62,8 @@ STOPPED = '~/stop was called'
 STOP_TIME, CALM = 0.3, 0.1
 """[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
 up to which they are held then: above it the lost joint moves them."""
-FROZEN_RECOVERY = 25
-"""Valid states in a row with a signal of all joints after which frozen_joint ends."""
+RECOVERY = 25
+"""Valid states in a row after which frozen_joint and non_finite end."""
 
 
 class LoopAnswer(NamedTuple):
@@ -292,7 +292,7 @@ class ControlLoop:
                         'several_publishers', str(error), recovery=CONTRADICTION))
                 raise
             except NonFiniteEffortError as error:
-                self.fail(now, Fault('non_finite', str(error), latched=True))
+                self.fail(now, Fault('non_finite', str(error), recovery=RECOVERY))
                 raise
 
     def _answer(
@@ -347,7 +347,7 @@ class ControlLoop:
         return Fault(
             'frozen_joint', f'the position of {names} has not changed for more than {LOST:g} s, '
             'although it moved before: check the encoder or its driver',
-            recovery=FROZEN_RECOVERY)
+            recovery=RECOVERY)
 
     def _moves_on(self, now: float, v: FloatArray) -> bool:
         """Return whether the joints with a signal move, STOP_TIME after one was lost."""

@@ -28,6 +28,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.angle_wrapping import nearest_turn
+from robot_dynamics.validation import LARGEST_VALUE
 
 SAME_CLOCK = 3600.0
 """[s] within which a stamp is assumed to be of the clock of this computer."""
@@ -246,7 +247,7 @@ class StatePlausibility:
         if self._has_hardly_moved(q):
             return
         moved = np.abs(nearest_turn(q, self._q, self._wraps) - self._q)
-        too_far = ~(moved <= PLAY + self._speed * dt)
+        too_far = ~(moved <= PLAY + self._speed * dt) | (np.abs(q) > LARGEST_VALUE)
         if too_far.any():
             j = int(np.argmax(too_far))
             raise ImplausibleStateError(
