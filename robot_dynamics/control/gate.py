@@ -39,8 +39,8 @@ from robot_dynamics.arrays import (
     wrap_to_pi,
 )
 
-SPAN = 0.008
-"""[s]"""
+SPAN, LEAST_SPAN = 0.008, 0.002
+"""[s]; stamps of a shorter span, after a first state, are too inexact."""
 FAR, LARGEST_SPEED = 0.5, 20.0
 """Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s]."""
 FLOOR, RATIO = 0.003, 0.3
@@ -134,7 +134,7 @@ class Gate:
         if self._is_silent:
             if (q == self._measured).all():
                 return None
-            self._is_silent = False
+            self.restart()
         if states and not 0 <= stamp_ns - states[-1][0] <= _PAUSE_NS:
             self.restart()
         measured, self._measured = self._measured, q
@@ -147,12 +147,12 @@ class Gate:
             return Signals(last, self._v)
         same = q == measured
         if self._is_missing or True in same.tolist():
-            suspects = same & ~self._missing & self._moved_fast()
+            fast, left = self._moved_fast(), self._left_behind(q, same)
+            suspects = same & ~self._missing & (fast | left)
             self._is_silent = bool(suspects.any() and same.all())
             if self._is_silent:
                 return None
-            self._follow_reference(q, same, stamp_ns)
-            q = self._continued(stamp_ns, q, same, suspects)
+            q = self._continued(stamp_ns, q, same, suspects, left)
         states.append((stamp_ns, q))
         while len(states) > 2 and stamp_ns - states[1][0] >= _SPAN_NS:
             states.popleft()
@@ -161,7 +161,9 @@ class Gate:
         if self._any_wraps:
             moved = np.where(self._wraps, wrap_to_pi(moved), moved)
         span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
-        d, lost, delay = np.asarray(moved / span), None, 0.5 * span
+        d, lost, delay = self._v, None, 0.5 * span
+        if span >= LEAST_SPAN:
+            d = np.asarray(moved / span)
         if self._is_missing:
             lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
             d = np.where(self._missing, self._v, d)
@@ -214,21 +216,18 @@ class Gate:
             moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
         return np.asarray(np.minimum(moved, dt * np.abs(self._v)) > dt * max(MOVING, BRAKING * dt))
 
-    def _follow_reference(self, q: FloatArray, same: BoolArray, stamp_ns: int) -> None:
-        """Lose joints (n,) whose position repeats while their reference leaves them."""
+    def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
+        """Return which joints (n,) stand although their reference leaves them."""
         desired = self._reference()
         if desired is None or self._left is None:
             self._left = desired
-            return
+            return np.zeros_like(same)
         self._left = np.where(same, self._left, desired)
-        left = same & (np.abs(desired - self._left) > LEFT) & ~self._missing
-        if left.any():
-            left &= ~self._is_held(q, desired - q)
-            self._missing = self._missing | left
-            self._since_ns = np.where(left, stamp_ns - 2 * _LOST_NS, self._since_ns)
+        left = same & (np.abs(desired - self._left) > LEFT)
+        return left & ~self._is_held(q, desired - q) if left.any() else left
 
     def _continued(
-        self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray,
+        self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray, left: BoolArray,
     ) -> FloatArray:
         """Return the positions (n,) with those of missing joints continued."""
         last_ns, used = self._states[-1]
@@ -237,7 +236,8 @@ class Gate:
             shift = np.where(found, q - used - self._v * (1e-9 * (stamp_ns - last_ns)), 0.0)
             for k, (at_ns, before) in enumerate(self._states):
                 self._states[k] = at_ns, before + shift
-        self._since_ns = np.where(suspects, last_ns, self._since_ns)
+        since_ns = np.where(left, last_ns - _LOST_NS, last_ns)  # a joint that is left is lost
+        self._since_ns = np.where(suspects, since_ns, self._since_ns)
         self._missing = self._missing & same | suspects
         self._is_missing = bool(self._missing.any())
         if not self._is_missing:
