@@ -14,10 +14,11 @@ import pytest
 from ros_harness import TIMEOUT
 
 
-def start_demo(directory, *arguments):
+def start_demo(directory, *arguments, shares_domain=False):
+    """Start the demo, which chooses a free ROS domain, or shares that of the tests."""
     environment = {
         name: value for name, value in os.environ.items()
-        if name != 'ROS_DOMAIN_ID'}  # the demo chooses a free domain
+        if name != 'ROS_DOMAIN_ID' or shares_domain}
     return children.popen(
         [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
