@@ -75,6 +75,12 @@ def short(tmp_path_factory):
     return record(tmp_path_factory.mktemp('short') / 'bag', duration=8.0)
 
 
+@pytest.fixture(autouse=True)
+def _static_figures(monkeypatch):
+    """Draw the reports of all tests without Bokeh, except that of `output`."""
+    monkeypatch.setitem(sys.modules, 'bokeh.models', None)
+
+
 def run(folder, urdf, *options, bags=('bag',)):
     """Identify from recordings in a folder, into its folder `out`; return the exit status."""
     return main([*(str(folder / bag) for bag in bags), '--urdf', str(urdf), '--output',
@@ -216,11 +222,11 @@ def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
 def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     (tmp_path / 'bags').mkdir()
     for seed in range(3):
-        record(tmp_path / 'bags' / f'bag{seed}', seed)
+        record(tmp_path / 'bags' / f'bag{seed}', seed, duration=8.0)
     (tmp_path / 'bags' / 'bag9.mcap').write_bytes(b'nothing')
     assert run(tmp_path, urdf, '--jobs', '1', bags=['bags']) == FAILED
     said = capsys.readouterr()
-    assert '2880 for training' in said.out
+    assert '1440 for training' in said.out
     assert 'recordings that could not be used: 1' in said.err
     assert 'bag9' in said.err
     figures = figures_of(tmp_path / 'out')
@@ -229,7 +235,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
 
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
-    record(tmp_path / 'bag', gain=8.0, duration=20.0, off=0.0)
+    record(tmp_path / 'bag', gain=8.0, duration=12.0, off=0.0)
     assert run(tmp_path, urdf) == DONE
     assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
     assert run(tmp_path, urdf, '--effort', 'current', '--force') == DONE
@@ -244,8 +250,8 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
 def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
     """Masses that are wrong by 15 %: a pair of recordings determines the torque constants."""
     load = make_payload('link2', 3.0, (0.0, 0.0, 0.6))
-    record(tmp_path / 'bare', 0, gain=8.0, duration=20.0)
-    record(tmp_path / 'loaded', 1, gain=8.0, duration=20.0, loads=[load])
+    record(tmp_path / 'bare', 0, gain=8.0, duration=12.0)
+    record(tmp_path / 'loaded', 1, gain=8.0, duration=12.0, loads=[load])
     assert run(tmp_path, urdf, '--jobs', '1', '--effort', 'current', '--payload',
                'loaded:link2=3,0,0,0.6', bags=['bare', 'loaded']) == DONE
     assert 'confounded' not in capsys.readouterr().out
