@@ -16,6 +16,7 @@ import numpy as np
 from page_commands import (
     files_and_commands,
     final_errors,
+    NO_STATUSES,
     NODES,
     output_of,
     printed_by,
@@ -115,7 +116,7 @@ def assert_the_demo_played_its_files(directory: Path) -> None:
 
 def test_the_tutorial(tmp_path):
     page = text_of('docs/tutorial.md')
-    printed = run_page(page, tmp_path)
+    printed = run_page(page, tmp_path, NO_STATUSES, '-p', 'rate:=200.0')
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
     used = {command[3] for command in files_and_commands(page)[1] if command[0] == 'ros2'}
     assert used >= {'excite', 'demo', 'analyze_bag', 'identify', 'dynamics_node', 'simulated_arm'}

@@ -107,12 +107,14 @@ def output_of(command: list[str], directory: Path, expected: int = 0) -> str:
 
 def run_page(
     page: str, directory: Path, statuses: Mapping[str, int] = NO_STATUSES,
+    *arguments_of_arm: str,
 ) -> list[tuple[str, str]]:
     """
     Write the files of a page and run its commands in order; return each with its output.
 
     A node runs in parallel with the later commands, until the same node is started again.
-    `statuses` are the exit statuses other than 0, by the beginning of a command.
+    `statuses` are the exit statuses other than 0, by the beginning of a command. Further arguments
+    are those of `simulated_arm`.
     """
     files, commands = files_and_commands(page)
     for name, text in files.items():
@@ -124,7 +126,8 @@ def run_page(
             if command[0] == 'ros2' and command[3] in NODES:
                 running.pop(command[3], ExitStack()).close()
                 running[command[3]] = nodes.enter_context(ExitStack())
-                running[command[3]].enter_context(running_node(command, directory))
+                more = arguments_of_arm if command[3] == 'simulated_arm' else ()
+                running[command[3]].enter_context(running_node([*command, *more], directory))
                 continue
             words = ' '.join(command)
             expected = max(

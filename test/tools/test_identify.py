@@ -143,7 +143,7 @@ def test_nodes_start_with_what_was_written(output):
     arguments = [
         '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
     with RosClient() as client, running(
-            NodeProcess(SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
+            NodeProcess(SIMULATED_ARM, {'rate': 100.0, 'initial_position': [0.1, 0.2]},
                         namespace='/rehearsal', arguments=arguments),
             NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments)):
         for state in zip(*random_states(arm, 4, seed=3)):

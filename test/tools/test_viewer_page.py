@@ -114,7 +114,7 @@ def page(browser, tmp_path_factory):
         ['joint1', 'joint2'], START, END, 1.0))
     with start_demo(
             directory, '--viewer', '0', '--robot', 'arm.urdf', '--trajectory', 'path.yaml',
-            '--rate', '100', '--no-plot', '--out', 'here', shares_domain=True) as demo:
+            '--rate', '50', '--no-plot', '--out', 'here', shares_domain=True) as demo:
         try:
             address = wait_for_line(
                 demo.stdout, r'Open (http://127\.0\.0\.1:\d+/\?token=\S+) in a browser')[1]
