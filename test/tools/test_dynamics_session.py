@@ -35,7 +35,7 @@ from verb_bench import assert_refused, finish, first_line, start
 
 @pytest.fixture(scope='module', autouse=True)
 def simulated_arm() -> Iterator[NodeProcess]:
-    arm = NodeProcess(SIMULATED_ARM, {'rate': 50.0, 'lock_step': True, 'real_time_factor': 1.0})
+    arm = NodeProcess(SIMULATED_ARM, {'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0})
     # The stiffness is that of the formula.
     with running(NodeProcess(DYNAMICS, {'scale_gains': False}), arm):
         yield arm
