@@ -56,7 +56,7 @@ def nodes() -> Iterator[None]:
                 'joints': ['joint1', 'joint2'],
                 'friction.coulomb': [0.9 * COULOMB, 1.2 * COULOMB]}),
             NodeProcess(SIMULATED_ARM, {
-                'rate': 100.0, 'lock_step': True, 'real_time_factor': 2.0,
+                'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
                 'friction.coulomb': [COULOMB],
                 'joints': ['joint1', 'joint2'], 'effort.scale': SCALE.tolist(),
                 'effort.offset': OFFSET.tolist()})):
