@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 from recordings import encoded, START_NS, write_recording
 from report_page import ReportPage
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.analysis.motion_filter import filter_motion
+from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -24,7 +27,6 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.identify import main
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf
@@ -282,21 +284,15 @@ def test_mistakes_are_reported(tmp_path, short, urdf, capsys, arguments, words):
 
 # --- a real arm ----------------------------------------------------------------------------------
 
-def test_a_real_ur10(tmp_path, capsys):
+def test_a_real_ur10():
     if not UR10.exists():
         pytest.skip(f'the recording of a real UR10 is not at {UR10}')
-    urdf = tmp_path / 'ur10.urdf'
-    urdf.write_text(robot_urdf('ur10'))
-    assert run(tmp_path, urdf, bags=[UR10]) == DONE
-    figures = figures_of(tmp_path / 'out')
-    assert figures['cutoff_hz'] == [pytest.approx(5.0, rel=0.02)]
-    with Recording(UR10) as recording:
-        samples = recording.topic('/joint_states').message_count
-    assert figures['samples'] == {
-        'train': int(0.6 * samples), 'test': samples - int(0.6 * samples)}
-    residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
-    assert (residual['base'] <= PUBLISHED).all()
-    assert (residual['consistent'] <= CONSISTENT * PUBLISHED).all()
+    read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf('ur10')))
+    motion = filter_motion(read.series)
+    tests, samples = identify(read.arm, [motion]).tests, len(read.series.times)
+    assert motion.cutoff_hz == pytest.approx(5.0, rel=0.02)
+    assert tests['base'].samples == (int(0.6 * samples), samples - int(0.6 * samples))
+    assert (tests['base'].relative() <= PUBLISHED).all()
+    assert (tests['consistent'].relative() <= CONSISTENT * PUBLISHED).all()
     # of the node's service for a single state, without presliding hysteresis
-    assert (np.array(figures['residual']['consistent']['test_by_sample'])
-            <= CONSISTENT * PUBLISHED).all()
+    assert (tests['consistent'].relative('test_by_sample') <= CONSISTENT * PUBLISHED).all()

@@ -87,7 +87,12 @@ def test_a_camera_that_the_user_moves_stays(page_of_scene):
     page.tab.mouse.move(0.5 * SIZE['width'], 0.5 * SIZE['height'])
     page.tab.mouse.wheel(0, -400)  # closer
     wait_until(lambda: np.linalg.norm(camera.position - before) > 0.3, 'the closer camera')
-    page.tab.wait_for_timeout(1000)  # the camera comes to rest
+
+    def rests():
+        position = np.array(camera.position)
+        page.tab.wait_for_timeout(500)
+        return np.allclose(camera.position, position, atol=1e-4)
+    wait_until(rests, 'the camera at rest')
     own = np.array(camera.position)
     move(1.5, -1.5)
     page.tab.wait_for_timeout(500)
