@@ -4,6 +4,7 @@
 """Invalid service requests: each is answered or ignored, and control continues."""
 
 from collections.abc import Iterator
+import itertools
 import random
 import re
 
@@ -177,10 +178,9 @@ SUCCEEDED = GoalStatus.STATUS_SUCCEEDED, FollowJointTrajectory.Result.SUCCESSFUL
 
 
 def with_counts(data: bytes) -> Iterator[bytes]:
-    """Yield the message with each word of four bytes replaced by a count that no memory holds."""
-    for at in range(HEAD, len(data) - 3, 4):
-        for count in (2**32 - 1, 2**29):
-            yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
+    """Yield the message with each word of four bytes replaced by one of two impossible counts."""
+    for at, count in zip(range(HEAD, len(data) - 3, 4), itertools.cycle((2**32 - 1, 2**29))):
+        yield data[:at] + count.to_bytes(4, 'little') + data[at + 4:]
 
 
 @fault(GROUP, 'requests to all services of the action, while a goal is executed: with wrong '

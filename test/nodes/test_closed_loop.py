@@ -36,7 +36,7 @@ BUSY = 0.5
 def simulated_arm(namespace: str, **parameters: Any) -> NodeProcess:
     """Return a process of the simulated arm in lock-step."""
     return NodeProcess(SIMULATED_ARM, {
-        'rate': 500.0, 'lock_step': True, 'initial_position': START, **parameters},
+        'rate': 250.0, 'lock_step': True, 'initial_position': START, **parameters},
         namespace=namespace)
 
 
@@ -151,7 +151,7 @@ def test_positions_without_velocities_suffice_for_tracking(client):
     arm = {'position_noise': 1e-4, 'seed': 3}
     with client.collect(JointState, '/positions/joint_states') as states, \
             gated(client, '/positions', path, 0.5, arm, has_velocity=False):
-        seen = until(states, 4.0)
+        seen = until(states, 3.2)
     assert largest_error(path, seen) < 0.01
     assert seen[-1].position == pytest.approx([-0.4, 1.4], abs=2e-3)
     end = np.array([m.position for m in seen[-100:]])

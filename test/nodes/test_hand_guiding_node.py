@@ -32,7 +32,8 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
 
     with client.collect(JointState, '/felt/joint_states') as states, \
             client.collect(JointState, '/felt/effort_command') as efforts, closed_loop(
-                '/felt', {**UNHURRIED, **LAW, **ROUGH}, lock_step=False, **ROUGH) as guided:
+                '/felt', {**UNHURRIED, **LAW, **ROUGH}, rate=125.0,
+                lock_step=False, **ROUGH) as guided:
         publisher = client.publisher(JointState, '/felt/dynamics/force_feedback')
         deviations = client.publisher(JointState, '/felt/dynamics/force_feedback_deviation')
         states.wait_count(100)
@@ -59,7 +60,7 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(client
     follower = NodeProcess(
         DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/follower', arguments=(
             '--ros-args', '-r', '~/set_point:=/leader/joint_states'))
-    options = {'rate': 250.0, 'initial_position': START}
+    options = {'rate': 125.0, 'initial_position': START}
     arms = [NodeProcess(SIMULATED_ARM, {**options, **ROUGH}, namespace='/leader'),
             NodeProcess(SIMULATED_ARM, options, namespace='/follower')]
 

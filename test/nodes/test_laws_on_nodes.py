@@ -32,7 +32,7 @@ def node() -> Iterator[NodeProcess]:
     with closed_loop('/laws', {
             'joints': NAMES, 'impedance.stiffness': STIFFNESS,
             'cartesian.translation_stiffness': [200.0], 'cartesian.rotation_stiffness': 0.0},
-            rate=500.0) as process:
+            rate=200.0) as process:
         yield process
 
 
