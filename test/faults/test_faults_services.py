@@ -192,7 +192,7 @@ def test_damaged_requests_of_the_action(client, control, seen):
         whole = bytes(serialize_message(kind.Request(**fields)))
         requests += [
             (ACTION + name, kind, data[HEAD:].ljust(LENGTH + 1, b'\0')[:WIDE])
-            for data in (*with_counts(whole), *with_noise(whole, 20), *noise(10))]
+            for data in (*with_counts(whole), *with_noise(whole, 8), *noise(4))]
     action = Client(client, control.bench.namespace)
     with RawRequests(control.bench.namespace) as raw, control.checked():
         sent = action.send(HOLD)

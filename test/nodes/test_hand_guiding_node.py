@@ -32,8 +32,7 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
 
     with client.collect(JointState, '/felt/joint_states') as states, \
             client.collect(JointState, '/felt/effort_command') as efforts, closed_loop(
-                '/felt', {**UNHURRIED, **LAW, **ROUGH}, rate=125.0,
-                lock_step=False, **ROUGH) as guided:
+                '/felt', {**UNHURRIED, **LAW, **ROUGH}, lock_step=False, **ROUGH) as guided:
         publisher = client.publisher(JointState, '/felt/dynamics/force_feedback')
         deviations = client.publisher(JointState, '/felt/dynamics/force_feedback_deviation')
         states.wait_count(100)

@@ -54,7 +54,7 @@ def test_two_namespaces_are_two_arms(client):
         states = {side: stack.enter_context(
             client.collect(JointState, f'/{side}/joint_states')) for side in ('west', 'east')}
         for side in states:
-            stack.enter_context(closed_loop(f'/{side}', real_time_factor=2.0))
+            stack.enter_context(closed_loop(f'/{side}'))
         states['east'].wait_count(100)
         send(client, '/west', (1.0, goal))
         states['west'].wait_for(
