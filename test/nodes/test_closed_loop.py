@@ -117,10 +117,6 @@ def gated(
 
 # --- gravity compensation ------------------------------------------------------------------------
 
-def drift(states: list[Any], pose: list[float]) -> float:
-    return float(np.abs(np.array([m.position for m in states]) - pose).max())
-
-
 def test_gravity_compensation_holds_an_arm_that_starts_first(client):
     """The drift is below 1 mrad in 10 s."""
     with client.collect(JointState, '/hold/joint_states') as states, \
