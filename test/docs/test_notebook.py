@@ -4,9 +4,10 @@
 """Each notebook prints its stored output and draws its figures; its numbers match theory."""
 
 import base64
+from contextlib import redirect_stdout
+import io
 import json
 from math import exp, sqrt
-import os
 from pathlib import Path
 import re
 import socket
@@ -19,30 +20,14 @@ from urllib.request import Request, urlopen
 import backlash_theory
 from bounded_waits import wait_until
 import children
+from matplotlib import rc_context
+import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 import robots
 
 SCRIPTS = Path(__file__).parents[2] / 'scripts'
 NOTEBOOKS = sorted((SCRIPTS.parent / 'docs' / 'notebooks').glob('*.ipynb'))
-
-# Executes the cells of the list on stdin in order; writes the output and figures of each as JSON.
-RUNNER = """
-from contextlib import redirect_stdout
-import io
-import json
-import sys
-
-import matplotlib.pyplot as plt
-
-results, names = [], {'__name__': '__main__'}
-for number, source in enumerate(json.load(sys.stdin)):
-    printed = io.StringIO()
-    with redirect_stdout(printed):
-        exec(compile(source, f'<code cell {number}>', 'exec'), names)
-    results.append([printed.getvalue(), len(plt.get_fignums())])
-    plt.close('all')
-json.dump(results, sys.stdout)
-"""
 
 # The parameters of the notebooks, and from them in closed form the numbers that they print.
 F_V, F_C, F_S, V_S = 0.4, 0.8, 1.5, 0.1
@@ -74,24 +59,28 @@ def code_cells(notebook: Path) -> list[dict[str, Any]]:
 @pytest.mark.parametrize('notebook', [pytest.param(
     path, id=path.stem, marks=pytest.mark.soak if path.stem == 'backlash' else ())
     for path in NOTEBOOKS])
-def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path):
+def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path, monkeypatch):
     cells = code_cells(notebook)
     sources = [''.join(cell['source']) for cell in cells]
     if any('example-robot-data' in source for source in sources):
         robots.robot_path('ur5')  # skips without example-robot-data
-    run = subprocess.run(
-        [sys.executable, '-c', RUNNER], input=json.dumps(sources), text=True,
-        capture_output=True, cwd=tmp_path, timeout=300,
-        env={**os.environ, 'MPLBACKEND': 'Agg'}, check=False)
-    assert run.returncode == 0, run.stderr
-    stored = [[stored_text(cell), len(stored_figures(cell))] for cell in cells]
-    for cell, expected, actual in zip(cells, stored, json.loads(run.stdout), strict=True):
-        assert actual == expected, ''.join(cell['source'])
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {'__name__': '__main__'}
+    plt.switch_backend('Agg')
+    with rc_context(), np.printoptions():
+        for cell, source in zip(cells, sources, strict=True):
+            with redirect_stdout(io.StringIO()) as printed:
+                exec(compile(source, notebook.stem, 'exec'), names)
+            assert printed.getvalue() == stored_text(cell), source
+            assert len(plt.get_fignums()) == len(stored_figures(cell)), source
+            plt.close('all')
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
 @pytest.mark.parametrize('notebook', NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_has_format_4_and_two_small_figures_of_the_common_style(notebook):
+def test_it_has_format_4_and_two_small_figures_of_the_common_style(notebook, monkeypatch):
+    # jsonschema takes seconds to load it, for a format that notebooks do not have
+    monkeypatch.setitem(sys.modules, 'rfc3987_syntax', None)
     nbformat = pytest.importorskip('nbformat')
     read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
     assert read.nbformat == 4

@@ -11,21 +11,28 @@ import signal
 import subprocess
 
 import children
-from children import LONG, TIMEOUT
+from children import TIMEOUT
+import numpy as np
 from page_commands import (
     files_and_commands,
     final_errors,
+    NO_STATUSES,
     NODES,
+    output_of,
     printed_by,
     resolved,
     run_page,
     running_node,
 )
 import pytest
+from robot_dynamics.model.arm_parameters import read_parameter_file
+from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.trajectories.files import read_trajectory
 from robots import robot_path
 
 ROOT = Path(__file__).parents[2]
-LOCK_STEP = ['--ros-args', '-p', 'lock_step:=true', '-p', 'real_time_factor:=1.0']
+LOCK_STEP = [
+    '--ros-args', '-p', 'lock_step:=true', '-p', 'real_time_factor:=1.0', '-p', 'rate:=100.0']
 """So that the errors do not depend on the load of the machine."""
 DATA_SHEET_LEAVES = (4.1, 1.8)
 """[N·m] that the last program of the tutorial prints where the node has the data sheet."""
@@ -66,10 +73,7 @@ def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path):
             elif command[2] in ('watch', 'record'):
                 printed[' '.join(command)] = interrupted(command, tmp_path)
             else:
-                result = children.run(
-                    resolved(command), cwd=tmp_path, capture_output=True, text=True, timeout=LONG)
-                assert result.returncode == 0, f'{command}:\n{result.stdout}{result.stderr}'
-                printed[' '.join(command)] = result.stdout
+                printed[' '.join(command)] = output_of(command, tmp_path)
     assert [command.split()[2] for command in printed] == [
         'status', 'move', 'watch', 'inverse', 'equation', 'payload', 'move', 'record']
     for command, out in printed.items():
@@ -77,7 +81,8 @@ def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path):
             errors = final_errors(out)
             assert len(errors) == 2, out
             assert max(map(abs, errors)) < 1e-3, f'{command}:\n{out}'
-    assert list((tmp_path / 'my_recording').iterdir())
+    with Recording(tmp_path / 'my_recording') as recording:
+        assert not recording.losses
 
 
 def relative_residuals(out: str) -> list[float]:
@@ -91,12 +96,31 @@ def table_headings(text: str) -> set[str]:
     return {' '.join(line.split()) for line in re.findall(r'^joint .*', text, re.MULTILINE)}
 
 
+def assert_the_demo_played_its_files(directory: Path) -> None:
+    """Check the recording against the file of the trajectory, and that of the parameters."""
+    names = ('joint1', 'joint2')
+    planned = read_trajectory(directory / 'trajectory.yaml', names)
+    with Recording(directory / 'recorded' / 'recording') as recording:
+        states = recording.joint_series('/joint_states', names)
+        (_, sent), = recording.messages('/dynamics/joint_trajectory')
+        _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
+    assert states.position[0] == pytest.approx(planned.points[0].position, abs=1e-4)  # noise
+    assert [point.positions for point in sent.points] == [
+        pytest.approx(point.position) for point in planned.points]
+    # Two thirds of the friction are known to `dynamics`, all of it acts on the simulated arm.
+    known = 3.0 + 2.0 * np.abs(states.velocity[:, 0]).max()
+    assert terms['friction'][:, 0].max() == pytest.approx(known, rel=0.1)
+    identified = read_parameter_file(directory / 'identified' / 'identified.yaml')
+    assert identified['friction.viscous'][0] == pytest.approx(3.0, rel=0.15)
+
+
 def test_the_tutorial(tmp_path):
     page = text_of('docs/tutorial.md')
-    printed = run_page(page, tmp_path)
+    printed = run_page(page, tmp_path, NO_STATUSES, '-p', 'rate:=200.0')
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
     used = {command[3] for command in files_and_commands(page)[1] if command[0] == 'ros2'}
     assert used >= {'excite', 'demo', 'analyze_bag', 'identify', 'dynamics_node', 'simulated_arm'}
+    assert_the_demo_played_its_files(tmp_path)
     analyze = 'ros2 run robot_dynamics analyze_bag '
     before = relative_residuals(printed_by(printed, analyze, '--output before'))
     after = relative_residuals(printed_by(printed, analyze, '--no-report'))

@@ -15,7 +15,14 @@ import children
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from rcl_interfaces.srv import ListParameters
-from ros_harness import DYNAMICS, MUJOCO_ARM, NodeProcess, SIMULATED_ARM, wait_until
+from ros_harness import (
+    DYNAMICS,
+    MUJOCO_ARM,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    wait_until,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCE = ROOT / 'docs' / 'reference'
@@ -26,6 +33,8 @@ OF_RCLPY = re.compile(
     r'/(rosout|parameter_events)$|/(get|set|list|describe)_parameter|/set_parameters_atomically$|'
     r'/get_parameter_types$|/get_type_description$|/_action/')
 PARAMETERS_OF_RCLPY = {'use_sim_time', 'start_type_description_service'}
+OF_ARMS = {'publish_clock': True, 'rate': 20.0}
+"""So that /clock exists, and takes little time."""
 TYPES = {1: 'bool', 2: 'int', 3: 'double', 4: 'string', 8: 'double[]', 9: 'string[]'}
 
 
@@ -76,9 +85,8 @@ def test_the_readme_is_short():
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     pytest.importorskip('mujoco')
-    with NodeProcess(DYNAMICS), NodeProcess(
-            SIMULATED_ARM, {'publish_clock': True}), NodeProcess(
-                MUJOCO_ARM, {'publish_clock': True}):
+    with running(NodeProcess(DYNAMICS), *(
+            NodeProcess(arm, OF_ARMS) for arm in (SIMULATED_ARM, MUJOCO_ARM))):
         yield
 
 
@@ -113,8 +121,8 @@ def test_parameters(client, node):
     for name, descriptor in client.describe_parameters(f'/{node}', list(rows)).items():
         kind, default, _, may_change, meaning = rows[name]
         value = client.get_parameter(f'/{node}', name)
-        if name == 'publish_clock':  # set by this test, so that /clock exists
-            value = not value
+        if name in OF_ARMS and node != 'dynamics':  # set by this test
+            value = {'publish_clock': False, 'rate': 500.0}[name]
         shown = str(value).lower() if isinstance(value, bool) else (
             repr(value if isinstance(value, (str, int, float)) else list(value)))
         assert (kind, default, may_change, meaning) == (

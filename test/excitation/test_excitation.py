@@ -84,12 +84,10 @@ def test_no_limit_is_passed_anywhere(dynamics, excitation):
         assert not point.acceleration.any()
 
 
-def test_it_is_better_than_random_ones_and_the_same_for_the_same_seed(dynamics, excitation):
+def test_it_is_better_than_random_ones(excitation):
     assert len(excitation.random_conditions) == 20
     assert excitation.condition < excitation.random_conditions.min()
     assert excitation.condition < 0.6 * np.median(excitation.random_conditions)
-    again = find_excitation(dynamics, excitation.limits, HARMONICS, DURATION)
-    assert again.coefficients.tolist() == excitation.coefficients.tolist()
 
 
 @pytest.mark.parametrize('robot', ['planar', pytest.param('ur10', marks=pytest.mark.soak)])

@@ -163,7 +163,7 @@ def test_an_interrupt_while_it_starts():
     assert any('Model' in line for line in whole.stdout)
     duration = time.monotonic() - began
     assert status_after(whole, signal.SIGINT) == 0
-    for fraction in (0.0, 0.3, 0.6, 0.9):
+    for fraction in (0.0, 0.4, 0.8):
         one = started()
         wait_for_own_code(one)
         threading.Event().wait(fraction * duration)  # the stimulus is this time

@@ -39,7 +39,7 @@ NUMBERS = count()
 PATIENCE = {'state_timeout': 60.0, 'state_max_age': 0.0, 'hold_time': 1000.0}
 """Without the checks of timing, which a slow machine could fail."""
 FIRST_STAMP = NANOSECONDS
-PERIOD = 2_000_000
+PERIOD = 4_000_000
 """[ns] between two joint states."""
 HELD_BY_FRICTION = 0.008
 """[rad] from a goal at which known dry friction may hold a joint; see friction.md."""

@@ -41,7 +41,7 @@ def goal_of(
 @contextmanager
 def served(client: RosClient, namespace: str, **arm: Any) -> Iterator[tuple[Client, NodeProcess]]:
     """Run an arm that is held at START, in lock-step by default."""
-    with closed_loop(namespace, {'joints': NAMES}, rate=500.0, **arm) as node:
+    with closed_loop(namespace, {'joints': NAMES}, **arm) as node:
         client.wait_for(JointState, f'{namespace}/dynamics/reference')
         yield Client(client, namespace), node
 

@@ -24,7 +24,7 @@ def test_the_example_gets_each_result():
     with running(
             NodeProcess(DYNAMICS),
             NodeProcess(SIMULATED_ARM, {
-                'rate': 500.0, 'lock_step': True, 'real_time_factor': 1.0,
+                'rate': 125.0, 'lock_step': True, 'real_time_factor': 1.0,
                 'initial_position': START})):
         done = run([sys.executable, str(EXAMPLE)], stdout=subprocess.PIPE,
                    stderr=subprocess.STDOUT, text=True, timeout=TIMEOUT)

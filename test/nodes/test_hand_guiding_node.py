@@ -59,7 +59,7 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(client
     follower = NodeProcess(
         DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/follower', arguments=(
             '--ros-args', '-r', '~/set_point:=/leader/joint_states'))
-    options = {'rate': 250.0, 'initial_position': START}
+    options = {'rate': 125.0, 'initial_position': START}
     arms = [NodeProcess(SIMULATED_ARM, {**options, **ROUGH}, namespace='/leader'),
             NodeProcess(SIMULATED_ARM, options, namespace='/follower')]
 

@@ -31,8 +31,8 @@ KINEMATICS = FrameKinematics(ARM, 'tool0')
 def node() -> Iterator[NodeProcess]:
     with closed_loop('/laws', {
             'joints': NAMES, 'impedance.stiffness': STIFFNESS,
-            'cartesian.translation_stiffness': [200.0], 'cartesian.rotation_stiffness': 0.0},
-            rate=500.0) as process:
+            'cartesian.translation_stiffness': [200.0],
+            'cartesian.rotation_stiffness': 0.0}) as process:
         yield process
 
 

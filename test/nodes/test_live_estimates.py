@@ -59,7 +59,7 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
             client, '/pushed', 'joint_states', 'dynamics/external_effort', 'dynamics/residual',
             'dynamics/residual_deviation') as (states, estimates, residuals, deviations), \
             closed_loop('/pushed', {
-                **ROBOT, 'gains.natural_frequency': [40.0]}, **ROBOT, rate=500.0):
+                **ROBOT, 'gains.natural_frequency': [40.0]}, **ROBOT, rate=250.0):
         first = estimates.wait_count(20, LONG)[-1]
         assert list(first.name) == NAMES
         assert not len(first.position)

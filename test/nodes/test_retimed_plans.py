@@ -26,7 +26,7 @@ def test_retimed_plans_succeed_also_after_a_preemption(client):
                'actuator.reflected_inertia': (arm.limits.effort / 500.0).tolist()}
     namespace, rng = '/plans', np.random.default_rng(4)
     with closed_loop(
-            namespace, of_both, rate=500.0, initial_position=start.tolist(),
+            namespace, of_both, rate=250.0, initial_position=start.tolist(),
             **of_both):
         client.wait_for(JointState, f'{namespace}/dynamics/reference')
         action, node = Client(client, namespace), Served(client, namespace, arm)

@@ -65,7 +65,7 @@ def test_a_set_point_is_reached_within_the_limits(client):
     goal = np.clip(start + way, limits.lower + 0.1, limits.upper - 0.1)
     of_both = {'robot_description': robot_urdf('ur10'), 'joints': names}
     with client.collect(JointState, f'{namespace}/joint_states') as states, closed_loop(
-            namespace, of_both, **of_both, initial_position=start.tolist(), real_time_factor=4.0):
+            namespace, of_both, **of_both, initial_position=start.tolist()):
         wait_active(states)
         # Without a reference the arm drifts: sampled gravity compensation is unstable, and time
         # constants of a second turn rounding errors into motion within 20 s of simulated time.
@@ -97,7 +97,7 @@ def test_the_first_trial_of_the_safety_page(client):
         states.wait_for(lambda m: m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec > end, LONG)
 
     with collecting(client, namespace, 'joint_states', 'effort_command') as (states, efforts), \
-            closed_loop(namespace, {'joints': NAMES, 'command': 'none'}):
+            closed_loop(namespace, {'joints': NAMES, 'command': 'none'}, real_time_factor=4.0):
         computed = client.wait_for(JointState, f'{node}/gravity_compensation', timeout=LONG)
         assert computed.effort == pytest.approx(gravity)
         assert not efforts.messages
@@ -125,7 +125,7 @@ def test_an_external_effort_above_its_limit_is_a_fault_that_ends_in_a_hold(clien
     goal, namespace = np.array(START) + 0.2, '/pushed_beyond'
     with client.collect(JointState, f'{namespace}/joint_states') as states, \
             client.collect(DiagnosticArray, '/diagnostics') as diagnostics, \
-            closed_loop(namespace, {'external_effort_limit': [15.0]}):
+            closed_loop(namespace, {'external_effort_limit': [15.0]}, real_time_factor=4.0):
         wait_active(states)
         send(client, namespace, (0.0, goal))
         wait_arrived(states, goal)

@@ -212,11 +212,3 @@ def test_a_xacro_file_is_expanded_and_a_bad_one_is_reported(tmp_path):
     assert re.search(
         r'^robot_dynamics: robot_description_file: xacro cannot expand .*no_such_property',
         log, re.MULTILINE), log
-
-
-def test_an_interrupt_at_any_moment_leaves_in_order():
-    """An operator who started the wrong node presses Ctrl-C at once, and gets no traceback."""
-    node = NodeProcess(DYNAMICS, ready=re.compile('Model ')).start()
-    node.interrupt()  # once the model is logged, before the node spins
-    assert node.wait() == 0, node.log
-    assert 'Traceback' not in node.log

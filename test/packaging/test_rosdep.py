@@ -97,8 +97,9 @@ def test_rosdep_and_catkin_pkg_find_the_interfaces_with_two_paths_or_a_link(work
 BLOOM = """
 import sys
 from bloom.packages import get_package_data
-names, version, _ = get_package_data(directory=sys.argv[1], release_directory='.')
-print(*names, version)
+for directory in sys.argv[1:]:
+    names, version, _ = get_package_data(directory=directory, release_directory='.')
+    print(*names, version)
 """
 
 
@@ -108,6 +109,8 @@ def test_bloom_finds_one_package_per_path(workspace):
         subprocess.run(
             ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *command],
             cwd=workspace.directory, check=True, capture_output=True)
-    for name, path in zip(PACKAGES, (workspace.source, workspace.source / PACKAGES[1])):
-        found = workspace.run('python -c', BLOOM, str(path))
-        assert re.fullmatch(rf'{name} \d+\.\d+\.\d+\n', found.stdout), found.stdout
+    found = workspace.run(
+        'python -c', BLOOM, str(workspace.source), str(workspace.source / PACKAGES[1]))
+    version = r' \d+\.\d+\.\d+\n'
+    assert re.fullmatch(''.join(f'{name}{version}' for name in PACKAGES), found.stdout), (
+        found.stdout)

@@ -4,6 +4,7 @@
 """HTML reports in a real browser: no request, no horizontal scrolling, and zoom."""
 
 from contextlib import contextmanager
+from functools import cache
 import re
 
 from browser import chromium, CUT_OFF, NARROW, PATIENCE
@@ -27,25 +28,33 @@ RANGES = """name => {
 FIGURE = '.bk-Figure'
 MOST_DRAGS = 100
 ZOOMABLE = ('analyze_bag', 'identify')
+TOOLS = {tool.__name__.rpartition('.')[2]: tool
+         for tool in (analyze_bag, check_model, identify, torque_map)}
 
 
 @pytest.fixture(scope='session')
-def reports(tmp_path_factory):
-    """Return the reports of the tools for one arm, and of those with a recording."""
+def report_of(tmp_path_factory):
+    """Return a function that returns the report of a tool for one arm."""
     directory = tmp_path_factory.mktemp('reports')
-    urdf = directory / 'arm.urdf'
+    urdf, weak = directory / 'arm.urdf', directory / 'weak.urdf'
     urdf.write_text(default_arm_urdf())
-    bag = write_recording(directory / 'bag', KnownMotion(seconds=16.0).messages())
-    for tool in (analyze_bag, identify):
-        name = tool.__name__.rpartition('.')[2]
-        assert tool.main([
-            str(bag), '--urdf', str(urdf), '--output', str(directory / name)]) == 0
-    weak = directory / 'weak.urdf'  # the report has a finding
     weak.write_text(re.sub('effort="[^"]*"', 'effort="50"', default_arm_urdf()))
-    assert check_model.main([str(weak), '--report', str(directory / 'check_model.html')]) == 0
-    assert torque_map.main(['--urdf', str(urdf), '-o', str(directory / 'torque_map.html')]) == 0
-    return {**{name: directory / name / 'report.html' for name in ZOOMABLE},
-            **{name: directory / f'{name}.html' for name in ('check_model', 'torque_map')}}
+
+    @cache
+    def report_of(name):
+        tool, file = TOOLS[name], directory / f'{name}.html'
+        if name == 'check_model':  # whose report has a finding
+            words = [weak, '--report', file]
+        elif name == 'torque_map':
+            words = ['--urdf', urdf, '-o', file]
+        else:
+            file = directory / name / 'report.html'
+            bag = write_recording(directory / f'{name}_bag', KnownMotion(seconds=16.0).messages())
+            words = [bag, '--urdf', urdf, '--output', file.parent]
+        assert tool.main(list(map(str, words))) == 0
+        return file
+
+    return report_of
 
 
 @pytest.fixture(scope='module')
@@ -70,14 +79,16 @@ def opened(browser, path, size=SIZE):
 @pytest.mark.parametrize('name', [
     'check_model', *(pytest.param(name, marks=pytest.mark.soak) for name in (
         'torque_map', *ZOOMABLE))])
-def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(browser, reports, name):
+def test_a_report_needs_no_network_and_fits_a_wide_and_a_narrow_screen(
+    browser, report_of, name,
+):
     """It requests only itself, and scrolls in no element horizontally."""
-    with opened(browser, reports[name]) as tab:
+    with opened(browser, report_of(name)) as tab:
         tab.wait_for_selector(FIGURE if name in ZOOMABLE else 'h1')
         assert [url for url in tab.requested if not url.startswith('data:')] == [tab.url]
         assert tab.evaluate('document.documentElement.scrollWidth') <= SIZE['width']
         assert tab.evaluate(WIDE) == []
-    with opened(browser, reports[name], NARROW) as tab:
+    with opened(browser, report_of(name), NARROW) as tab:
         tab.wait_for_selector(FIGURE if name in ZOOMABLE else 'h1')
         assert tab.evaluate('document.documentElement.scrollWidth') <= NARROW['width']
         assert tab.evaluate(CUT_OFF) == []
@@ -113,8 +124,8 @@ def assert_print_shows_the_static_figures(tab):
     tab.emulate_media(media='screen')
 
 
-def test_figures_zoom_together_and_are_static_on_paper(browser, reports):
-    with opened(browser, reports['analyze_bag']) as tab:
+def test_figures_zoom_together_and_are_static_on_paper(browser, report_of):
+    with opened(browser, report_of('analyze_bag')) as tab:
         tab.wait_for_selector(FIGURE)
         assert_print_shows_the_static_figures(tab)
         name = 'joint1: Measured and model'

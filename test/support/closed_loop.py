@@ -27,11 +27,13 @@ def closed_loop(
 
     `arguments` are those of `dynamics`.
 
-    By default the arm starts at `START` and runs in lock-step at 250 Hz.
+    By default the arm starts at `START` and runs in lock-step at 125 Hz, at twice real time: a
+    loop at full speed would use two cores also while the test waits for something else.
     """
     node = NodeProcess(
         DYNAMICS, dynamics, namespace=namespace, arguments=arguments)
-    defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
+    defaults = {
+        'rate': 125.0, 'lock_step': True, 'real_time_factor': 2.0, 'initial_position': START}
     with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
         yield node
 

@@ -14,10 +14,11 @@ import pytest
 from ros_harness import TIMEOUT
 
 
-def start_demo(directory, *arguments):
+def start_demo(directory, *arguments, shares_domain=False):
+    """Start the demo, which chooses a free ROS domain, or shares that of the tests."""
     environment = {
         name: value for name, value in os.environ.items()
-        if name != 'ROS_DOMAIN_ID'}  # the demo chooses a free domain
+        if name != 'ROS_DOMAIN_ID' or shares_domain}
     return children.popen(
         [sys.executable, '-m', 'robot_dynamics.tools.demo', *map(str, arguments)],
         cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
@@ -44,9 +45,8 @@ def wait_for_line(stream, pattern):
 def nodes_of(process):
     """Return the processes that the demo has started, by the name of their program."""
     pids = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
-    return {
-        Path(f'/proc/{pid}/cmdline').read_text().split('\0')[2].split('.')[-2]: int(pid)
-        for pid in pids}
+    commands = {int(pid): Path(f'/proc/{pid}/cmdline').read_text().split('\0') for pid in pids}
+    return {words[2].split('.')[-2]: pid for pid, words in commands.items() if len(words) > 2}
 
 
 def relative_residuals(out):

@@ -77,7 +77,7 @@ def wait_rejected(bench: FaultBench, reason: str) -> None:
     assert reason in refusal
 
 
-def check_held(bench: FaultBench, q: Sequence[float], count: int = 200) -> None:
+def check_held(bench: FaultBench, q: Sequence[float], count: int = 100) -> None:
     """Check that at least `count` efforts since the last `clear`, all of them, are near g(q)."""
     messages = bench.efforts.wait_count(count)
     hold = gravity(q)

@@ -4,10 +4,12 @@
 """The files and commands of a page of the documentation, and their execution in its order."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, ExitStack
+from contextlib import contextmanager, ExitStack, redirect_stdout
+import io
 import os
 from pathlib import Path
 import re
+import runpy
 import shlex
 import signal
 import subprocess
@@ -15,6 +17,7 @@ import sys
 
 import children
 from children import LONG, TIMEOUT
+import pytest
 
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w.]+)\n')
@@ -79,14 +82,39 @@ def running_node(command: list[str], directory: Path) -> Iterator[None]:
     assert process.returncode == 0, f'{command[3]}:\n{out}'
 
 
+def output_of(command: list[str], directory: Path, expected: int = 0) -> str:
+    """
+    Return the output of a command, which runs to its end; `expected` is its exit status.
+
+    An executable runs in this process, which has loaded the libraries. The demo does not: it
+    sets the ROS domain of its process.
+    """
+    words = resolved(command)
+    if command[0] == 'python' or 'demo' in command:
+        done = children.run(
+            words, cwd=directory, capture_output=True, text=True, timeout=LONG)
+        status, out, err = done.returncode, done.stdout, done.stderr
+    else:
+        with pytest.MonkeyPatch.context() as here, redirect_stdout(io.StringIO()) as printed:
+            here.chdir(directory)
+            here.setattr(sys, 'argv', words)
+            with pytest.raises(SystemExit) as left:
+                runpy.run_path(words[0], run_name='__main__')
+        status, out, err = left.value.code, printed.getvalue(), ''
+    assert status == expected, f'{command}:\n{out}{err}'
+    return out
+
+
 def run_page(
     page: str, directory: Path, statuses: Mapping[str, int] = NO_STATUSES,
+    *arguments_of_arm: str,
 ) -> list[tuple[str, str]]:
     """
     Write the files of a page and run its commands in order; return each with its output.
 
     A node runs in parallel with the later commands, until the same node is started again.
-    `statuses` are the exit statuses other than 0, by the beginning of a command.
+    `statuses` are the exit statuses other than 0, by the beginning of a command. Further arguments
+    are those of `simulated_arm`.
     """
     files, commands = files_and_commands(page)
     for name, text in files.items():
@@ -98,16 +126,14 @@ def run_page(
             if command[0] == 'ros2' and command[3] in NODES:
                 running.pop(command[3], ExitStack()).close()
                 running[command[3]] = nodes.enter_context(ExitStack())
-                running[command[3]].enter_context(running_node(command, directory))
+                more = arguments_of_arm if command[3] == 'simulated_arm' else ()
+                running[command[3]].enter_context(running_node([*command, *more], directory))
                 continue
-            result = children.run(
-                resolved(command), cwd=directory, capture_output=True, text=True, timeout=LONG)
             words = ' '.join(command)
             expected = max(
                 (status for start, status in statuses.items() if words.startswith(start)),
                 default=0)
-            assert result.returncode == expected, f'{words}:\n{result.stdout}{result.stderr}'
-            printed.append((words, result.stdout))
+            printed.append((words, output_of(command, directory, expected)))
     return printed
 
 

@@ -13,15 +13,13 @@ from demo_process import nodes_of, relative_residuals, run_demo, start_demo, wai
 import numpy as np
 import pytest
 from report_page import ReportPage
-from robot_dynamics.recordings.reader import Recording, stack
+from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.reporting.progress import Progress
 from robot_dynamics.tools.demo.cli import _make_directory, main
 from robot_dynamics.tools.demo.processes import choose_domain
 from robot_dynamics.tools.demo.report import tracking_verdict
-from robot_dynamics.trajectories.files import write_trajectory
-from robot_dynamics.trajectories.quintics import quintic_point_to_point
-from ros_harness import TIMEOUT, wait_until, write_parameters
+from ros_harness import TIMEOUT, wait_until
 from scipy.interpolate import BPoly
 
 NODE_TOPICS = {
@@ -36,33 +34,13 @@ def errors_of(out):
     return {name: (1e-3 * float(rms), 1e-3 * float(largest)) for name, rms, largest in rows}
 
 
-def test_it_plays_the_trajectory_of_a_file_with_parameters_of_another(tmp_path):
-    """One joint moves 0.2 rad from its start, against friction that both nodes know."""
-    names = ['joint1', 'joint2']
-    path = quintic_point_to_point(names, [0.4, 0.1], [0.6, 0.1], 1.0)
-    write_trajectory(tmp_path / 'trajectory.yaml', path)
-    write_parameters(tmp_path / 'robot.yaml', {'joints': names, 'friction.viscous': [3.0, 1.0]})
-    status, out, err = run_demo(
-        tmp_path, '--trajectory', 'trajectory.yaml', '--parameters', 'robot.yaml', '--out', 'here',
-        '--rate', 100, '--no-plot')
-    assert status == 0, out + err
-    with Recording(tmp_path / 'here' / 'recording') as recording:
-        states = recording.joint_series('/joint_states', names)
-        (_, sent), = recording.messages('/dynamics/joint_trajectory')
-        _, terms = stack(recording.messages('/dynamics/terms'), ['friction'])
-    assert states.position[0] == pytest.approx([0.4, 0.1])
-    assert [list(point.positions) for point in sent.points] == [[0.4, 0.1], [0.6, 0.1]]
-    # 3 N·m·s/rad at the largest velocity of the quintic, 15/8 of the mean, plus effects of errors
-    assert terms['friction'][:, 0].max() > 0.9 * 3.0 * 0.2 * 15.0 / 8.0
-
-
 # --- the closed loop -----------------------------------------------------------------------------
 
 @pytest.fixture(scope='module')
 def closed_loop(tmp_path_factory):
     """Return the directory of a demo of 2 s and its output."""
     directory = tmp_path_factory.mktemp('demo')
-    status, out, err = run_demo(directory, '--duration', 2, '--out', 'here')
+    status, out, err = run_demo(directory, '--duration', 2, '--rate', 200, '--out', 'here')
     assert status == 0, out + err
     assert 'Traceback' not in err
     return directory / 'here', out, err
@@ -80,7 +58,7 @@ def test_it_tracks_and_reports_the_errors_and_progress_in_lines(closed_loop):
         assert 0.0 < rms < 0.01
         assert rms <= largest
     assert 'All joints tracked.' in out
-    assert re.search(r'Control +\S+ %.*: 500 .*, \S+ per second\n', out)
+    assert re.search(r'Control +\S+ %.*: 200 .*, \S+ per second\n', out)
 
 
 @pytest.fixture(scope='module')
@@ -121,7 +99,7 @@ def test_every_topic_is_in_the_recording_for_the_motion_and_little_longer(demo_r
     assert recording.topic('/robot_description').qos.transient_local
     commands = recording.joint_series('/effort_command')
     # the recorder may lose some of either topic on a busy machine
-    assert (commands.stamps_ns % 2_000_000 == 0).all()
+    assert (commands.stamps_ns % 5_000_000 == 0).all()
     assert np.isin(commands.stamps_ns, states.stamps_ns).any()
 
 
@@ -134,7 +112,7 @@ def test_the_report_begins_with_a_verdict_per_joint_and_the_picture_is_not_blank
     assert page.is_complete
     places = [page.text.index(words) for words in (
         'Verdict on 2 joints: 2 good.', 'the joint tracks: RMS error', 'limit 10 mrad',
-        'the planar two-link arm', 'command demo --duration 2 --out here', 'Control ')]
+        'the planar two-link arm', 'command demo --duration 2 --rate 200 --out here', 'Control ')]
     assert places == sorted(places)
 
 
@@ -152,7 +130,7 @@ def test_the_verdict_on_tracking(rms, effort_ratio, answered, grade, words):
 
 
 def test_an_interrupt_stops_the_nodes_and_keeps_what_there_is(tmp_path):
-    with start_demo(tmp_path, '--duration', 30, '--no-plot', '--out', 'here') as process:
+    with start_demo(tmp_path, '--duration', 10, '--no-plot', '--out', 'here') as process:
         wait_for_line(process.stderr, '10 %')
         nodes = nodes_of(process)
         process.send_signal(signal.SIGINT)
@@ -163,21 +141,22 @@ def test_an_interrupt_stops_the_nodes_and_keeps_what_there_is(tmp_path):
     assert all(is_gone(pid) for pid in nodes.values())
     assert not (tmp_path / 'here' / 'demo.png').exists()
     with Recording(tmp_path / 'here' / 'recording') as recording:
-        assert len(recording.joint_series('/joint_states').stamps_ns) > 0
+        stamps = recording.joint_series('/joint_states').stamps_ns
+    assert len(stamps) > 0
+    assert (stamps % 2_000_000 == 0).all()  # the default rate
 
 
 def test_a_demo_that_is_killed_leaves_no_node_behind(tmp_path):
-    with start_demo(tmp_path, '--duration', 600, '--no-plot', '--out', 'here') as process:
-        wait_for_line(process.stdout, 'Following')
+    with start_demo(tmp_path, '--out', 'here') as process:
+        wait_until(lambda: {'dynamics', 'simulated_arm'} <= set(nodes_of(process)), 'the nodes')
         nodes = nodes_of(process)
         process.kill()
         process.communicate(timeout=TIMEOUT)
-    assert set(nodes) == {'dynamics', 'simulated_arm'}
     wait_until(lambda: all(is_gone(pid) for pid in nodes.values()), 'the end of both nodes')
 
 
 def test_a_node_that_dies_is_named_with_its_log(tmp_path):
-    with start_demo(tmp_path, '--duration', 600, '--out', 'here') as process:
+    with start_demo(tmp_path, '--duration', 600, '--rate', 50, '--out', 'here') as process:
         wait_for_line(process.stdout, 'Following')
         nodes = nodes_of(process)
         os.kill(nodes['dynamics'], signal.SIGKILL)

@@ -6,10 +6,8 @@
 import ast
 from collections.abc import Iterator
 import json
-import os
 from pathlib import Path
 import re
-import subprocess
 import sys
 
 import children
@@ -35,11 +33,28 @@ from verb_bench import assert_refused
 ROOT = Path(__file__).parents[2]
 START = '; a restart begins with no payload'
 COMPLETE = """
+import os
 import sys
 import argcomplete
 from robot_dynamics.tools.ros2_dynamics.verbs import make_parser
-argcomplete.CompletionFinder()(make_parser(), exit_method=sys.exit, output_stream=sys.stdout)
+os.environ.update(_ARGCOMPLETE='1', _ARGCOMPLETE_IFS='\\n', _ARGCOMPLETE_SUPPRESS_SPACE='1')
+for line in sys.argv[1:]:
+    os.environ.update(COMP_LINE=line, COMP_POINT=str(len(line)))
+    print(end='\\0', flush=True)
+    try:
+        argcomplete.CompletionFinder()(
+            make_parser(), exit_method=sys.exit, output_stream=sys.stdout)
+    except SystemExit:
+        pass
 """
+OFFERED = {
+    'dynamics ': set(VERBS),
+    'dynamics inverse --node /lift/dynamics rail=1 ': {'elbow='},
+    'dynamics record --node /lift/dynamics /lift/dynamics/com': {
+        '/lift/dynamics/commands', '/lift/dynamics/computed_torque'},
+    'dynamics payload --node /lift/dynamics ': {'base', 'carriage', 'arm'},
+    'dynamics inverse 1 2 --node ': {'/dynamics', '/lift/dynamics'}}
+"""What is completed, by the line that is typed."""
 LIFT = """
 <robot name="lift">
   <link name="base"/>
@@ -248,28 +263,17 @@ def test_a_refusal_is_one_line(ask, words, said):
 
 # --- completion, and ros2cli ---------------------------------------------------------------------
 
-@pytest.mark.parametrize(('line', 'offered'), [
-    ('dynamics ', set(VERBS)),
-    ('dynamics inverse --node /lift/dynamics rail=1 ', {'elbow='}),
-    ('dynamics record --node /lift/dynamics /lift/dynamics/com',
-     {'/lift/dynamics/commands', '/lift/dynamics/computed_torque'}),
-    ('dynamics payload --node /lift/dynamics ', {'base', 'carriage', 'arm'}),
-    ('dynamics inverse 1 2 --node ', {'/dynamics', '/lift/dynamics'}),
-])
-def test_completion(line, offered):
+def test_completion():
+    """In one process for all lines: argcomplete uses the file descriptor 9, and ends with it."""
     pytest.importorskip('argcomplete')
-    environment = os.environ | {
-        '_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', 'COMP_LINE': line,
-        'COMP_POINT': str(len(line)), '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}
 
-    def found() -> set[str]:
-        # In a separate process, as in a shell: argcomplete uses the file descriptor 9.
-        words = children.run(
-            [sys.executable, '-c', COMPLETE], env=environment, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True).stdout
-        return {word for word in words.split('\n') if not word.startswith('-')}
+    def found() -> list[set[str]]:
+        done = children.run(
+            [sys.executable, '-c', COMPLETE, *OFFERED], capture_output=True, text=True)
+        return [{word for word in words.split('\n') if not word.startswith('-')}
+                for words in done.stdout.split('\0')[1:]]
 
-    wait_until(lambda: found() == offered, f'{offered}')  # discovery is slow on a busy machine
+    wait_until(lambda: found() == list(OFFERED.values()), 'the words')  # discovery may be slow
 
 
 def test_every_verb_is_an_extension_of_ros2cli():

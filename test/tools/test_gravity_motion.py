@@ -41,7 +41,7 @@ POSES = 'poses: [{joint1: 0.9, joint2: 0.6}, {joint1: -0.9, joint2: 0.9}, ' \
         '{joint1: 0.4, joint2: -1.2}, {joint1: -0.5, joint2: -0.8}]'
 WEIGHT = make_payload('link2', 1.5, (0.0, 0.0, 0.3))
 QUICK = '--hold', '1.5', '--step', '2', '--velocity', '1'
-FAST = MotionSettings(hold=1.5, step=2.0, velocity=2.0)
+FAST = MotionSettings(hold=1.5, approach=0.05, step=2.0, velocity=3.0)
 STOPPED = 'Called ~/stop: stopping along the reference, then holding the position'
 COULOMB = 1.5
 """[N·m]: dry friction of the simulated arm."""
@@ -56,7 +56,8 @@ def nodes() -> Iterator[None]:
                 'joints': ['joint1', 'joint2'],
                 'friction.coulomb': [0.9 * COULOMB, 1.2 * COULOMB]}),
             NodeProcess(SIMULATED_ARM, {
-                'rate': 100.0, 'lock_step': True, 'friction.coulomb': [COULOMB],
+                'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
+                'friction.coulomb': [COULOMB],
                 'joints': ['joint1', 'joint2'], 'effort.scale': SCALE.tolist(),
                 'effort.offset': OFFSET.tolist()})):
         yield

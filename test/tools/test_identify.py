@@ -17,6 +17,9 @@ import numpy as np
 import pytest
 from recordings import encoded, START_NS, write_recording
 from report_page import ReportPage
+from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics.analysis.motion_filter import filter_motion
+from robot_dynamics.identification.pipeline import identify
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
@@ -24,7 +27,6 @@ from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.recordings.reader import Recording
 from robot_dynamics.tools.identify import main
 from robot_dynamics_interfaces.srv import InverseDynamics
 from robots import robot_urdf
@@ -73,6 +75,12 @@ def output(tmp_path_factory, urdf):
 def short(tmp_path_factory):
     """Return a recording of 8 s."""
     return record(tmp_path_factory.mktemp('short') / 'bag', duration=8.0)
+
+
+@pytest.fixture(autouse=True)
+def _static_figures(monkeypatch):
+    """Draw the reports of all tests without Bokeh, except that of `output`."""
+    monkeypatch.setitem(sys.modules, 'bokeh.models', None)
 
 
 def run(folder, urdf, *options, bags=('bag',)):
@@ -137,8 +145,9 @@ def test_nodes_start_with_what_was_written(output):
     arguments = [
         '--ros-args', '--params-file', str(path), '-p', 'command:=computed_torque', '--']
     with RosClient() as client, running(
-            NodeProcess(SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
-                        namespace='/rehearsal', arguments=arguments),
+            NodeProcess(SIMULATED_ARM, {
+                'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
+                'initial_position': [0.1, 0.2]}, namespace='/rehearsal', arguments=arguments),
             NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments)):
         for state in zip(*random_states(arm, 4, seed=3)):
             response = client.call(
@@ -216,11 +225,11 @@ def test_every_blas_kernel_makes_the_same_choices(tmp_path, short, urdf):
 def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
     (tmp_path / 'bags').mkdir()
     for seed in range(3):
-        record(tmp_path / 'bags' / f'bag{seed}', seed)
+        record(tmp_path / 'bags' / f'bag{seed}', seed, duration=8.0)
     (tmp_path / 'bags' / 'bag9.mcap').write_bytes(b'nothing')
     assert run(tmp_path, urdf, '--jobs', '1', bags=['bags']) == FAILED
     said = capsys.readouterr()
-    assert '2880 for training' in said.out
+    assert '1440 for training' in said.out
     assert 'recordings that could not be used: 1' in said.err
     assert 'bag9' in said.err
     figures = figures_of(tmp_path / 'out')
@@ -229,7 +238,7 @@ def test_several_recordings_and_one_that_fails(tmp_path, urdf, capsys):
 
 
 def test_effort_that_is_current(tmp_path, urdf, capsys):
-    record(tmp_path / 'bag', gain=8.0, duration=20.0, off=0.0)
+    record(tmp_path / 'bag', gain=8.0, duration=12.0, off=0.0)
     assert run(tmp_path, urdf) == DONE
     assert 'in another unit, use --effort current' in ' '.join(capsys.readouterr().out.split())
     assert run(tmp_path, urdf, '--effort', 'current', '--force') == DONE
@@ -244,8 +253,8 @@ def test_effort_that_is_current(tmp_path, urdf, capsys):
 def test_a_known_load_in_one_recording(tmp_path, urdf, capsys):
     """Masses that are wrong by 15 %: a pair of recordings determines the torque constants."""
     load = make_payload('link2', 3.0, (0.0, 0.0, 0.6))
-    record(tmp_path / 'bare', 0, gain=8.0, duration=20.0)
-    record(tmp_path / 'loaded', 1, gain=8.0, duration=20.0, loads=[load])
+    record(tmp_path / 'bare', 0, gain=8.0, duration=12.0)
+    record(tmp_path / 'loaded', 1, gain=8.0, duration=12.0, loads=[load])
     assert run(tmp_path, urdf, '--jobs', '1', '--effort', 'current', '--payload',
                'loaded:link2=3,0,0,0.6', bags=['bare', 'loaded']) == DONE
     assert 'confounded' not in capsys.readouterr().out
@@ -275,21 +284,15 @@ def test_mistakes_are_reported(tmp_path, short, urdf, capsys, arguments, words):
 
 # --- a real arm ----------------------------------------------------------------------------------
 
-def test_a_real_ur10(tmp_path, capsys):
+def test_a_real_ur10():
     if not UR10.exists():
         pytest.skip(f'the recording of a real UR10 is not at {UR10}')
-    urdf = tmp_path / 'ur10.urdf'
-    urdf.write_text(robot_urdf('ur10'))
-    assert run(tmp_path, urdf, bags=[UR10]) == DONE
-    figures = figures_of(tmp_path / 'out')
-    assert figures['cutoff_hz'] == [pytest.approx(5.0, rel=0.02)]
-    with Recording(UR10) as recording:
-        samples = recording.topic('/joint_states').message_count
-    assert figures['samples'] == {
-        'train': int(0.6 * samples), 'test': samples - int(0.6 * samples)}
-    residual = {name: np.array(test['test']) for name, test in figures['residual'].items()}
-    assert (residual['base'] <= PUBLISHED).all()
-    assert (residual['consistent'] <= CONSISTENT * PUBLISHED).all()
+    read = read_for_arm(UR10, AnalysisSettings(urdf=robot_urdf('ur10')))
+    motion = filter_motion(read.series)
+    tests, samples = identify(read.arm, [motion]).tests, len(read.series.times)
+    assert motion.cutoff_hz == pytest.approx(5.0, rel=0.02)
+    assert tests['base'].samples == (int(0.6 * samples), samples - int(0.6 * samples))
+    assert (tests['base'].relative() <= PUBLISHED).all()
+    assert (tests['consistent'].relative() <= CONSISTENT * PUBLISHED).all()
     # of the node's service for a single state, without presliding hysteresis
-    assert (np.array(figures['residual']['consistent']['test_by_sample'])
-            <= CONSISTENT * PUBLISHED).all()
+    assert (tests['consistent'].relative('test_by_sample') <= CONSISTENT * PUBLISHED).all()

@@ -6,13 +6,13 @@
 import json
 import os
 from pathlib import Path
+import sys
 
-from children import LONG, run, TIMEOUT
+from children import TIMEOUT
 import numpy as np
 import pytest
 from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
-from verb_bench import PROGRAM
 
 
 @pytest.fixture
@@ -25,21 +25,21 @@ def without_control_msgs(tmp_path: Path) -> dict[str, str]:
         (str(tmp_path), os.environ.get('PYTHONPATH', '')))}
 
 
-def test_move_without_the_action(without_control_msgs, ask):
+def test_move_without_the_action(without_control_msgs, ask, monkeypatch):
     """By a tool without the messages of the action, then by one whose node does not offer it."""
     node = NodeProcess(DYNAMICS, namespace='/without', environment=without_control_msgs)
     arm = NodeProcess(SIMULATED_ARM, {
         'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}, namespace='/without')
     with running(node, arm), DynamicsClient('/without/dynamics', TIMEOUT) as client:
-        done = run(
-            [*PROGRAM, 'move', '0.5', '0.3', '--duration', '0.5', '--json', '--node',
-             '/without/dynamics', '--timeout', str(TIMEOUT)], env=without_control_msgs,
-            capture_output=True, text=True, timeout=LONG)  # each simulated step may take long
-        assert done.returncode == 0, done.stderr
-        np.testing.assert_allclose(json.loads(done.stdout)['position'], [0.5, 0.3], atol=5e-3)
-        status, out, err = ask('move', '0.4', '0.2', '--duration', '0.5', '--json', client=client)
-        assert status == 0, err
-        np.testing.assert_allclose(json.loads(out)['position'], [0.4, 0.2], atol=5e-3)
+        for goal, absent in ((('0.5', '0.3'), ('control_msgs.action',)), (('0.4', '0.2'), ())):
+            with monkeypatch.context() as here:
+                for name in absent:
+                    here.setitem(sys.modules, name, None)
+                status, out, err = ask(
+                    'move', *goal, '--duration', '0.5', '--json', client=client)
+            assert status == 0, err
+            np.testing.assert_allclose(
+                json.loads(out)['position'], list(map(float, goal)), atol=5e-3)
         assert ask('command', 'gravity_compensation', client=client)[0] == 0
         status, _, err = ask('move', '0.1', '0.1', client=client)
     assert status == 1

@@ -68,12 +68,12 @@ def test_topics_by_name_and_the_table(ask, tmp_path):
     assert [line[0] for line in lines[:3]] == ['topic', '/joint_states', '/dynamics/residual']
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_recording_in_order(tmp_path, number):
+def test_a_signal_ends_the_recording_in_order(tmp_path):
+    """SIGTERM; the quick start of README ends one by SIGINT."""
     bag = tmp_path / 'bag'
     process = start('record', '--output', str(bag), '--json')
     assert first_line(process) == f'Recording 8 topics to {bag}; Ctrl-C ends.\n'
-    process.send_signal(number)
+    process.send_signal(signal.SIGTERM)
     status, out, err = finish(process)
     assert status == 0, err
     with Recording(bag) as recording:

@@ -77,7 +77,8 @@ def one_link(name):
     return planar_arm_urdf([2.0], [1.0], [0.5], [0.1], name=name)
 
 
-def test_the_arm_is_that_of_dynamics_and_changes_with_it():
+def test_the_arm_is_that_of_dynamics_or_the_named_one(client, tmp_path):
+    (tmp_path / 'arm.urdf').write_text(one_link('named'))
     with watched('/viewed') as page:
         page.wait_for('no arm yet', 'no node dynamics', 'joint_states has no publisher')
         simulated = NodeProcess(SIMULATED_ARM, {
@@ -89,8 +90,16 @@ def test_the_arm_is_that_of_dynamics_and_changes_with_it():
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
         page.wait_for('planar_arm, 2 joints', 'no node dynamics', 'joint_states has no publisher')
         parameters = {'robot_description_file': str(robot_path('ur10'))}
-        with NodeProcess(DYNAMICS, parameters, namespace='/viewed'):
+        with NodeProcess(DYNAMICS, parameters, namespace='/viewed'), \
+                client.describing('/viewed') as publish:
             page.wait_for('ur10, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+            publish(one_link('topical'))
+            with watched('/viewed', str(tmp_path / 'arm.urdf')) as other:
+                source = other.viewer._source
+                wait_until(lambda: source._described and source._topic_xml, 'what both say')
+                other.wait_for(
+                    'named, 1 joint', 'follows no reference', without=['ur10', 'topical'])
+            page.wait_for('ur10, 6 joints', without=['topical'])
 
 
 def test_a_viewer_that_is_always_late_performs_the_requests_of_its_page(monkeypatch):
@@ -155,19 +164,6 @@ def test_a_description_that_cannot_be_read_is_reported(client, tmp_path):
             publish(default_arm_urdf())
             page.wait_for('planar_arm, 2 joints', without=[str(file), 'no joint states'],
                           meanwhile=send)
-
-
-def test_a_named_robot_is_shown_independent_of_other_nodes(client, tmp_path):
-    (tmp_path / 'arm.urdf').write_text(one_link('named'))
-    other = NodeProcess(DYNAMICS, {'robot_description': one_link('other')}, namespace='/named')
-    with client.describing('/named') as publish, \
-            watched('/named', str(tmp_path / 'arm.urdf')) as page:
-        publish(one_link('topical'))
-        page.wait_for('named, 1 joint', 'no node dynamics')
-        with other:
-            source = page.viewer._source
-            wait_until(lambda: source._described and source._topic_xml, 'what both say')
-            page.wait_for('named, 1 joint', 'follows no reference', without=['other', 'topical'])
 
 
 def test_states_that_cannot_be_shown_are_reported_until_others_come(client, tmp_path):

@@ -3,39 +3,39 @@
 
 """The viewer in a real browser, with real nodes: its display, and its controls."""
 
+from contextlib import closing
 import re
 import signal
 
-from browser import Page
+from browser import Page, SIZE
 from demo_process import start_demo, wait_for_line
 from disturbances import wrench
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.trajectories.files import write_trajectory
+from robot_dynamics.trajectories.quintics import quintic_point_to_point
 from robots import must_have_everything
-from ros_harness import (
-    DYNAMICS,
-    KEEP_MANY,
-    LATCHED,
-    LONG,
-    NodeProcess,
-    running,
-    SIMULATED_ARM,
-    TIMEOUT,
-    wait_until,
-)
+from ros_harness import KEEP_MANY, LATCHED, LONG, TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 if not must_have_everything():
     pytest.importorskip('viser', reason='the viewer needs viser')
-import trimesh  # noqa: E402
+from robot_dynamics.tools.viewer import framing
+from robot_dynamics.tools.viewer.framing import Cameras
+from robot_dynamics.tools.viewer.panel import ArmPanel
+from robot_dynamics.tools.viewer.scene import ArmScene
+from robot_dynamics.tools.viewer.server import address_of
+import trimesh
+from viewer_bench import TESTED_TOKEN
 
-VIEWER = 'robot_dynamics.tools.viewer'
-TRAJECTORIES = '/default_arm/dynamics/joint_trajectory'
-COARSE = 0.5
-"""Scale of the page, which software draws: a quarter the pixels."""
+START, END = (0.785, 0.524), (0.885, 0.524)
+"""Of the motion of the demo [rad]."""
+COARSE, NO_PICTURE = 0.4, 0.1
+"""Scales of pages, which software draws."""
 
 
 def wait_for_position(states, joint, value, tolerance=0.01):
@@ -44,17 +44,89 @@ def wait_for_position(states, joint, value, tolerance=0.01):
         dict(zip(state.name, state.position))[joint] - value) < tolerance, LONG)
 
 
-# --- viewer and demo -----------------------------------------------------------------------------
+# --- the camera ----------------------------------------------------------------------------------
 
-def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp_path):
-    with start_demo(tmp_path, '--viewer', '0', '--duration', '1', '--rate', '100', '--no-plot',
-                    '--out', 'here') as demo:
+@pytest.fixture(scope='module')
+def page_of_scene(browser, server, tmp_path_factory):
+    """Yield a page, a function that moves the arm, and the camera of the page."""
+    arm, cameras = load_arm(default_arm_urdf()), Cameras(server)
+    with closing(ArmScene(
+            server, arm, default_arm_urdf(), tmp_path_factory.mktemp('none'))) as scene, \
+            closing(ArmPanel(server.gui, arm, lambda do: do())):
+        def move(*angles, size=1.0):
+            scene.move(np.array(angles))
+            cameras.show(size * scene.extent())
+
+        scene.move(np.zeros(2))
+        cameras.restart(scene.extent())
+        with Page(browser, address_of(server, TESTED_TOKEN), NO_PICTURE) as page:
+            wait_until(server.get_clients, 'the page')
+            (client,) = server.get_clients().values()
+            move(0.0, 0.0)
+            yield page, move, client.camera
+        wait_until(lambda: not server.get_clients(), 'the end of the page')
+
+
+def test_the_camera_comes_closer_again(page_of_scene, monkeypatch):
+    monkeypatch.setattr(framing, 'PATIENCE', 0.5)
+    _, move, camera = page_of_scene
+    near = float(np.linalg.norm(camera.position))
+    move(0.0, 0.0, size=3.0)
+    wait_until(lambda: np.linalg.norm(camera.position) > 2.0 * near, 'the camera farther')
+
+    def is_near():
+        move(0.0, 0.0)
+        return np.linalg.norm(camera.position) < 1.1 * near
+    wait_until(is_near, 'the camera closer')
+
+
+def test_a_camera_that_the_user_moves_stays(page_of_scene):
+    """The last test of the page, because the camera belongs to the user from now on."""
+    page, move, camera = page_of_scene
+    before = np.array(camera.position)
+    page.tab.mouse.move(0.5 * SIZE['width'], 0.5 * SIZE['height'])
+    page.tab.mouse.wheel(0, -400)  # closer
+    wait_until(lambda: np.linalg.norm(camera.position - before) > 0.3, 'the closer camera')
+
+    def rests():
+        position = np.array(camera.position)
+        page.tab.wait_for_timeout(500)
+        return np.allclose(camera.position, position, atol=1e-4)
+    wait_until(rests, 'the camera at rest')
+    own = np.array(camera.position)
+    move(1.5, -1.5)
+    page.tab.wait_for_timeout(500)
+    np.testing.assert_allclose(camera.position, own, atol=1e-3)
+    page.tab.close()
+
+
+# --- the page of the demo, on one page for all tests ---------------------------------------------
+
+@pytest.fixture(scope='module')
+def page(browser, tmp_path_factory):
+    """
+    Yield the page of an arm with a mesh, and with a mesh that is missing.
+
+    The motion of the demo waits for the page. After the motion the demo continues.
+    """
+    directory = tmp_path_factory.mktemp('arm')
+    trimesh.creation.box((0.1, 0.1, 1.0)).export(directory / 'box.stl')
+    urdf = default_arm_urdf()
+    for box, mesh in (('0.1 0.1 1.0', 'box.stl'), ('0.08 0.08 0.8', 'gone.stl')):
+        urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
+    (directory / 'arm.urdf').write_text(urdf)
+    write_trajectory(directory / 'path.yaml', quintic_point_to_point(
+        ['joint1', 'joint2'], START, END, 1.0))
+    with start_demo(
+            directory, '--viewer', '0', '--robot', 'arm.urdf', '--trajectory', 'path.yaml',
+            '--rate', '50', '--no-plot', '--out', 'here', shares_domain=True) as demo:
         try:
             address = wait_for_line(
                 demo.stdout, r'Open (http://127\.0\.0\.1:\d+/\?token=\S+) in a browser')[1]
-            with Page(browser, address, COARSE):
+            with Page(browser, address, COARSE) as page:
                 wait_for_line(demo.stdout, 'Following')
                 wait_for_line(demo.stdout, 'Move the arm with the sliders')
+                yield page
             demo.send_signal(signal.SIGINT)
             out, err = demo.communicate(timeout=4 * TIMEOUT)
         except BaseException:
@@ -65,33 +137,6 @@ def test_the_demo_waits_for_the_page_and_continues_after_the_motion(browser, tmp
     assert 'Traceback' not in err
 
 
-# --- the default arm, on one page for all tests --------------------------------------------------
-
-@pytest.fixture(scope='module')
-def page(browser, tmp_path_factory):
-    """Yield the page of the default arm with a mesh, and with a mesh that is missing."""
-    directory = tmp_path_factory.mktemp('arm')
-    trimesh.creation.box((0.1, 0.1, 1.0)).export(directory / 'box.stl')
-    urdf = default_arm_urdf()
-    for box, mesh in (('0.1 0.1 1.0', 'box.stl'), ('0.08 0.08 0.8', 'gone.stl')):
-        urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
-    path = directory / 'arm.urdf'
-    path.write_text(urdf)
-    parameters = {'robot_description_file': str(path)}
-    nodes = (
-        NodeProcess(DYNAMICS, parameters, namespace='/default_arm'),
-        NodeProcess(SIMULATED_ARM, {
-            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
-            'initial_position': [0.785, 0.524]}, namespace='/default_arm'))
-    viewer = NodeProcess(
-        VIEWER, namespace='/default_arm', arguments=('--port', '0', '--robot', str(path)),
-        ready=re.compile('viewer: open'))
-    with running(*nodes), viewer:
-        address = re.search(r'http://\S+', viewer.wait_for_log('viewer: open'))[0]
-        with Page(browser, address, COARSE) as page:
-            yield page
-
-
 def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(page):
     page.wait_for_words('1 mesh is not drawn; the first one: gone.stl')
     page.wait_for_words('follows a reference')
@@ -99,20 +144,23 @@ def test_the_page_has_everything_and_fetches_nothing_from_elsewhere(page):
     for expected in ('planar_arm', '2 joints', 'joint1 [rad]', 'joint2 [rad]', 'Attach', 'Push',
                      'joint1: effort by term [N·m]', 'joint1: tracking error [mrad]'):
         assert expected in words
+    assert page.tab.get_by_label('Collapse panel area').count() == 2
+    image = page.tab.locator('canvas').first.bounding_box()
+    assert image['width'] < SIZE['width'] - 600  # the image ends at the panels
     assert page.elsewhere == []
     assert [error for error in page.errors if 'favicon' not in error] == []
 
 
 def test_the_arm_is_held_where_it_is(page, client):
-    with client.collect(JointTrajectory, TRAJECTORIES, KEEP_MANY) as trajectories:
+    with client.collect(JointTrajectory, '/dynamics/joint_trajectory', KEEP_MANY) as trajectories:
         page.press('Hold here')
         page.wait_for_words('follows a reference')
         held = trajectories.wait_for()
-    np.testing.assert_allclose(held.points[-1].positions, [0.785, 0.524], atol=0.01)
+    np.testing.assert_allclose(held.points[-1].positions, END, atol=0.01)
 
 
 def test_a_slider_moves_the_arm_and_its_picture(page, client):
-    with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
+    with client.collect(JointState, '/joint_states', KEEP_MANY) as states:
         before = page.picture()
         assert before.std() > 0.05, 'the picture is blank'
         page.drag(1, 0.75)
@@ -136,7 +184,7 @@ def test_the_plots_draw_what_the_arm_does(page):
 
 
 def test_a_load_is_attached_and_taken_off(page, client):
-    with client.collect(InertiaStamped, '/default_arm/dynamics/payload', LATCHED) as payloads:
+    with client.collect(InertiaStamped, '/dynamics/payload', LATCHED) as payloads:
         place = page.place_of('Detach')
         page.press('Attach')
         attached = payloads.wait_for(lambda payload: payload.inertia.m == 1.0)
@@ -149,7 +197,7 @@ def test_a_load_is_attached_and_taken_off(page, client):
 
 
 def test_a_push_is_a_force_in_the_frame_of_the_link_and_ends(page, client):
-    topic = '/default_arm/simulated_arm/external_wrench'
+    topic = '/simulated_arm/external_wrench'
     with client.collect(WrenchStamped, topic, KEEP_MANY) as wrenches:
         wrenches.wait_matched()
         page.press('Push')
@@ -169,7 +217,7 @@ def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(page, client):
     drawn = {f'/marks/{mark}' for mark in (
         'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
         'manipulability/0')}
-    pushes = client.publisher(WrenchStamped, '/default_arm/simulated_arm/external_wrench')
+    pushes = client.publisher(WrenchStamped, '/simulated_arm/external_wrench')
     before = page.picture()
     pushes.publish(wrench('tool0', (10.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     wait_until(lambda: drawn <= set(page.tab.evaluate(
@@ -179,9 +227,9 @@ def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(page, client):
 
 
 def test_a_reset_puts_the_simulated_arm_back(page, client):
-    with client.collect(JointState, '/default_arm/joint_states', KEEP_MANY) as states:
+    with client.collect(JointState, '/joint_states', KEEP_MANY) as states:
         page.press('Reset')
-        wait_for_position(states, 'joint1', 0.785)
+        wait_for_position(states, 'joint1', START[0])
 
 
 @pytest.mark.soak
