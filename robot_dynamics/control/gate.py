@@ -56,6 +56,8 @@ LOST, DECAY = 0.05, 20.0
 """[s] for which a joint without a new sample is assumed to move on, and [1/s] with which it then
 stops: the damping of a fault with the default gains."""
 _SPAN_NS = round(SPAN * NANOSECONDS_PER_SECOND)
+_CHECK_NS = 10_000_000
+"""[ns] between two looks at the reference."""
 _LOST_NS = round(LOST * NANOSECONDS_PER_SECOND)
 _PAUSE_NS = NANOSECONDS_PER_SECOND // 2
 """[ns] between two states after which the difference of their positions gives no velocity."""
@@ -109,7 +111,9 @@ class Gate:
         self._missing: BoolArray = np.zeros(n, dtype=bool)
         self._since_ns = np.zeros(n, dtype=np.int64)
         """Stamp (n,) of the last sample of each joint that is missing."""
-        self._is_missing = self._is_silent = False
+        self._is_missing = self._is_silent = self._is_fast = False
+        self._checked, self._check_ns = self._measured, 0
+        """The positions (n,) at the last look at the reference, and the time of the next one."""
 
     def restart(self) -> None:
         """Treat the next state as a first one."""
@@ -117,7 +121,7 @@ class Gate:
         self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
         self._missing = np.zeros_like(self._missing)
         self._is_missing = self._is_silent = False
-        self._left = None
+        self._left, self._check_ns = None, 0
 
     @property
     def doubtful(self) -> BoolArray:
@@ -145,10 +149,10 @@ class Gate:
         last_ns, last = states[-1]
         if stamp_ns == last_ns:
             return Signals(last, self._v)
-        same = q == measured
-        if self._is_missing or True in same.tolist():
-            fast, left = self._moved_fast(), self._left_behind(q, same)
-            suspects = same & ~self._missing & (fast | left)
+        if self._is_fast or self._is_missing or stamp_ns >= self._check_ns:
+            same = q == measured
+            left = self._left_behind(stamp_ns, q) & same
+            suspects = ~self._missing & (self._moved_fast() & same | left)
             self._is_silent = bool(suspects.any() and same.all())
             if self._is_silent:
                 return None
@@ -173,6 +177,7 @@ class Gate:
             d, is_late = self._agreeing(1e-9 * (stamp_ns - last_ns), d, v, q - last)
             delay = delay if is_late else 0.0
         self._v = d
+        self._is_fast = d.dot(d) > MOVING * MOVING
         return Signals(q, d, delay, lost)
 
     def _agreeing(
@@ -216,15 +221,19 @@ class Gate:
             moved = np.where(self._wraps, np.abs(wrap_to_pi(moved)), moved)
         return np.asarray(np.minimum(moved, dt * np.abs(self._v)) > dt * max(MOVING, BRAKING * dt))
 
-    def _left_behind(self, q: FloatArray, same: BoolArray) -> BoolArray:
+    def _left_behind(self, stamp_ns: int, q: FloatArray) -> BoolArray:
         """Return which joints (n,) stand although their reference leaves them."""
-        desired = self._reference()
+        none = np.zeros_like(self._missing)
+        if stamp_ns < self._check_ns:
+            return none
+        self._check_ns = stamp_ns + _CHECK_NS
+        desired, checked, self._checked = self._reference(), self._checked, q
         if desired is None or self._left is None:
             self._left = desired
-            return np.zeros_like(same)
-        self._left = np.where(same, self._left, desired)
-        left = same & (np.abs(desired - self._left) > LEFT)
-        return left & ~self._is_held(q, desired - q) if left.any() else left
+            return none
+        self._left = np.where(q == checked, self._left, desired)
+        left = np.abs(desired - self._left) > LEFT
+        return left & ~self._is_held(q, desired - q) if left.any() else none
 
     def _continued(
         self, stamp_ns: int, q: FloatArray, same: BoolArray, suspects: BoolArray, left: BoolArray,
