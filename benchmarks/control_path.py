@@ -10,6 +10,7 @@ little to the round trip. The floor is an echo node that also works without an e
 message objects. The difference between a node and the floor is the work of the node.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 import statistics
 import struct
@@ -23,6 +24,7 @@ from benchmarks.processes import (
     node_command,
     processor_seconds,
     running,
+    thread_seconds,
 )
 import numpy as np
 import rclpy
@@ -167,18 +169,24 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
 
 def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     trips: dict[str, list[float]] = {name: [] for name in askers}
-    used = dict.fromkeys(askers, 0.0)
+    used, threads = dict.fromkeys(askers, 0.0), Counter[str]()
     for _ in range(ROUNDS):
         for name, asker in askers.items():
-            before = processor_seconds(ids[name])
+            before, of_threads = processor_seconds(ids[name]), thread_seconds(ids[name])
             trips[name] += asker.series()
             used[name] += processor_seconds(ids[name]) - before
+            for thread, seconds in thread_seconds(ids[name]).items():
+                threads[f'{name} {thread}'] += seconds - of_threads.get(thread, 0.0)
     medians = {name: statistics.median(values) for name, values in trips.items()}
     per_message = {name: used[name] / len(trips[name]) for name in trips}
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
+        each = ', '.join(
+            f'{1e6 * seconds / len(values):.0f}' for thread, seconds in threads.most_common()
+            if thread.startswith(f'{name} ') and 1e6 * seconds >= len(values))
         print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, '
-              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs per message; '
+              f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs per message, '
+              f'by thread {each}; '
               f'{ROUNDS * MESSAGES - len(values)} lost; of the echo: '
               f'{medians[name] / medians["bare echo"]:.2f}, '
               f'{per_message[name] / per_message["bare echo"]:.2f}')

@@ -39,6 +39,15 @@ def processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
+def thread_seconds(pid: int) -> dict[str, float]:
+    """Return the processor time [s] of each thread of a process, by its identifier."""
+    used = {}
+    for stat in Path(f'/proc/{pid}/task').glob('*/stat'):
+        fields = stat.read_text(encoding='ascii').rsplit(')', 1)[1].split()
+        used[stat.parent.name] = (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+    return used
+
+
 def module(name: str, *arguments: str) -> list[str]:
     """Return the command that runs a Python module."""
     return [sys.executable, '-m', name, *arguments]
