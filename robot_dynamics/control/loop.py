@@ -322,7 +322,7 @@ class ControlLoop:
                 output.state.reference.position, q, controller.arm.joint_names))
         used, limiter = output.velocity, supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
-                now - supervisor.last_state <= supervisor.state_timeout
+                now - supervisor.last_state <= supervisor.options.state_timeout
                 and limiter.limits.is_clear(q, used)):  # the usual case
             supervisor.last_state, supervisor.holding = now, output.holding_effort
             passed = dt if dt is not None else now - supervisor.last_output

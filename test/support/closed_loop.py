@@ -29,10 +29,11 @@ def closed_loop(
 
     By default the arm starts at `START` and runs in lock-step at 250 Hz.
     """
+    arm = {'rate': 250.0, 'lock_step': True, 'initial_position': START, **arm}
     node = NodeProcess(
-        DYNAMICS, dynamics, namespace=namespace, arguments=arguments)
-    defaults = {'rate': 250.0, 'lock_step': True, 'initial_position': START}
-    with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
+        DYNAMICS, {'lock_step': arm['lock_step'], **(dynamics or {})}, namespace=namespace,
+        arguments=arguments)
+    with running(node, NodeProcess(SIMULATED_ARM, arm, namespace=namespace)):
         yield node
 
 

@@ -36,7 +36,8 @@ from verb_bench import assert_refused, finish, first_line, start
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS, {'scale_gains': False}),  # the stiffness is that of the formula
+            NodeProcess(DYNAMICS, {  # the stiffness is that of the formula
+                'scale_gains': False, 'lock_step': True}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}),
             NodeProcess(DYNAMICS, namespace='/idle')):

@@ -139,7 +139,8 @@ def test_nodes_start_with_what_was_written(output):
     with RosClient() as client, running(
             NodeProcess(SIMULATED_ARM, {'lock_step': True, 'initial_position': [0.1, 0.2]},
                         namespace='/rehearsal', arguments=arguments),
-            NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments)):
+            NodeProcess(DYNAMICS, {'lock_step': True}, namespace='/rehearsal',
+                        arguments=arguments)):
         for state in zip(*random_states(arm, 4, seed=3)):
             response = client.call(
                 InverseDynamics, '/rehearsal/dynamics/inverse_dynamics', InverseDynamics.Request(

@@ -77,11 +77,11 @@ def page(browser, tmp_path_factory):
         urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
     path = directory / 'arm.urdf'
     path.write_text(urdf)
-    parameters = {'robot_description_file': str(path)}
+    parameters = {'robot_description_file': str(path), 'lock_step': True}
     nodes = (
         NodeProcess(DYNAMICS, parameters, namespace='/default_arm'),
         NodeProcess(SIMULATED_ARM, {
-            **parameters, 'rate': 200.0, 'lock_step': True, 'real_time_factor': 1.0,
+            **parameters, 'rate': 200.0, 'real_time_factor': 1.0,
             'initial_position': [0.785, 0.524]}, namespace='/default_arm'))
     viewer = NodeProcess(
         VIEWER, namespace='/default_arm', arguments=('--port', '0', '--robot', str(path)),
