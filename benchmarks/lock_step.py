@@ -65,11 +65,11 @@ def times_real_time(urdf: str, parameters: Mapping[str, object], rate: float) ->
     with tempfile.TemporaryDirectory() as directory:
         path = Path(directory, 'arm.urdf')
         path.write_text(urdf, encoding='utf-8')
-        arm = {'robot_description_file': path, **parameters}
+        arm = {'robot_description_file': path, 'lock_step': True, **parameters}
         with running({
                 'dynamics': node_command(DYNAMICS, arm),
                 'simulated_arm': node_command(
-                    SIMULATED_ARM, {**arm, 'lock_step': True, 'rate': rate}),
+                    SIMULATED_ARM, {**arm, 'rate': rate}),
         }), _reader() as reader:
             return _speed(reader)
 

@@ -87,7 +87,8 @@ def main() -> None:
     with arm_file(JOINTS) as urdf, bench_node() as node:
         progress = Progress(node)
         with running({
-                'dynamics': node_command(DYNAMICS, {'robot_description_file': urdf}),
+                'dynamics': node_command(DYNAMICS, {
+                    'robot_description_file': urdf, 'lock_step': True}),
                 'simulated_arm': node_command(SIMULATED_ARM, {
                     'robot_description_file': urdf, 'rate': RATE, 'lock_step': True,
                     'initial_position': hanging(JOINTS)})}) as pids:

@@ -108,6 +108,7 @@ class ControlLoop:
             partial(is_held, controller))
         self._end = CommandEnd(controller, self.goals)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
+        self.monitor.is_lock_step = safety.is_lock_step
         self.is_active = False
         self.restarts: Counter[str] = Counter()
         self.states = 0
@@ -180,6 +181,7 @@ class ControlLoop:
             controller.set_options(options)
             self.goals.stream.set_timeout(options.stream_timeout)
             self.supervisor.set_options(limits, safety)
+            self.monitor.is_lock_step = safety.is_lock_step
 
     def follow(self, trajectory: JointTrajectory, stamp_ns: int = 0) -> None:
         """
@@ -205,11 +207,6 @@ class ControlLoop:
         """Let `hand_guiding` feel the external effort (n,) of a follower for 50 ms."""
         with self.lock:
             self.controller.feel(external)
-
-    def set_lock_step(self, is_lock_step: bool) -> None:
-        """Serve a simulation that waits for the answer to each of its states, or not."""
-        self.monitor.is_lock_step = is_lock_step
-        self.supervisor.set_lock_step(is_lock_step)
 
     @property
     def obstacle(self) -> str:
@@ -314,7 +311,7 @@ class ControlLoop:
                 output.state.reference.position, q, controller.arm.joint_names))
         limiter = supervisor.limiter
         if supervisor.mode is Mode.RUNNING and fault is None and (
-                now - supervisor.last_state <= supervisor.state_timeout
+                now - supervisor.last_state <= supervisor.options.state_timeout
                 and limiter.limits.is_clear(q, v)):  # the usual case
             supervisor.last_state, supervisor.holding = now, output.holding_effort
             passed = dt if dt is not None else now - supervisor.last_output

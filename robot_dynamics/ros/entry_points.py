@@ -8,12 +8,11 @@ The imports of numpy, Pinocchio and rclpy take most of a second. An interrupt du
 ends the process with status 0 and without a traceback, as an interrupt later does.
 """
 
-from collections.abc import Callable
 import importlib
 import os
-import signal
 import sys
-from typing import NoReturn
+
+from robot_dynamics.ros.middleware.shutdown import handle_end_signals, leave
 
 
 def dynamics_node() -> int:
@@ -32,17 +31,13 @@ def mujoco_arm() -> int:
 
 
 def _run(module: str) -> int:
-    for end_signal in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(end_signal, _leave)
+    handle_end_signals(_leave)
     dependencies = importlib.import_module('robot_dynamics.dependencies')
     try:
         dependencies.require_ros(os.path.basename(sys.argv[0]))
     except dependencies.MissingDependencyError as error:
         sys.exit(f'robot_dynamics: {error}')  # status 1
-    status = int(importlib.import_module(module).main())
-    leave: Callable[[int], NoReturn] = importlib.import_module(
-        'robot_dynamics.ros.middleware.shutdown').leave
-    leave(status)
+    leave(int(importlib.import_module(module).main()))
 
 
 def _leave(*_: object) -> None:

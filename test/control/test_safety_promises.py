@@ -443,9 +443,9 @@ def test_requests_may_take_1_gib_beyond_the_memory_at_the_start(monkeypatch):
     assert asked[0] - 1024 * has == pytest.approx(1_073_741_824, rel=0.05)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_both_signals_end_the_command_with_zeros(client, number):
-    """On SIGINT and SIGTERM the command ramps to zero; here without further joint states."""
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_the_command_with_zeros(client, number):
+    """On these signals the command ramps to zero; here without further joint states."""
     harness = pytest.importorskip('ros_harness')
     kind = pytest.importorskip('sensor_msgs.msg').JointState
     with client.collect(kind, '/ends/effort_command') as commands:

@@ -36,13 +36,6 @@ def states(one: CommandSupervisor, last: int, first: int = 1) -> list[Mode]:
     return modes
 
 
-def test_a_state_may_take_long_while_the_arm_waits_for_each_command():
-    one = make(state_timeout=0.1)
-    for is_lock_step, timeout in ((True, 60.0), (False, 0.1)):
-        one.set_lock_step(is_lock_step)
-        assert one.state_timeout == timeout
-
-
 # --- the first effort ----------------------------------------------------------------------------
 
 def test_no_effort_is_published_before_the_first_good_state():

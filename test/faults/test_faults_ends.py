@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""SIGINT and SIGTERM at any time: the last command is safe, and the node exits cleanly."""
+"""SIGINT, SIGTERM and SIGHUP at any time: the last command is safe, and the node exits cleanly."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -24,7 +24,7 @@ from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 
-GROUP = 'Shutdown by SIGINT and SIGTERM'
+GROUP = 'Shutdown by SIGINT, SIGTERM and SIGHUP'
 RAMP, RATE = 0.3, 200.0
 """`ramp_time` [s] and `effort_rate_limit` [N·m/s]; g(q) over the ramp is 165 N·m/s."""
 IN_ORDER = 'exit status 0, no traceback'
@@ -36,10 +36,12 @@ CALLS = 20
 
 
 @contextmanager
-def commanding(client: RosClient, **parameters: Any) -> Iterator[FaultBench]:
-    """Run a commanding node, to which the test sends a signal."""
+def commanding(
+    client: RosClient, started: Mapping[str, Any] | None = None, **parameters: Any,
+) -> Iterator[FaultBench]:
+    """Run a commanding node, to which the test sends a signal; `started` is for `NodeProcess`."""
     limits = {'ramp_time': RAMP, 'effort_rate_limit': RATE, **parameters}
-    with fault_bench(client, '/faults_ends', limits) as bench:
+    with fault_bench(client, '/faults_ends', limits, started=started) as bench:
         bench.check_alive()
         yield bench
 
@@ -102,6 +104,28 @@ def test_during_long_service_calls(client, seen):
             seen(f'first command of the ramp {1e3 * (ramp - sent_at):.0f} ms after the signal')
     finally:
         client.node.destroy_client(service)
+
+
+ON_A_TERMINAL = (
+    'import os, sys; os.setsid(); os.open(sys.argv[1], os.O_RDWR); '
+    'os.execvp(sys.argv[2], sys.argv[2:])')
+"""Program that runs a command as the leader of a session on a terminal."""
+
+
+@fault(GROUP, 'the terminal of the node closes while it commands, as an ssh connection that '
+       'breaks; `kill -HUP` to a node that was started with `nohup`',
+       f'SIGHUP: {RAMPED}; with `nohup` the command continues')
+def test_the_terminal_closes(client, seen):
+    terminal, of_node = os.openpty()
+    started = {'prefix': [sys.executable, '-c', ON_A_TERMINAL, os.ttyname(of_node)]}
+    with commanding(client, started) as bench:
+        os.close(of_node)
+        sent_at = time.time()
+        os.close(terminal)
+        seen(check_ended(bench, sent_at))
+    with commanding(client, {'prefix': ['nohup']}) as bench:
+        signal_node(bench.node, signal.SIGHUP)
+        bench.check_alive()
 
 
 # --- nothing to ramp -----------------------------------------------------------------------------

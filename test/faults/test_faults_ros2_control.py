@@ -12,6 +12,7 @@ from fault_bench import fault_bench, FaultBench, G, stamp_of
 from fault_stimuli import shifted
 from fault_table import fault
 from lock_stepped_arm import lock_stepped
+from nodeless_reader import NodelessReader
 import numpy as np
 import pytest
 from ros2_control_standin import commanding, ros2_control
@@ -132,21 +133,27 @@ def test_another_order_of_the_controller_stops_the_command(client):
             forwarded.wait_for(lambda m: list(m.name) == NAMES and m.effort == pytest.approx(G))
 
 
-@fault(GROUP, 'subscribers to `~/commands` without a parameter service, or without a parameter '
-       '`joints`', 'one warning each that the order was not checked, with the required order; '
-       'commands are published')
+@fault(GROUP, 'subscribers to `~/commands` without a parameter service, without a parameter '
+       '`joints`, or without a node (a DDS reader of another program)',
+       'one warning each that the order was not checked, with the required order; commands are '
+       'published')
 def test_an_order_that_cannot_be_checked_is_named(client):
     space = '/unchecked'
     topic = f'{space}/effort_controller/commands'
     with RosClient('bridge') as bridge, RosClient('relay', has_parameters=True) as relay, \
+            NodelessReader() as reader, \
             bridge.collect(Float64MultiArray, topic), \
             relay.collect(Float64MultiArray, topic) as commands, commanding(space) as node:
         bench = FaultBench(client, node, space)
         bench.driver.start()
-        for name, reason in (('bridge', 'parameter service'), ('relay', 'parameter `joints`')):
+        reader.subscribe(topic)
+        for name, reason in (
+                ('/bridge', 'parameter service'), ('/relay', 'parameter `joints`'),
+                ('a DDS reader that is no node', 'parameter service')):
             node.wait_for_log(
-                rf'\[WARN\].*joint order of /{name}, a subscriber of {topic}, was not checked: it '
+                rf'\[WARN\].*joint order of {name}, a subscriber of {topic}, was not checked: it '
                 rf"has no {reason}. It must be \['joint1', 'joint2'\]")
         commands.wait_for(lambda m: m.data.tolist() == pytest.approx(G))
+        assert reader.wait_for_message() == pytest.approx(G)
         bench.close()
-        assert node.log.count('was not checked') == 2
+        assert node.log.count('was not checked') == 3

@@ -105,7 +105,8 @@ def gated(
 ) -> Iterator[None]:
     """Run both nodes along a trajectory that starts at a simulated time [s]; see `Gate`."""
     with NodeProcess(
-            DYNAMICS, parameters, namespace=namespace, remaps={'joint_states': Gate.TOPIC}):
+            DYNAMICS, {'lock_step': True, **parameters}, namespace=namespace,
+            remaps={'joint_states': Gate.TOPIC}):
         gate = Gate(client, namespace, has_velocity, busy_at)
         try:
             with simulated_arm(namespace, **arm):
@@ -120,7 +121,8 @@ def gated(
 def test_gravity_compensation_holds_an_arm_that_starts_first(client):
     """The drift is below 1 mrad in 10 s."""
     with client.collect(JointState, '/hold/joint_states') as states, \
-            simulated_arm('/hold', rate=100.0), NodeProcess(DYNAMICS, namespace='/hold'):
+            simulated_arm('/hold', rate=100.0), \
+            NodeProcess(DYNAMICS, {'lock_step': True}, namespace='/hold'):
         seen = until(states, 10.0)
     assert np.abs(np.array([m.position for m in seen]) - START).max() < 1e-3
 

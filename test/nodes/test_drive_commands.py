@@ -59,7 +59,8 @@ def test_drives_without_a_torque_input_take_the_offset(client):
         SIMULATED_ARM, {'rate': 250.0, 'lock_step': True, 'initial_position': START, **DRIVES},
         namespace='/offset', remaps={'dynamics/feed_forward': 'dynamics/position_offset'})
     node = NodeProcess(
-        DYNAMICS, {'joints': NAMES, 'drive.stiffness': STIFFNESS}, namespace='/offset')
+        DYNAMICS, {'joints': NAMES, 'drive.stiffness': STIFFNESS, 'lock_step': True},
+        namespace='/offset')
     with running(node, arm), collecting(
             client, '/offset', 'joint_states', 'dynamics/position_offset') as (states, commands):
         states.wait_count(500)

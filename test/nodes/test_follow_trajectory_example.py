@@ -22,7 +22,7 @@ RESULTS = [
 
 def test_the_example_gets_each_result():
     with running(
-            NodeProcess(DYNAMICS),
+            NodeProcess(DYNAMICS, {'lock_step': True}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 125.0, 'lock_step': True, 'real_time_factor': 1.0,
                 'initial_position': START})):

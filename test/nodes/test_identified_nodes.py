@@ -141,7 +141,8 @@ def test_every_base_parameter_is_within_three_deviations(client, tmp_path):
         client, '/truth', 'simulated_arm', NodeProcess(SIMULATED_ARM, {
             **PLANT, **TRUTH, 'rate': RATE,
             'initial_position': trajectory.points[0].position.tolist()}, namespace='/truth'),
-        NodeProcess(DYNAMICS, {**TRUTH, 'gains.natural_frequency': [8.0]}, namespace='/truth'),
+        NodeProcess(DYNAMICS, {
+            **TRUTH, 'gains.natural_frequency': [8.0], 'lock_step': True}, namespace='/truth'),
         trajectory, tmp_path / 'recording')
     model = arm_from_parameters(default_arm_urdf(), {})
     found = identify(model, [filter_motion(series)], train_fraction=0.9)
@@ -214,12 +215,14 @@ def test_an_identified_arm_in_mujoco(client, tmp_path, name):
             trajectory)
 
     before = played(NodeProcess(DYNAMICS, {
-        **EXACT, **joints, 'robot_description_file': str(urdf)}, namespace=space), 'recording')
+        **EXACT, **joints, 'robot_description_file': str(urdf), 'lock_step': True},
+        namespace=space), 'recording')
     tool('identify', folder / 'recording', '--urdf', urdf, '--parameters',
          folder / 'parameters.yaml', '--train-fraction', 1, '--output', folder / 'identified')
     report = json.loads((folder / 'identified' / 'report.json').read_text(encoding='utf-8'))
     after = played(NodeProcess(
-        DYNAMICS, {**EXACT, 'command': 'computed_torque'}, namespace=space, arguments=[
+        DYNAMICS, {**EXACT, 'command': 'computed_torque', 'lock_step': True}, namespace=space,
+        arguments=[
             '--ros-args', '--params-file', str(folder / 'identified' / 'identified.yaml'),
             '--']), 'again')
     estimates = estimates_of(name, report)

@@ -1,7 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every request of a client that can receive the response is answered."""
+"""
+Every request of a client that can receive the response is answered.
+
+A client that cannot receive it delays no request.
+"""
 
 from collections.abc import Iterator
 import os
@@ -13,8 +17,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, TIMEOUT, wait_until
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from unheard_client import UnheardClient
 
 SERVICE = '/answers/dynamics/inverse_dynamics'
+STOP = '/answers/dynamics/stop'
 UNMATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Requests of such a client arrive; no server offers responses of this durability."""
 
@@ -54,3 +61,17 @@ def test_a_response_waits_until_its_reader_is_discovered(client, node):
     client.node.destroy_client(service)
     for collector in collectors:
         collector.close()
+
+
+def test_a_stop_acts_although_another_response_cannot_be_delivered(client, node):
+    with UnheardClient() as unheard:
+        unheard.send(STOP, 3)
+        wait_until(lambda: node.log.count('~/stop: ') == 3, 'the stops of the unheard client')
+        service = client.node.create_client(Trigger, STOP)
+        wait_until(service.service_is_ready, f'the service {STOP}')
+        answer = service.call_async(Trigger.Request())
+        wait_until(lambda: node.log.count('~/stop: ') == 4, 'the stop of the other client')
+        assert 'Discarded a response of ' + STOP not in node.log  # the first one waits for 10 s
+        node.wait_for_log('Discarded a response of ' + STOP)
+        wait_until(answer.done, 'the response of a client that can receive it')
+        client.node.destroy_client(service)

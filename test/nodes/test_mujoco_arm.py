@@ -29,7 +29,7 @@ def loop() -> Iterator[NodeProcess]:
     arm = NodeProcess(
         MUJOCO_ARM, {'lock_step': True, 'initial_position': START, 'joints': NAMES},
         namespace='/mujoco')
-    with running(arm, NodeProcess(DYNAMICS, namespace='/mujoco')):
+    with running(arm, NodeProcess(DYNAMICS, {'lock_step': True}, namespace='/mujoco')):
         yield arm
 
 

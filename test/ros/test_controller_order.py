@@ -6,6 +6,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 
+from nodeless_reader import NodelessReader
 import pytest
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.ros.dynamics.controller_order import ControllerOrder
@@ -50,6 +51,22 @@ def test_no_subscriber_or_the_same_order_opens_the_topic(commander):
         wait_until(commander.order.allows, 'an order that is the same')
     assert commander.order.fault is None
     assert not commander.faults
+
+
+def test_readers_without_joint_names_open_the_topic_and_let_controllers_be_checked(commander):
+    with NodelessReader() as reader, RosClient('bridge') as bridge, \
+            bridge.collect(Float64MultiArray, commander.topic):
+        reader.subscribe(commander.topic)
+        wait_until(lambda: commander.publisher.get_subscription_count() == 2, 'both readers')
+        wait_until(commander.order.allows, 'the check of both readers')
+        with commander.subscriber('controller', NAMES[::-1]):
+            wait_until(lambda: bool(commander.faults), 'a fault')
+            assert not commander.order.allows()
+        wait_until(commander.order.allows, 'the end of the fault')
+        with commander.subscriber('controller', []):
+            wait_until(lambda: commander.order.allows() and all(
+                one.is_checked for one in commander.order._subscribers.values()), 'its check')
+    assert len(commander.faults) == 1
 
 
 def test_another_order_closes_the_topic_until_its_subscriber_leaves(commander):

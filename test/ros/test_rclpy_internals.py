@@ -215,7 +215,7 @@ def test_without_members_joint_states_are_answered(client, process, monkeypatch,
     for member in members:
         monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
     process.simulated_arm(lock_step=True, real_time_factor=0.1)  # a step for each effort taken
-    name = process.dynamics().get_fully_qualified_name()
+    name = process.dynamics(lock_step=True).get_fully_qualified_name()
     with process.spun(SingleThreadedExecutor):
         with client.collect(JointState, f'{name}/gravity_compensation') as answers:
             wait_until(lambda: len(set(stamps_of(answers))) >= 20, 'answers to 20 joint states')

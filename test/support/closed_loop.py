@@ -30,11 +30,12 @@ def closed_loop(
     By default the arm starts at `START` and runs in lock-step at 125 Hz, at twice real time: a
     loop at full speed would use two cores also while the test waits for something else.
     """
+    arm = {
+        'rate': 125.0, 'lock_step': True, 'real_time_factor': 2.0, 'initial_position': START, **arm}
     node = NodeProcess(
-        DYNAMICS, dynamics, namespace=namespace, arguments=arguments)
-    defaults = {
-        'rate': 125.0, 'lock_step': True, 'real_time_factor': 2.0, 'initial_position': START}
-    with running(node, NodeProcess(SIMULATED_ARM, {**defaults, **arm}, namespace=namespace)):
+        DYNAMICS, {'lock_step': arm['lock_step'], **(dynamics or {})}, namespace=namespace,
+        arguments=arguments)
+    with running(node, NodeProcess(SIMULATED_ARM, arm, namespace=namespace)):
         yield node
 
 

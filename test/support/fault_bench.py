@@ -394,11 +394,16 @@ class FaultBench:
 @contextmanager
 def fault_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any] | None = None,
-    stream: bool = True, **driver: Any,
+    stream: bool = True, started: Mapping[str, Any] | None = None, **driver: Any,
 ) -> Iterator[FaultBench]:
-    """Run a `dynamics` node with real safety options, and a driver that streams if `stream`."""
+    """
+    Run a `dynamics` node with real safety options, and a driver that streams if `stream`.
+
+    `started` are further arguments of `NodeProcess`.
+    """
     with NodeProcess(
-            DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace) as node:
+            DYNAMICS, {**QUICK, **(parameters or {})}, namespace=namespace,
+            **(started or {})) as node:
         bench = FaultBench(client, node, namespace, **driver)
         try:
             if not stream:

@@ -53,7 +53,7 @@ SCALE, OFFSET = np.array([0.75, 1.3]), np.array([1.5, -1.0])
 def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS, {
-                'joints': ['joint1', 'joint2'],
+                'joints': ['joint1', 'joint2'], 'lock_step': True,
                 'friction.coulomb': [0.9 * COULOMB, 1.2 * COULOMB]}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,

@@ -148,7 +148,8 @@ def test_nodes_start_with_what_was_written(output):
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0,
                 'initial_position': [0.1, 0.2]}, namespace='/rehearsal', arguments=arguments),
-            NodeProcess(DYNAMICS, namespace='/rehearsal', arguments=arguments)):
+            NodeProcess(DYNAMICS, {'lock_step': True}, namespace='/rehearsal',
+                        arguments=arguments)):
         for state in zip(*random_states(arm, 4, seed=3)):
             response = client.call(
                 InverseDynamics, '/rehearsal/dynamics/inverse_dynamics', InverseDynamics.Request(

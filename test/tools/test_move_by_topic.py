@@ -27,7 +27,8 @@ def without_control_msgs(tmp_path: Path) -> dict[str, str]:
 
 def test_move_without_the_action(without_control_msgs, ask, monkeypatch):
     """By a tool without the messages of the action, then by one whose node does not offer it."""
-    node = NodeProcess(DYNAMICS, namespace='/without', environment=without_control_msgs)
+    node = NodeProcess(
+        DYNAMICS, {'lock_step': True}, namespace='/without', environment=without_control_msgs)
     arm = NodeProcess(SIMULATED_ARM, {
         'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}, namespace='/without')
     with running(node, arm), DynamicsClient('/without/dynamics', TIMEOUT) as client:

@@ -24,7 +24,7 @@ TOPICS = {
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     with running(
-            NodeProcess(DYNAMICS),
+            NodeProcess(DYNAMICS, {'lock_step': True}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}),
             NodeProcess(DYNAMICS, namespace='/idle')):

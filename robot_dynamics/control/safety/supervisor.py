@@ -43,8 +43,6 @@ BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then the ramp begins in any case."""
 LONGEST_PAUSE = 0.25
 """[s] without a state after which a stop before the end of the command has failed."""
-LOCK_STEP_TIMEOUT = 60.0
-"""[s] that a simulation in lock-step may compute: its arm does not move before the next effort."""
 
 
 class Mode(Enum):
@@ -72,6 +70,8 @@ class SafetyOptions:
     ramp_time: float = 0.5
     fault_margin: float = 0.0087
     overspeed: float = 1.2
+    is_lock_step: bool = False
+    """Whether a simulation waits for the answer to each state."""
 
 
 class CommandSupervisor:
@@ -86,9 +86,7 @@ class CommandSupervisor:
     ) -> None:
         self._names = joint_names
         self.limiter = EffortLimiter(limits)
-        self.options, self.state_timeout = options, options.state_timeout
-        """`state_timeout` [s] is that in use."""
-        self._is_lock_step = False
+        self.options = options
         self.mode = Mode.INACTIVE
         self.fault: Fault | None = None
         """The active fault, or the last one."""
@@ -108,13 +106,6 @@ class CommandSupervisor:
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
         self.limiter.limits, self.options = limits, options
-        self.set_lock_step(self._is_lock_step)
-
-    def set_lock_step(self, is_lock_step: bool) -> None:
-        """Let a missing state be a fault after LOCK_STEP_TIMEOUT, if that is longer."""
-        self._is_lock_step = is_lock_step
-        self.state_timeout = max(
-            self.options.state_timeout, LOCK_STEP_TIMEOUT if is_lock_step else 0.0)
 
     def activate(self) -> None:
         """Wait for the first state; a latched fault stays."""
@@ -129,7 +120,7 @@ class CommandSupervisor:
         """
         if self.mode is Mode.BRAKING:
             return True
-        is_supplied = now - self.last_state <= min(self.state_timeout, LONGEST_PAUSE)
+        is_supplied = now - self.last_state <= min(self.options.state_timeout, LONGEST_PAUSE)
         if self.mode not in (Mode.RUNNING, Mode.FAULT) or self.limiter.last is None or (
                 not is_supplied):
             self.deactivate(now)
@@ -204,7 +195,7 @@ class CommandSupervisor:
         """
         cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
         if cause is None and self.mode is Mode.RUNNING and (
-                now - self.last_state > self.state_timeout):
+                now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
         self.last_state, self.holding = now, holding
         if cause is not None:
@@ -246,10 +237,11 @@ class CommandSupervisor:
 
         `coasting` brakes and holds an arm in a fault while no states arrive, by default `holding`.
         """
+        timeout = self.options.state_timeout
         if coasting is not None and self.mode is Mode.FAULT and now > self._since and (
                 now <= self._since + self.options.hold_time):
-            self._ramped = coasting(self.holding(), now - self.last_state, self.state_timeout)
-        is_overdue = now - self.last_state > self.state_timeout
+            self._ramped = coasting(self.holding(), now - self.last_state, timeout)
+        is_overdue = now - self.last_state > timeout
         if is_overdue and self.mode is Mode.RUNNING:
             self.fail(now, self._timeout())
         elif self.mode is Mode.BRAKING and now > self.deadline:
@@ -257,7 +249,7 @@ class CommandSupervisor:
         return self._action(now)
 
     def _timeout(self) -> Fault:
-        limit = self.state_timeout
+        limit = self.options.state_timeout
         return Fault(
             'state_timeout', f'no valid joint state for {limit:g} s (state_timeout): check the '
             'driver, and the status `joint states` for dropped ones')
@@ -266,7 +258,7 @@ class CommandSupervisor:
         self, now: float, braked: FloatArray, dt: float | None,
     ) -> FloatArray | None:
         """Answer a valid state in a fault: hold the arm and postpone the fault action."""
-        self._since, self._braked = now + self.state_timeout, braked
+        self._since, self._braked = now + self.options.state_timeout, braked
         self._ramped = self.holding()
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
@@ -300,9 +292,9 @@ class CommandSupervisor:
     def deadline(self) -> float:
         """Time at which `tick` is due while states arrive."""
         if self.mode is Mode.BRAKING:
-            wait = min(self.state_timeout, LONGEST_PAUSE)
+            wait = min(self.options.state_timeout, LONGEST_PAUSE)
             return min(self.last_state + wait, self._brake_until)
-        return self.last_state + self.state_timeout
+        return self.last_state + self.options.state_timeout
 
     @property
     def time_to_stop(self) -> float:

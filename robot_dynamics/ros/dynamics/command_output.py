@@ -250,7 +250,7 @@ class CommandOutput:
             return ACTION_PERIOD
         if supervisor.mode in (Mode.RUNNING, Mode.BRAKING):
             return max(supervisor.deadline - time.monotonic(), 0.0) + 1e-4
-        return supervisor.state_timeout
+        return supervisor.options.state_timeout
 
     def log_changes(self) -> None:
         """Log a fault that has begun, and one that has ended; wake the watchdog if necessary."""

@@ -241,7 +241,6 @@ class ControlPath:
     ) -> tuple[FloatArray, FloatArray | None]:
         """Return position and velocity (n,) of a state, and learn where its layout has them."""
         q, v = served.reader.read(state)
-        served.loop.set_lock_step(state.layout.is_lock_step)
         if state.layout is served.assembly.whole and not self._awaits_description:
             served.layout, served.places = state.layout, served.reader.places
         return q, v

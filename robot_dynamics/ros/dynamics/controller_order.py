@@ -5,9 +5,11 @@
 Comparison of the joint order of effort controllers with that of the command.
 
 `~/commands` has no joint names: a ros2_control controller applies the values in the order of its
-parameter `joints`. The check runs in the executor. Nothing is published on `~/commands` until a
-subscriber has been checked, nor while one has another order, unless another has the right one.
-A subscriber that joins later interrupts no command: it is checked meanwhile.
+parameter `joints`. The check runs in the executor. Nothing is published on `~/commands` until one
+subscriber has the right order or all have been checked, nor while one has another order, unless
+another has the right one. A subscriber that joins later interrupts no command, unless it has a
+parameter service and no other one has the right order: it is checked meanwhile. A subscriber
+without joint names, such as a DDS reader that is no node, is none of a controller.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,6 +39,8 @@ A node creates that service before its subscriptions, so it is usually discovere
 """
 PATIENCE = 5.0
 """[s] for a parameter service that was discovered to answer."""
+NO_NODE = ('_NODE_NAME_UNKNOWN_', '_CREATED_BY_BARE_DDS_APP_')
+"""Names that the middleware gives to the node of a DDS reader that is not known, or is none."""
 
 
 class _Subscriber:
@@ -44,14 +48,17 @@ class _Subscriber:
 
     def __init__(self, node: Node, info: TopicEndpointInfo) -> None:
         self._node, self._of = node, (info.node_name, info.node_namespace)
-        self.name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-        self.is_checked = False
+        self._is_node = info.node_name not in NO_NODE
+        self.name = f'{info.node_namespace.rstrip("/")}/{info.node_name}' if self._is_node else (
+            'a DDS reader that is no node')
+        self.is_checked = self.has_service = False
         self.joints: list[str] | None = None
         self._service, self._since = f'{self.name}/get_parameters', time.monotonic()
         self._client: Any = None
         self._future: Any = None
-        with suppress(RclError):  # a ROS 2 security policy may not allow it
-            self._client = node.create_client(GetParameters, self._service)
+        if self._is_node:
+            with suppress(RclError):  # a ROS 2 security policy may not allow it
+                self._client = node.create_client(GetParameters, self._service)
 
     def continue_check(self) -> str:
         """Continue the request; return why the order cannot be checked, empty if it can."""
@@ -59,22 +66,25 @@ class _Subscriber:
             self._future = self._client.call_async(GetParameters.Request(names=['joints']))
         if self._future is not None and self._future.done():
             return self._take(self._future.result().values)
-        has_service = self._future is not None or self._has_service()
-        if time.monotonic() - self._since < (PATIENCE if has_service else GRACE):
+        self.has_service = self._future is not None or self._has_service()
+        if time.monotonic() - self._since < (PATIENCE if self.has_service else GRACE):
             return ''
         self._finish()
-        return 'its parameter service does not answer' if has_service else (
+        return 'its parameter service does not answer' if self.has_service else (
             'it has no parameter service')
 
     def _has_service(self) -> bool:
-        with suppress(NodeNameNonExistentError):
+        if not self._is_node:
+            return False
+        with suppress(NodeNameNonExistentError, RclError):
             services = self._node.get_service_names_and_types_by_node(*self._of)
             return any(name == self._service for name, _ in services)
         return False
 
     def _take(self, values: Sequence[Any]) -> str:
         self._finish()
-        if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY:
+        if not values or values[0].type != ParameterType.PARAMETER_STRING_ARRAY or (
+                not values[0].string_array_value):
             return 'it has no parameter `joints`'
         self.joints = list(values[0].string_array_value)
         return ''
@@ -103,7 +113,7 @@ class ControllerOrder:
         self._node, self._commands, self._joint_names = node, commands, joint_names
         self._when_wrong = when_wrong
         self._count = subscription_count(commands)
-        self._subscribers: dict[bytes, _Subscriber] = {}
+        self._subscribers: dict[tuple[bytes, str], _Subscriber] = {}
         self._judged_for: list[str] = []
         self._open_for: list[str] | None = None
         self._looked_at = -RECHECK_PERIOD
@@ -128,18 +138,24 @@ class ControllerOrder:
                 self._report(subscriber.name, subscriber.continue_check())
         checked = [one for one in self._subscribers.values() if one.is_checked]
         self._compare(checked, names)
-        self._open_for = names if any(
-            one.joints == names or one.joints is None and self.fault is None for one in checked
-        ) else None
+        self._open_for = names if self._has_order(names) else None
+
+    def _has_order(self, names: list[str]) -> bool:
+        """Return whether a subscriber has this order, or none can have another one."""
+        subscribers = self._subscribers.values()
+        if any(one.joints == names for one in subscribers):
+            return True
+        is_open = self._open_for == names
+        return self.fault is None and bool(subscribers) and all(
+            one.is_checked or is_open and not one.has_service for one in subscribers)
 
     def _find(self) -> None:
-        found = {bytes(info.endpoint_gid): info for info in
+        found = {(bytes(info.endpoint_gid), info.node_name): info for info in
                  self._node.get_subscriptions_info_by_topic(self._commands.topic_name)}
-        for gid in self._subscribers.keys() - found.keys():
-            self._subscribers.pop(gid).close()
-        for gid, info in found.items():
-            if gid not in self._subscribers and info.node_name != '_NODE_NAME_UNKNOWN_':
-                self._subscribers[gid] = _Subscriber(self._node, info)
+        for key in self._subscribers.keys() - found.keys():
+            self._subscribers.pop(key).close()
+        for key in found.keys() - self._subscribers.keys():
+            self._subscribers[key] = _Subscriber(self._node, found[key])
 
     def _report(self, name: str, reason: str) -> None:
         if reason and name not in self._reported:

@@ -30,6 +30,7 @@ from robot_dynamics.ros.dynamics.parameters import (
     options_from,
     safety_options,
     SPECS,
+    state_timeout,
 )
 from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
@@ -316,7 +317,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._models.take_waiting()
         model = self._arm.name if self._arm is not None else 'none yet'
         statuses = [
-            *self._report.statuses(self._settings.values['state_timeout']),
+            *self._report.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
             self._path.command.status(),
             self._path.estimates.status(),

@@ -62,6 +62,8 @@ GOAL_SPECS = (
         'Time [s] after the end of the trajectory within which such a goal must be reached; 0 for '
         'any time.')),
 )
+LOCK_STEP_TIMEOUT = 60.0
+"""[s] that a simulation in lock-step may compute: its arm does not move before the next effort."""
 INFEASIBLE_TRAJECTORY = ('reject', 'slow_down', 'clip')
 
 SAFETY_SPECS = (
@@ -77,8 +79,10 @@ SAFETY_SPECS = (
         'requires it.')),
     number('state_timeout', 0.05, 0.001, 60.0, (
         'Longest time [s] without a valid joint state, measured on the steady clock. A longer gap '
-        'is a fault. 60 s for joint states whose frame_id is lock_step: their arm does not move '
-        'before the next effort.')),
+        'is a fault.')),
+    flag('lock_step', False, (
+        'The joint states come from a simulation that waits for the command of each state, such '
+        'as simulated_arm with lock_step: state_timeout is 60 s. Never with a robot.')),
     number('state_max_age', DEFAULT_STATE_MAX_AGE, 0.0, 60.0, (
         'Largest difference [s] between the stamp of a joint state and the clock of this '
         'computer; 0 accepts any stamp. If the first stamp is more than an hour off, the stamps '
@@ -277,9 +281,14 @@ def effort_limits(values: Values, arm: ArmModel) -> EffortLimits:
         effort_rates(values, arm), arm.given_drive.limit)
 
 
+def state_timeout(values: Values) -> float:
+    """Return the longest time [s] without a valid joint state."""
+    return LOCK_STEP_TIMEOUT if values['lock_step'] else float(values['state_timeout'])
+
+
 def safety_options(values: Values) -> SafetyOptions:
     """Return the options of the supervisor."""
     return SafetyOptions(
-        values['state_timeout'], values['fault_action'], values['hold_time'],
+        state_timeout(values), values['fault_action'], values['hold_time'],
         values['ramp_time'], values['position_limit_tolerance'],
-        values['overspeed_factor'] or math.inf)
+        values['overspeed_factor'] or math.inf, values['lock_step'])

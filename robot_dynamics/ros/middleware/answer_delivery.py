@@ -11,14 +11,14 @@ for the reader and discards the response (ros2/rmw_fastrtps issue 842). It waits
 interpreter lock held, so that the control thread waits, too.
 """
 
-from dataclasses import dataclass, replace
 from functools import partial
 import time
-from typing import Any
+from typing import Any, NamedTuple
 import warnings
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
 from rclpy.service import Service
 from rclpy.timer import Timer
 from robot_dynamics.ros.middleware.rclpy_internals import (
@@ -29,100 +29,119 @@ from robot_dynamics.ros.middleware.rclpy_internals import (
 
 LONGEST_WAIT = 10.0
 """[s] in which a response reader must be discovered; lost discovery data are repeated each 1 s."""
-PAUSES = (0.5, 4.0)
+PAUSE = 2.0
 """
-[s] before the second and the third attempt.
+[s] without an attempt after one of the same service that has failed.
 
 A reader can be discovered but not yet connected, or the discovered reader is that of an earlier
-client. Each attempt may delay the control thread by 100 ms, so there are few.
+client. Each such attempt delays the control thread by 100 ms, so there are few, whatever clients
+send.
 """
-_TURN = 0.02
+TURN = 0.02
 """[s] between two queries of the graph while a response waits."""
 _DISCARDED = 'failed to send response'
 """Warning of rclpy about a discarded response; it raises no error."""
 
 
-@dataclass(frozen=True)
-class _Response:
+class _Response(NamedTuple):
     service: Any
     message: Any
     header: Any
     until: float
-    attempts: int = 0
 
 
 class AnswerDelivery:
-    """Sends the responses of a node's services; for use in the thread of the node's executor."""
+    """Sends the responses of services of a node; for use in one thread."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._expected: dict[str, set[int]] = {}
         self._waiting: list[_Response] = []
-        self._timer: Timer | None = None
+        self._not_before: dict[str, float] = {}
 
-    def take_over(self, service: Service) -> None:
-        """Send the responses of a service of the node from now on."""
-        replace_send_response(service, partial(self._send, service))
+    @property
+    def has_waiting(self) -> bool:
+        """Whether `send_waiting` must be called, every TURN."""
+        return bool(self._waiting)
 
-    def _send(self, service: Any, message: Any, header: Any) -> None:
-        if self._is_of_known_client(service, header):
-            send_response(service, message, header)
-            return
+    def send(self, service: Any, message: Any, header: Any) -> None:
+        """Send a response now, or let it wait for its reader."""
         response = _Response(service, message, header, time.monotonic() + LONGEST_WAIT)
-        if is_discovered(self._node, service):
-            self._attempt(response)
-        else:
-            self._waiting.append(response)
-        self._set_timer()
+        if self._is_of_known_client(response) and self._attempt(response):
+            return
+        self._waiting.append(response)
+        self.send_waiting()
 
-    def _is_of_known_client(self, service: Any, header: Any) -> bool:
+    def _is_of_known_client(self, response: _Response) -> bool:
         """
-        Return whether the request is the next one of a client whose reader was discovered.
+        Return whether the request is the next one of a client that has received a response.
 
         rclpy does not expose the client of a request, and a query of the graph takes longer
         than most responses. The requests of a client are numbered consecutively.
         """
-        number = request_number(header)
-        if number is None:
-            return False
-        expected = self._expected.setdefault(service.service_name, set())
-        is_known = number in expected and not self._waiting
-        expected.discard(number)
-        expected.add(number + 1)
-        return is_known
+        return request_number(response.header) in self._expected.get(
+            response.service.service_name, ())
 
-    def _attempt(self, response: _Response) -> None:
+    def _attempt(self, response: _Response) -> bool:
+        """Send; return whether the response was not discarded."""
+        service, number = response.service.service_name, request_number(response.header)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter('always')
             send_response(response.service, response.message, response.header)
-        if not any(_DISCARDED in str(warning.message) for warning in caught):
-            return
-        if response.attempts == len(PAUSES):
-            self._node.get_logger().warning(
-                f'Discarded a response of {response.service.service_name}: its client cannot '
-                'receive it (not discovered, ended, or incompatible QoS)')
-        else:
-            until = time.monotonic() + PAUSES[response.attempts]
-            self._waiting.append(
-                replace(response, until=until, attempts=response.attempts + 1))
+        if any(_DISCARDED in str(warning.message) for warning in caught):
+            self._not_before[service] = time.monotonic() + PAUSE
+            return False
+        if number is not None:
+            expected = self._expected.setdefault(service, set())
+            expected.discard(number)
+            expected.add(number + 1)
+        return True
 
-    def _send_waiting(self) -> None:
+    def send_waiting(self) -> None:
+        """
+        Send the responses whose readers are discovered, the newest first.
+
+        After LONGEST_WAIT a response gets an attempt in any case: the missing reader may be that
+        of another client.
+        """
         waiting, self._waiting = self._waiting, []
-        for response in waiting:
-            if time.monotonic() >= response.until or (
-                    response.attempts == 0 and is_discovered(self._node, response.service)):
-                self._attempt(response)
+        discovered: dict[str, bool] = {}
+        for response in reversed(waiting):
+            name, late = response.service.service_name, time.monotonic() - response.until
+            if name not in discovered:
+                discovered[name] = is_discovered(self._node, response.service)
+            may_send = time.monotonic() >= self._not_before.get(name, 0.0) and (
+                late >= 0.0 or discovered[name])
+            if may_send and self._attempt(response):
+                continue
+            if late >= (0.0 if may_send else LONGEST_WAIT):
+                self._node.get_logger().warning(
+                    f'Discarded a response of {name}: its client cannot receive it (not '
+                    'discovered, ended, or incompatible QoS)', throttle_duration_sec=PAUSE)
             else:
-                self._waiting.append(response)
-        self._set_timer()
+                self._waiting.insert(0, response)
 
-    def _set_timer(self) -> None:
-        if self._waiting and self._timer is None:
+
+class ExecutorDelivery(AnswerDelivery):
+    """Sends the responses of services that the executor of the node calls back."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node)
+        self._timer: Timer | None = None
+
+    def take_over(self, service: Service) -> None:
+        """Send the responses of a service of the node from now on."""
+        replace_send_response(service, partial(self.send, service))
+
+    def send_waiting(self) -> None:
+        """Send what can be sent; a timer calls again while responses wait."""
+        super().send_waiting()
+        if self.has_waiting and self._timer is None:
             self._timer = self._node.create_timer(  # simulated time may be paused
-                _TURN, self._send_waiting, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        elif self._waiting and self._timer is not None and self._timer.is_canceled():
+                TURN, self.send_waiting, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        elif self.has_waiting and self._timer is not None and self._timer.is_canceled():
             self._timer.reset()
-        elif not self._waiting and self._timer is not None:
+        elif not self.has_waiting and self._timer is not None:
             self._timer.cancel()
 
 
@@ -138,5 +157,7 @@ def request_writers(node: Node, service: str) -> int:
 
 
 def response_readers(node: Node, service: str) -> int:
-    """Return the number of discovered response readers of a service."""
-    return len(node.get_subscriptions_info_by_topic(f'rr{service}Reply', no_mangle=True))
+    """Return the number of discovered response readers of a service that can be connected."""
+    readers = node.get_subscriptions_info_by_topic(f'rr{service}Reply', no_mangle=True)
+    return sum(  # others do not match the writer of the node, whose responses are volatile
+        reader.qos_profile.durability == DurabilityPolicy.VOLATILE for reader in readers)

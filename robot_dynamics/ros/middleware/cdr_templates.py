@@ -34,8 +34,6 @@ STAMP = slice(4, 12)
 """Position of the stamp in a message that begins with a std_msgs/Header."""
 _SEC_NANOSEC = struct.Struct('<iI')
 _FLOAT64 = np.dtype(np.float64)
-LOCK_STEP = 'lock_step'
-"""`frame_id` of the joint states of a simulation that waits for the effort with their stamp."""
 MOST_LAYOUTS = 8
 """Layouts that a decoder stores, one per publisher on a topic."""
 
@@ -51,7 +49,6 @@ class Layout(NamedTuple):
     position: slice
     velocity: slice
     effort: slice
-    is_lock_step: bool = False
 
 
 class SensedState(NamedTuple):
@@ -150,7 +147,7 @@ class _LayoutDecoder:
             _SEC_NANOSEC.pack(stamp.sec, stamp.nanosec),
             NANOSECONDS_PER_SECOND * stamp.sec + stamp.nanosec,
             list(message.name), np.concatenate([np.array(values) for values in fields]),
-            Layout(slice(0, p), slice(p, p + v), slice(p + v, None), _is_lock_step(message)))
+            Layout(slice(0, p), slice(p, p + v), slice(p + v, None)))
 
     def _learn_names(self, data: bytes, message: JointState) -> int:
         """Store the texts; return the position of their end."""
@@ -185,13 +182,9 @@ class _LayoutDecoder:
         position, velocity, effort = (
             slice((start - first) // 8, (end - first) // 8) if end > start else slice(0, 0)
             for start, end in places)
-        self.layout = Layout(position, velocity, effort, _is_lock_step(message))
+        self.layout = Layout(position, velocity, effort)
         self._skeleton = _skeleton(places, len(data))
         _, _, *self._bones = self._skeleton.unpack(data)
-
-
-def _is_lock_step(message: JointState) -> bool:
-    return bool(message.header.frame_id == LOCK_STEP)
 
 
 def _skeleton(left_out: Sequence[tuple[int, int]], length: int) -> struct.Struct:
@@ -263,13 +256,12 @@ def effort_template(joint_names: Sequence[str]) -> MessageTemplate:
 
 def state_template(
     joint_names: Sequence[str], has_motion: bool = True, has_effort: bool = True,
-    frame_id: str = '',
 ) -> MessageTemplate:
     """Return the template of a `sensor_msgs/JointState`; its numbers are in message order."""
     n = len(joint_names)
     writer = CdrWriter()
     writer.data += bytes(8)  # header.stamp
-    writer.text(frame_id)
+    writer.text('')  # header.frame_id
     writer.uint32(n)
     for name in joint_names:
         writer.text(name)

@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_dynamics.exceptions import InvalidInputError, LONGEST_MESSAGE, RobotDynamicsError
 from robot_dynamics.model.arm_parameters import FORMER_NAMES
-from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
+from robot_dynamics.ros.middleware.answer_delivery import ExecutorDelivery
 from robot_dynamics.ros.middleware.message_bytes import LARGEST_MESSAGE, read_message
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import (
@@ -80,7 +80,7 @@ class GuardedCallbacks(Node):
 
     def __init__(self, *args: object, **more: object) -> None:
         self._logged_at: dict[str, float] = {}
-        self._answers = AnswerDelivery(self)
+        self._answers = ExecutorDelivery(self)
         super().__init__(*args, **more)
         atexit.register(self.destroy_node)  # its threads must end before the interpreter
         for service in self.services:  # rclpy creates some without `create_service`

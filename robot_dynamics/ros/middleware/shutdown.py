@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Orderly shutdown of a process after Ctrl-C or SIGTERM.
+Orderly shutdown of a process after Ctrl-C, SIGTERM, or SIGHUP when its terminal closes.
 
 The signal handlers of rclpy shut the context down at once, after which a node cannot publish a
 last effort. Python runs its handlers only in the main thread, which may be waiting in C code. But
@@ -18,9 +18,16 @@ import sys
 import threading
 from typing import NoReturn
 
-END_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+END_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 LONGEST_END = 10.0
 """[s] within which the middleware must end on its own."""
+
+
+def handle_end_signals(handler: Callable[..., object]) -> None:
+    """Call `handler` on each end signal; a process that `nohup` has started ignores SIGHUP."""
+    for end_signal in END_SIGNALS:
+        if end_signal != signal.SIGHUP or signal.getsignal(end_signal) is not signal.SIG_IGN:
+            signal.signal(end_signal, handler)
 
 
 @contextmanager
@@ -88,8 +95,7 @@ class ShutdownRequest:
     def __enter__(self) -> 'ShutdownRequest':
         # The pipe first: a signal before it exists would be lost.
         signal.set_wakeup_fd(self._writing, warn_on_full_buffer=False)
-        for end_signal in END_SIGNALS:
-            signal.signal(end_signal, lambda *_: None)
+        handle_end_signals(lambda *_: None)
         self._waiter.start()
         return self
 

@@ -5,25 +5,18 @@
 A service with a separate thread, which responds while the executor is busy.
 
 The executor of a node runs one callback at a time: a request would wait until a long callback
-ends.
+ends. A response that cannot be delivered yet delays no other request.
 """
 
 from collections.abc import Callable
 import threading
-import time
 from typing import Any
 
 from rclpy.node import Node
-from robot_dynamics.ros.middleware.answer_delivery import is_discovered, LONGEST_WAIT
+from robot_dynamics.ros.middleware.answer_delivery import AnswerDelivery
+from robot_dynamics.ros.middleware.answer_delivery import TURN as DELIVERY_TURN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD, TURN
-from robot_dynamics.ros.middleware.rclpy_internals import (
-    RequestInbox,
-    send_response,
-    service_with_inbox,
-)
-
-_PAUSE = 0.02
-"""[s] between two queries of the graph while a response waits for its reader."""
+from robot_dynamics.ros.middleware.rclpy_internals import RequestInbox, service_with_inbox
 
 
 class UrgentService:
@@ -47,12 +40,14 @@ class UrgentService:
             self._thread.join()
 
     def _run(self) -> None:
-        requests = self._requests
+        requests, delivery = self._requests, AnswerDelivery(self._node)
         while requests is not None and self._is_needed():
-            is_ready = requests.wait(TURN)
+            is_ready = requests.wait(
+                round(1e9 * DELIVERY_TURN) if delivery.has_waiting else TURN)
             try:
                 if is_ready and self._is_needed():
-                    self._answer(requests)
+                    self._answer(requests, delivery)
+                delivery.send_waiting()
             except Exception as error:  # a request that cannot be read must not end the thread
                 if self._is_needed():
                     self._node.get_logger().error(
@@ -62,13 +57,8 @@ class UrgentService:
     def _is_needed(self) -> bool:
         return not self._ends and self._node.context.ok()
 
-    def _answer(self, requests: RequestInbox) -> None:
+    def _answer(self, requests: RequestInbox, delivery: AnswerDelivery) -> None:
         request, header = requests.take()
-        if header is None:
-            return
-        response = requests.answer(request, self._type.Response())
-        until = time.monotonic() + LONGEST_WAIT
-        while (self._is_needed() and time.monotonic() < until
-               and not is_discovered(self._node, self._service)):
-            time.sleep(_PAUSE)
-        send_response(self._service, response, header)
+        if header is not None:
+            delivery.send(
+                self._service, requests.answer(request, self._type.Response()), header)

@@ -15,7 +15,8 @@ OPTIONS = (
     ('--ros-args', 'The options of ROS follow: `-p NAME:=VALUE` sets a parameter, '
      '`--params-file FILE` reads parameters from a YAML file, `-r FROM:=TO` renames a topic or a '
      'service, and `-r __ns:=/NAMESPACE` sets the namespace.'))
-EXIT_STATUS = 'Exit status: 0 ended by Ctrl-C or SIGTERM, 1 cannot start, 2 unknown arguments.'
+EXIT_STATUS = (
+    'Exit status: 0 ended by Ctrl-C, SIGTERM or SIGHUP, 1 cannot start, 2 unknown arguments.')
 
 
 class NodeUsage(NamedTuple):

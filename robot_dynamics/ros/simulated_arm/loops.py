@@ -22,7 +22,6 @@ from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.ros.middleware.cdr_templates import (
     JointStateDecoder,
-    LOCK_STEP,
     stamp_bytes,
     state_template,
 )
@@ -55,15 +54,14 @@ class ArmTopics:
     """The joint states and the clock of the simulated arm, and the efforts that it receives."""
 
     def __init__(
-        self, node: Node, joint_names: tuple[str, ...], with_clock: bool, is_lock_step: bool,
+        self, node: Node, joint_names: tuple[str, ...], with_clock: bool,
         has_drive_loop: bool = False,
     ) -> None:
         """With `has_drive_loop`, take position, velocity and effort from ~/feed_forward."""
         self._node = node
         self._decoder, self._reader = JointStateDecoder(), JointStateReader(joint_names)
-        mark = LOCK_STEP if is_lock_step else ''
-        self._with_effort = state_template(joint_names, frame_id=mark)
-        self._without_effort = state_template(joint_names, has_effort=False, frame_id=mark)
+        self._with_effort = state_template(joint_names)
+        self._without_effort = state_template(joint_names, has_effort=False)
         self.states = node.create_publisher(JointState, 'joint_states', NEWEST_ONLY)
         self._motors = node.create_publisher(JointState, '~/motor_states', NEWEST_ONLY)
         self._clock = node.create_publisher(Clock, '/clock', 10) if with_clock else None

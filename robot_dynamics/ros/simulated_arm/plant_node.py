@@ -94,8 +94,7 @@ class PlantNode(GuardedCallbacks):
         self._lock, self._plant, self._effort_limit = threading.Lock(), plant, effort_limit
         arm = plant.simulation.arm
         topics = ArmTopics(
-            self, arm.joint_names, _has_own_time(values), values['lock_step'],
-            plant.drive_loop is not None)
+            self, arm.joint_names, _has_own_time(values), plant.drive_loop is not None)
         loop_type = LockStepLoop if values['lock_step'] else WallTimeLoop
         self._loop = loop_type(self, plant, topics, self._lock, 1.0 / values['rate'])
         if isinstance(self._loop, LockStepLoop) and values['real_time_factor'] > 0.0:

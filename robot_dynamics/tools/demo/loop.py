@@ -38,8 +38,6 @@ from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 
 LEAD_TIME = 0.1
 """[s] of simulated time from the state at which the trajectory is sent to its start."""
-STATE_TIMEOUT = 60.0
-"""`state_timeout` [s]: long, because the simulation pauses and may be slow."""
 STEP_BY_STEP = {'lock_step': True, 'real_time_factor': 1.0}
 """Default of the simulated arm: a slow machine makes the motion slow, not inaccurate."""
 ANSWER_TIMEOUT = 10.0
@@ -97,7 +95,7 @@ def run_closed_loop(
         with recording_session(directory, urdf, (*TOPICS, CLOCK)) as session:
             session.processes.start(
                 'dynamics', processes.DYNAMICS,
-                {'robot_description_file': description, 'state_timeout': STATE_TIMEOUT},
+                {'robot_description_file': description, 'lock_step': True},
                 others=parameters)
             session.recorder.span_ns = (math.inf, math.inf)
             session.processes.start('simulated_arm', processes.SIMULATED_ARM, {
