@@ -309,20 +309,15 @@ class ControlLoop:
         if output.law.exceeds_limit:
             fault = fault or Fault(FOLLOWING_ERROR, output.state.feedback.worst_error(
                 output.state.reference.position, q, controller.arm.joint_names))
-        limiter = supervisor.limiter
-        if supervisor.mode is Mode.RUNNING and fault is None and (
-                now - supervisor.last_state <= supervisor.options.state_timeout
-                and limiter.limits.is_clear(q, v)):  # the usual case
-            supervisor.last_state, supervisor.holding = now, output.holding_effort
-            passed = dt if dt is not None else now - supervisor.last_output
-            supervisor.last_output = now
-            effort = limiter.rate_limited(output.command, passed)
-            if effort is output.command and output.law.scale == 1.0 and (
-                    output.clamped is None):
-                return LoopAnswer(effort, output, verdict)
-            no_joint = limiter.limits.no_joint
-            return LoopAnswer(effort, output, verdict, ActiveLimits(
-                no_joint, no_joint, effort != output.command))
+        if fault is None:
+            effort = supervisor.usual(now, q, v, output.command, output.holding_effort, dt)
+            if effort is not None:
+                if effort is output.command and output.law.scale == 1.0 and (
+                        output.clamped is None):
+                    return LoopAnswer(effort, output, verdict)
+                no_joint = supervisor.limiter.limits.no_joint
+                return LoopAnswer(effort, output, verdict, ActiveLimits(
+                    no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(braked, controller)
@@ -336,7 +331,7 @@ class ControlLoop:
                 verdict.stamp, q, v):
             supervisor.deactivate(now)
             self._follow_faults()
-        return LoopAnswer(limited, output, verdict, limiter.active if (
+        return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
     def _frozen(self, lost: BoolArray) -> Fault:

@@ -31,7 +31,8 @@ def closed_loop(
     loop at full speed would use two cores also while the test waits for something else.
     """
     arm = {
-        'rate': 125.0, 'lock_step': True, 'real_time_factor': 2.0, 'initial_position': START, **arm}
+        'rate': 125.0, 'lock_step': True, 'real_time_factor': 2.0, 'initial_position': START,
+        **arm}
     node = NodeProcess(
         DYNAMICS, {'lock_step': arm['lock_step'], **(dynamics or {})}, namespace=namespace,
         arguments=arguments)

@@ -181,6 +181,19 @@ class CommandSupervisor:
             self.fault, self.fault_count = fault, self.fault_count + 1
             self.failed_at = now
 
+    def usual(
+        self, now: float, q: FloatArray, v: FloatArray, command: FloatArray,
+        holding: HoldingEffort, dt: float | None,
+    ) -> FloatArray | None:
+        """Return what `answer` returns if nothing but the rate limit matters, else None."""
+        if self.mode is not Mode.RUNNING or now - self.last_state > self.options.state_timeout or (
+                not self.limiter.limits.is_clear(q, v)):
+            return None
+        passed = dt if dt is not None else now - self.last_output
+        self.last_state = self.last_output = now
+        self.holding = holding
+        return self.limiter.rate_limited(command, passed)
+
     def answer(
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         holding: HoldingEffort, dt: float | None = None, brake: Brake | None = None,
