@@ -29,6 +29,7 @@ from robot_dynamics.control.safety.effort_limiter import (
     MotionEquation,
 )
 from robot_dynamics.control.safety.faults import Fault, OVERSPEED, RecurringFaults
+from robot_dynamics.control.safety.undamped_joints import UndampedJoints
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
 
@@ -102,6 +103,7 @@ class CommandSupervisor:
         self._is_damped = self._acts = False
         self._good = 0
         self.recurring = RecurringFaults()
+        self._undamped = UndampedJoints(len(joint_names))
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
@@ -217,11 +219,15 @@ class CommandSupervisor:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
+            self._undamped.restart()
         if self.mode is Mode.FAULT and self._acts and cause is not None:
             return self._action(now)
         is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
         if is_damped:
-            return self._hold_on(now, holding() if brake is None else brake(q, v, holding()), dt)
+            still = holding()
+            braked = still if brake is None else brake(q, v, still)
+            self._release(now, v, braked - still)
+            return self._hold_on(now, braked, dt)
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
             return self._action(now)
         passed, self.last_output = now - self.last_output, now
@@ -278,6 +284,21 @@ class CommandSupervisor:
         passed = now - self.last_output
         effort = self.limiter.rate_limited(braked, passed if dt is None else min(passed, dt))
         self.last_output = now
+        return self._without_released(effort)
+
+    def _release(self, now: float, v: FloatArray, damping: FloatArray) -> None:
+        """Release a joint that its damping (n,) does not damp."""
+        j = self._undamped.take(now, v, damping, self.limiter.limits.velocity)
+        if j >= 0:
+            self.fail(now, Fault(
+                'wrong_drive', f'{self._names[j]!r} becomes faster ({v[j]:.3g}) against its '
+                f'effort ({damping[j]:.3g}) and is released: the sign or the unit of its command, '
+                'or its measured velocity, is wrong, or a load drives it', latched=True))
+
+    def _without_released(self, effort: FloatArray) -> FloatArray:
+        """Return an effort (n,) that is 0 at released joints, whatever the rate limit."""
+        if self._undamped.released.any():
+            effort = self.limiter.last = np.where(self._undamped.released, 0.0, effort)
         return effort
 
     @property
@@ -342,7 +363,8 @@ class CommandSupervisor:
         goal = self._braked if passed < 0.0 else self._fraction_left(passed) * self._ramped
         if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
             goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
-        effort = self.limiter.rate_limited(goal, now - self.last_output)
+        effort = self._without_released(
+            self.limiter.rate_limited(goal, now - self.last_output))
         self.last_output = now
         if passed < self.options.ramp_time or effort.any():
             return effort

@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Joints whose damping in a fault does not damp them: they are released.
+
+A drive whose command acts with the opposite sign, or a velocity with the opposite sign, turns the
+damping of a fault into a motor: the speed grows exponentially, by the rate of the damping. A joint
+that is faster than its limit, and has become faster for WINDOW although its effort opposes its
+motion all the time, is not held by this effort, whatever the cause. Without it, it gets no energy.
+A joint moves others: after the first one, all that are too fast are released.
+"""
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+
+WINDOW = 0.024
+"""[s]: an effort acts up to 16 ms late; then it brakes a joint within a few states."""
+NOISE = 0.05
+"""[rad/s] or [m/s] that a measured speed may grow by noise."""
+LARGEST_SPEED = 10.0
+"""[rad/s] or [m/s], the limit of a joint without one."""
+
+
+class UndampedJoints:
+    """Watches n joints while they are damped; for one thread."""
+
+    def __init__(self, n: int) -> None:
+        self.released: BoolArray = np.zeros(n, dtype=bool)
+        """Joints (n,) that get no effort, until `restart`."""
+        self._opposed: BoolArray = np.zeros(n, dtype=bool)
+        self._speed: FloatArray = np.zeros(n)
+        self._since = -np.inf
+
+    def restart(self) -> None:
+        """Let all joints have efforts again."""
+        self.released = np.zeros_like(self.released)
+        self._since = -np.inf
+
+    def take(self, now: float, v: FloatArray, damping: FloatArray, limit: FloatArray) -> int:
+        """
+        Take the velocities v (n,) at a time [s]; return a joint that is released now, or −1.
+
+        `damping` (n,) is the effort against the motion, `limit` (n,) the velocity limit.
+        """
+        speed = np.abs(v)
+        is_fast = speed > np.minimum(limit, LARGEST_SPEED)
+        if self.released.any():
+            self.released = self.released | is_fast
+            return -1
+        opposed = is_fast & (damping * v < 0.0)
+        passed = now - self._since
+        if not 0.0 <= passed <= 4.0 * WINDOW:
+            self._since, self._speed, self._opposed = now, speed, opposed
+            return -1
+        self._opposed = self._opposed & opposed
+        if passed < WINDOW:
+            return -1
+        found = self._opposed & (speed > self._speed + NOISE)
+        self._since, self._speed, self._opposed = now, speed, opposed
+        if not found.any():
+            return -1
+        self.released = found
+        return int(np.argmax(found))
