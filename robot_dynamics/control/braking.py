@@ -21,13 +21,14 @@ HELD_ERROR = 0.03
 
 def braked(
     controller: Controller, q: FloatArray, v: FloatArray, holding: FloatArray,
-    ahead: FloatArray | None = None,
+    ahead: FloatArray | None = None, returns: bool = False,
 ) -> FloatArray:
     """
     Return `holding` (n,), that of q, with a damping torque −M D v, within the effort limits.
 
     M and g are those of the position `ahead` when the effort acts, with slow states later than q
     unless it is given: the gravity of moving joints changes by more than light joints can bear.
+    If the arm `returns`, joints beyond a position limit are pulled back to it by M K_p.
     """
     drive = controller.arm.drive
     torque = holding if drive is None else drive.torque(holding)
@@ -36,7 +37,12 @@ def braked(
         ahead = q + controller.gains.lag * v if ahead is None else ahead
         torque = torque + (body.gravity(ahead) - body.gravity(q))
         M = body.mass_matrix(ahead)
-        damping = M @ (FAULT_DAMPING * controller.feedback_gains[1] * v)
+        K_p, K_d = controller.feedback_gains
+        damping = M @ (FAULT_DAMPING * K_d * v)
+        if returns:
+            limits = controller.arm.limits
+            torque = torque - M @ (K_p * (q - np.clip(q, limits.lower, limits.upper)))
+            torque = np.clip(torque, -limit, limit)
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
         share = np.where(damping != 0.0, free / np.abs(damping), 1.0)

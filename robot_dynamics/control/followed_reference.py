@@ -143,12 +143,13 @@ class FollowedReference:
         self, is_first: bool, stamp_ns: int, q: FloatArray, v: FloatArray,
     ) -> ActiveTrajectory | None:
         """
-        Return a stop from q and v (n,).
+        Return a stop from q and v (n,), or from the position limit that q is beyond.
 
         A first state is a stop at rest until a state with another stamp.
         """
         self.end()
-        self.stop(stamp_ns, q, v)
+        inside = np.clip(q, self._arm.limits.lower, self._arm.limits.upper)
+        self.stop(stamp_ns, inside, np.where(inside == q, v, 0.0))
         self.first_stop = self.active if is_first else None
         return self.active
 

@@ -320,7 +320,7 @@ class ControlLoop:
                     no_joint, no_joint, effort != output.command))
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
-        brake: Brake = partial(braked, controller)
+        brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
         if lost is not None and self._moves_on(now, v):
             supervisor.act(now)
         limited = supervisor.answer(

@@ -104,6 +104,8 @@ class CommandSupervisor:
         self._good = 0
         self.recurring = RecurringFaults()
         self._undamped = UndampedJoints(len(joint_names))
+        self.was_inside = False
+        """Whether the arm has been inside its position limits since `activate`."""
 
     def set_options(self, limits: EffortLimits, options: SafetyOptions) -> None:
         """Apply limits and options, also those of another model of the same joints."""
@@ -113,6 +115,7 @@ class CommandSupervisor:
         """Wait for the first state; a latched fault stays."""
         if self.mode is Mode.INACTIVE:
             self.mode = Mode.FAULT if self.is_latched else Mode.WAITING
+            self.was_inside = False
 
     def brake(self, now: float) -> bool:
         """
@@ -193,7 +196,7 @@ class CommandSupervisor:
             return None
         passed = dt if dt is not None else now - self.last_output
         self.last_state = self.last_output = now
-        self.holding = holding
+        self.holding, self.was_inside = holding, True
         return self.limiter.rate_limited(command, passed)
 
     def answer(
