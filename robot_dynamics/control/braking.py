@@ -24,7 +24,7 @@ def braked(
     ahead: FloatArray | None = None, returns: bool = False,
 ) -> FloatArray:
     """
-    Return `holding` (n,), that of q, with a damping torque −M D v, within the effort limits.
+    Return `holding` (n,), that of q, with a torque −M D v that brakes, within the effort limits.
 
     M and g are those of the position `ahead` when the effort acts, with slow states later than q
     unless it is given: the gravity of moving joints changes by more than light joints can bear.
@@ -38,11 +38,10 @@ def braked(
         torque = torque + (body.gravity(ahead) - body.gravity(q))
         M = body.mass_matrix(ahead)
         K_p, K_d = controller.feedback_gains
-        damping = M @ (FAULT_DAMPING * K_d * v)
+        a, limits = FAULT_DAMPING * K_d * v, controller.arm.limits
         if returns:
-            limits = controller.arm.limits
-            torque = torque - M @ (K_p * (q - np.clip(q, limits.lower, limits.upper)))
-            torque = np.clip(torque, -limit, limit)
+            a = a + K_p * (q - np.clip(q, limits.lower, limits.upper))
+        damping = M @ a
         clipped = torque - np.clip(torque - damping, -limit, limit)
         free = np.maximum(limit - np.where(damping > 0.0, -torque, torque), 0.0)
         share = np.where(damping != 0.0, free / np.abs(damping), 1.0)

@@ -211,7 +211,9 @@ class CommandSupervisor:
         fault that was found with this state. `brake` returns `holding` with damping at (q, v), for
         a fault. `equation` is that of `EffortLimiter.apply`.
         """
-        cause = self._beyond_a_limit(q) or self._overspeed(v) or fault
+        beyond = self._beyond_a_limit(q)
+        self.was_inside = self.was_inside or beyond is None
+        cause = beyond or self._overspeed(v) or fault
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
