@@ -21,7 +21,9 @@ from launch import LaunchDescription
 def _node(context, *_):
     states = ('joint_states', LaunchConfiguration('joint_states').perform(context))
     commands = commands_to(LaunchConfiguration('controller').perform(context))
-    return [node(arm_of(context, 'dynamics'), 'dynamics', [states, *commands])]
+    # The controller keeps the last command: it must be zero at the end.
+    more = {'end_action': 'ramp_to_zero'} if commands else {}
+    return [node(arm_of(context, 'dynamics'), 'dynamics', [states, *commands], **more)]
 
 
 def generate_launch_description():

@@ -51,7 +51,8 @@ WIDTH = '88'
 """Columns of the text of --help."""
 NOTE = '<!-- Written by scripts/reference from the code. -->\n\n'
 EXIT_STATUSES = (
-    ('0', 'The executable did its work; a node ended after SIGINT, SIGTERM, SIGHUP or a shutdown.'),
+    ('0', 'The executable did its work; a node ended after SIGINT, SIGTERM, SIGHUP or a '
+          'shutdown.'),
     ('1', 'The arguments are valid, but the work failed: a check found errors, a motion was not '
           'tracked, or a node could not start.'),
     ('2', 'An argument, a parameter or a file is invalid. One line on stderr names it.'),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The end of a command: the arm stops and is held, until the effort can be ramped to zero."""
+"""The end of a command: the arm stops and is held, until the supervisor can end the command."""
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -17,7 +17,7 @@ REST_TIME_NS = 100_000_000
 
 
 class CommandEnd:
-    """The stop of one arm before the ramp; `ControlLoop` calls with its lock held."""
+    """The stop of one arm before the end; `ControlLoop` calls with its lock held."""
 
     def __init__(self, controller: Controller, goals: GoalExecution) -> None:
         self._controller, self._goals = controller, goals

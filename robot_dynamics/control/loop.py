@@ -11,7 +11,7 @@ this order: its plausibility (`state_plausibility`), the gate, which knows its v
 
 With a law that follows references, the arm always has a reference while it is commanded: it stops
 from the first measured state, and after each fault, and is held there. Before the command ends
-(`deactivate`, `command: none`) the arm stops and is held; then the effort is ramped to zero.
+(`deactivate`, `command: none`) the arm stops and is held; then `end_action` decides.
 """
 
 from collections import Counter
@@ -155,7 +155,7 @@ class ControlLoop:
             self._follow_faults()
 
     def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
-        """Stop the arm, hold it, ramp the effort to zero, and be inactive."""
+        """Stop the arm, hold it, end the command by `end_action`, and be inactive."""
         with self.lock:
             self.is_active = False
             self._end.begin(self.supervisor, now, reason)

@@ -218,8 +218,9 @@ class StatePlausibility:
         count = 0
         if self._challenger is not None:
             before, q_before, count = self._challenger
-            follows = 0 <= stamp - before <= _LONGEST_GAP_NS and (
-                math.dist(q.tolist(), q_before.tolist()) <= PLAY)
+            way = PLAY + self._speed * (1e-9 * (stamp - before))
+            follows = 0 <= stamp - before <= _LONGEST_GAP_NS and bool(
+                (np.abs(q - q_before) <= way).all())
             count = count + 1 if follows else 0
         self._challenger = stamp, q, count
         return count >= CONFIRMATIONS

@@ -89,8 +89,8 @@ def test_a_reference_continues_if_the_clock_of_the_driver_is_set_back():
         assert 'restarted' in one.loop.goals.interruption
 
 
-def test_the_ramp_waits_for_the_slower_of_velocity_and_mean():
-    """A noisy velocity of an arm at rest does not delay the ramp."""
+def test_the_end_waits_for_the_slower_of_velocity_and_mean():
+    """A noisy velocity of an arm at rest does not delay the end."""
     one = at_rest()
     one.loop.deactivate(one.now)
     noise = np.array([0.2, -0.2])
@@ -98,5 +98,5 @@ def test_the_ramp_waits_for_the_slower_of_velocity_and_mean():
         if one.loop.supervisor.mode is not Mode.BRAKING:
             break
         state(one, noise * (-1) ** k)
-    assert one.loop.supervisor.mode is Mode.STOPPING
+    assert one.loop.supervisor.mode is Mode.INACTIVE
 

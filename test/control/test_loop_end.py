@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The control loop at the end of its command: it stops a moving arm, then ramps to zero."""
+"""The control loop at the end of its command: it stops a moving arm, then `end_action` acts."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from lock_step_loop import FIRST_STAMP, LockStep, MS
 from loop_motions import arm_named, in_motion, Q, rests, with_command
@@ -12,6 +13,7 @@ import pytest
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
+from robot_dynamics.model import ArmDynamics
 
 ENDS: dict[str, Callable[[LockStep], None]] = {
     'deactivate': lambda one: one.loop.deactivate(one.now),
@@ -20,24 +22,34 @@ ENDS: dict[str, Callable[[LockStep], None]] = {
 ends = pytest.mark.parametrize('end', ENDS)
 
 
+@pytest.mark.parametrize('action', ['hold_then_silence', 'ramp_to_zero'])
 @pytest.mark.parametrize(('end', 'name', 'rate'), [
     ('deactivate', 'default', 500.0), ('command: none', 'ur10', 100.0),
     ('deactivate', 'panda', 500.0)])
-def test_a_moving_arm_stops_before_the_effort_is_ramped_to_zero(end, name, rate):
+def test_a_moving_arm_stops_before_the_command_ends(end, name, rate, action):
     one = in_motion(name, rate=rate, delay=4)
+    supervisor = one.loop.supervisor
+    supervisor.options = replace(supervisor.options, end_action=action)
     most = np.abs(one.v).max()
     ENDS[end](one)
-    assert one.loop.supervisor.mode is Mode.BRAKING
+    assert supervisor.mode is Mode.BRAKING
     trace = one.run(3.5)
-    ramp = trace.mode.index(Mode.STOPPING)
-    assert ramp < 2500
-    assert trace.speed[:ramp].max() < 1.1 * most
-    assert trace.speed[ramp] < 0.05
-    assert one.loop.supervisor.mode is Mode.INACTIVE
+    is_ramp = action == 'ramp_to_zero'
+    over = trace.mode.index(Mode.STOPPING if is_ramp else Mode.INACTIVE)
+    assert over < 2500
+    assert trace.speed[:over].max() < 1.1 * most
+    assert trace.speed[over] < 0.05
+    assert supervisor.mode is Mode.INACTIVE
     assert np.isnan(trace.effort[-100:]).all()
     efforts = trace.effort[~np.isnan(trace.effort).any(axis=1)]
-    assert efforts[-1].tolist() == [0.0] * len(one.q)
-    assert one.loop.supervisor.fault is None
+    if is_ramp:
+        assert efforts[-1].tolist() == [0.0] * len(one.q)
+    else:  # it holds the arm
+        assert Mode.STOPPING not in trace.mode
+        gravity = ArmDynamics(one.arm).gravity(trace.q[over])
+        assert efforts[-1] == pytest.approx(gravity, abs=0.05 * np.abs(gravity).max())
+        assert np.isnan(trace.effort[over + 1:]).all()
+    assert supervisor.fault is None
     assert (one.loop.controller.options.command == 'none') == (end == 'command: none')
 
 
@@ -46,20 +58,19 @@ def test_an_arm_at_rest_need_not_stop_for_long(end):
     one = LockStep(arm_named('default'), q=Q)
     one.run(0.5)
     ENDS[end](one)
-    assert one.run(3.0).mode.index(Mode.STOPPING) < 250
+    assert one.run(3.0).mode.index(Mode.INACTIVE) < 250
 
 
 @ends
-def test_a_stop_that_does_not_succeed_ends_with_the_ramp(end):
+def test_a_stop_that_does_not_succeed_ends_with_the_end_action(end):
     """The environment shakes the arm, which never rests."""
     one = in_motion()
     one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
     ENDS[end](one)
     trace = one.run(4.0)
-    ramp = trace.mode.index(Mode.STOPPING)
-    assert 1e-3 * ramp == pytest.approx(2.5, abs=0.06)
-    assert set(trace.mode[:ramp]) == {Mode.BRAKING}
-    assert one.loop.supervisor.mode is Mode.INACTIVE
+    over = trace.mode.index(Mode.INACTIVE)
+    assert 1e-3 * over == pytest.approx(2.5, abs=0.06)
+    assert set(trace.mode[:over]) == {Mode.BRAKING}
 
 
 def test_an_arm_that_swings_is_not_at_rest_when_it_returns():
@@ -87,13 +98,11 @@ def test_an_arm_that_begins_to_move_is_not_at_rest():
 
 
 @ends
-def test_without_states_the_ramp_begins_at_once(end):
+def test_without_states_the_command_ends_at_once(end):
     one = in_motion()
     one.sensor = None
     ENDS[end](one)
-    trace = one.run(2.0)
-    assert trace.mode.index(Mode.STOPPING) < 100
-    assert one.loop.supervisor.mode is Mode.INACTIVE
+    assert one.run(2.0).mode.index(Mode.INACTIVE) < 100
 
 
 def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops():

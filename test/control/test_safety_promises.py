@@ -231,8 +231,8 @@ def test_stop_at_the_end():
     one = in_motion()
     one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
     one.loop.deactivate(one.now)
-    ramp = STEP * one.run(2.6).mode.index(Mode.STOPPING)
-    assert ramp == pytest.approx(2.5, abs=0.003)
+    end = STEP * one.run(2.6).mode.index(Mode.INACTIVE)
+    assert end == pytest.approx(2.5, abs=0.003)
 
 
 @pytest.mark.parametrize(('creep', 'rests'), [(0.0185, True), (0.0215, False)])
@@ -405,7 +405,7 @@ def test_the_sag_under_an_unknown_load(load, rate, steady, largest):
 
 DEFAULTS = {
     'command': 'computed_torque', 'condition_references': True, 'effort_limit_fraction': 1.0,
-    'effort_rate_limit': 0.0, 'external_effort_limit': [],
+    'effort_rate_limit': 0.0, 'end_action': 'hold_then_silence', 'external_effort_limit': [],
     'fault_action': 'hold_gravity_then_ramp', 'following_error_limit': [], 'hold_time': 1.0,
     'infeasible_trajectory': 'reject',
     'overspeed_factor': 1.2, 'position_limit_margin': 0.01, 'position_limit_tolerance': 0.0087,
@@ -445,12 +445,13 @@ def test_requests_may_take_1_gib_beyond_the_memory_at_the_start(monkeypatch):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_the_command_with_zeros(client, number):
-    """On these signals the command ramps to zero; here without further joint states."""
+    """With `ramp_to_zero`; here without further joint states."""
     harness = pytest.importorskip('ros_harness')
     kind = pytest.importorskip('sensor_msgs.msg').JointState
     with client.collect(kind, '/ends/effort_command') as commands:
         node = harness.NodeProcess(
-            harness.DYNAMICS, harness.UNHURRIED, namespace='/ends').start()
+            harness.DYNAMICS, {**harness.UNHURRIED, 'end_action': 'ramp_to_zero'},
+            namespace='/ends').start()
         states = client.publisher(kind, '/ends/joint_states')
         state = kind(name=['joint1', 'joint2'], position=[0.8, 0.5], velocity=[0.0, 0.0])
         client.ask(states, state, commands, lambda message: message.effort[0] != 0.0)
@@ -473,6 +474,10 @@ STATED: dict[str, Any] = {
     'below 200 Hz: `hold_time`': test_frozen_joint_is_held,
     'the arm stops and is held, within 2.5 s': test_stop_at_the_end,
     'After three faults of the motion, references wait': test_three_faults,
+    'brakes that engage 0.02 to 0.2 s after': 'test_command_timeout_node.py',
+    'the last command | 0.000 rad | **0.4 to 1.3 rad** | 0.000 rad |': 'test_command_end.py',
+    'floats: 0.000 rad |': 'test_command_end.py',
+    'floats: 0.000 rad ': 'test_command_end.py',
     'libfranka stops after 20 ms': 'another system',
     'SIGTERM 5 s after SIGINT, and SIGKILL another 5 s later': 'another system',
     'The stop takes up to 2.5 s': test_stop_at_the_end,

@@ -202,8 +202,18 @@ def test_the_hold_in_a_fault_is_damped():
 
 # --- deactivation --------------------------------------------------------------------------------
 
-def test_deactivation_ramps_to_zero_and_then_publishes_nothing():
+def test_deactivation_publishes_nothing_after_the_last_effort():
     one = running()
+    one.deactivate(START + 0.04)
+    assert one.mode is Mode.INACTIVE
+    assert not one.is_commanding
+    assert [answer(one, START + 0.05, PUSH), one.tick(START + 0.1)] == SILENT
+    one.activate()
+    assert answer(one, START + 1.0, PUSH) == HOLD.tolist()
+
+
+def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
+    one = running(end_action='ramp_to_zero')
     one.deactivate(START + 0.04)  # the ramp starts at this time, not at the last effort
     assert one.mode is Mode.STOPPING
     one.deactivate(START + 0.2)  # a second request does not restart the ramp
@@ -218,7 +228,7 @@ def test_deactivation_ramps_to_zero_and_then_publishes_nothing():
 @pytest.mark.parametrize(('rate', 'ramp_time', 'expected'), [
     (RATE, 0.5, 0.5), (RATE, 0.0, 0.05), (10.0, 0.5, 5.0)])
 def test_the_time_to_stop_is_reported(rate, ramp_time, expected):
-    one = running(rate=rate, ramp_time=ramp_time)
+    one = running(rate=rate, ramp_time=ramp_time, end_action='ramp_to_zero')
     assert one.time_to_stop == 2.5 + expected
     one.deactivate(START)
     t, _ = course(one)

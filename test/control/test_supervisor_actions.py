@@ -46,9 +46,9 @@ def test_hold_gravity_then_ramp():
 
 
 @pytest.mark.parametrize('is_fault', [True, False])
-def test_a_stop_that_has_failed_ends_with_the_ramp(is_fault):
+def test_a_stop_that_has_failed_ends_with_the_end_action(is_fault):
     """An arm that is lost in the stop before the end is not held for the rest of its time."""
-    one = running(HOLD)
+    one = running(HOLD, end_action='ramp_to_zero')
     if is_fault:
         one.fail(START, TROUBLE)
     assert one.brake(START)
@@ -94,7 +94,7 @@ def test_ramp_to_zero():
 def test_a_ramp_never_grows_an_effort(is_deactivated, later):
     """Not if a larger effort would hold the arm, nor if the effort opposed the gravity torque."""
     command = np.array([-5.0, -20.0])
-    one = running(command, fault_action='ramp_to_zero')
+    one = running(command, fault_action='ramp_to_zero', end_action='ramp_to_zero')
     begin = START + later
     if is_deactivated:
         one.deactivate(begin)

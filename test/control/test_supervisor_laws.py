@@ -27,7 +27,8 @@ faults = st.sampled_from([
 options = st.builds(
     SafetyOptions, state_timeout=st.sampled_from([0.01, 0.05, 1.0]),
     fault_action=st.sampled_from(FAULT_ACTIONS), hold_time=st.sampled_from([0.0, 0.1]),
-    ramp_time=st.sampled_from([0.0, 0.02, 0.2]))
+    ramp_time=st.sampled_from([0.0, 0.02, 0.2]),
+    end_action=st.sampled_from(['hold_then_silence', 'ramp_to_zero']))
 rates = st.sampled_from([10.0, 1000.0, 1e6])
 
 
@@ -66,8 +67,14 @@ class Supervised(RuleBasedStateMachine):
         if not self.one.is_commanding:
             stops = self.one.mode is Mode.FAULT and (
                 self.one.options.fault_action == 'stop_publishing')
-            assert stops or self.standing is None or not self.standing.any()
+            assert stops or self.ends_silently or self.standing is None or (
+                not self.standing.any())
             self.standing = None
+
+    @property
+    def ends_silently(self) -> bool:
+        return self.one.mode is Mode.INACTIVE and (
+            self.one.options.end_action == 'hold_then_silence')
 
     # ------------------------------------------------------------------ events
 
@@ -129,6 +136,7 @@ class Supervised(RuleBasedStateMachine):
         assert is_commanding or not is_braking
         if is_braking and not was_braking:
             self.brake_until = self.now + 2.5
+        self.receives(None)
 
     @rule()
     def resumed(self) -> None:
@@ -143,6 +151,7 @@ class Supervised(RuleBasedStateMachine):
     def deactivated(self) -> None:
         self.one.deactivate(self.now)
         assert self.one.mode in (Mode.INACTIVE, Mode.STOPPING)
+        self.receives(None)
 
     @rule()
     def reset(self) -> None:

@@ -3,7 +3,7 @@
 
 """SIGINT, SIGTERM and SIGHUP at any time: the last command is safe, and the node exits cleanly."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 import os
 from pathlib import Path
@@ -18,7 +18,8 @@ from typing import Any
 import children
 from children import TIMEOUT
 from fault_bench import fault_bench, FaultBench, G
-from fault_table import fault
+from fault_table import fault, fault_cases
+from lifecycle_msgs.msg import Transition
 import numpy as np
 from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
@@ -29,8 +30,8 @@ RAMP, RATE = 0.3, 200.0
 """`ramp_time` [s] and `effort_rate_limit` [N·m/s]; g(q) over the ramp is 165 N·m/s."""
 IN_ORDER = 'exit status 0, no traceback'
 RAMPED = (
-    'the arm is held until it rests; the command ramps to zero over `ramp_time` and ends at '
-    f'exactly 0; {IN_ORDER}')
+    '`end_action: ramp_to_zero`: the arm is held until it rests; the command ramps to zero over '
+    f'`ramp_time` and ends at exactly 0; {IN_ORDER}')
 CALLS = 20
 """Number of service calls, which take seconds in total."""
 
@@ -40,7 +41,8 @@ def commanding(
     client: RosClient, started: Mapping[str, Any] | None = None, **parameters: Any,
 ) -> Iterator[FaultBench]:
     """Run a commanding node, to which the test sends a signal; `started` is for `NodeProcess`."""
-    limits = {'ramp_time': RAMP, 'effort_rate_limit': RATE, **parameters}
+    limits = {
+        'ramp_time': RAMP, 'effort_rate_limit': RATE, 'end_action': 'ramp_to_zero', **parameters}
     with fault_bench(client, '/faults_ends', limits, started=started) as bench:
         bench.check_alive()
         yield bench
@@ -51,7 +53,7 @@ def check_ended(bench: FaultBench, sent_at: float) -> str:
     assert bench.node.wait() == 0, bench.node.log
     assert 'Traceback' not in bench.node.log, bench.node.log
     assert bench.node.log.count(
-        'Ending: the arm stops, then the command ramps to zero.') == 1, bench.node.log
+        'Ending: the arm stops, then the command ends.') == 1, bench.node.log
     bench.wait_silent()
     bench.check_efforts()
     times = np.array([t for t, _ in bench.efforts.published()])
@@ -104,6 +106,34 @@ def test_during_long_service_calls(client, seen):
             seen(f'first command of the ramp {1e3 * (ramp - sent_at):.0f} ms after the signal')
     finally:
         client.node.destroy_client(service)
+
+
+ENDINGS: dict[str, Callable[[FaultBench], object]] = {
+    'SIGINT': lambda bench: signal_node(bench.node, signal.SIGINT),
+    'SIGTERM': lambda bench: signal_node(bench.node, signal.SIGTERM),
+    'SIGHUP': lambda bench: signal_node(bench.node, signal.SIGHUP),
+    'deactivation': lambda bench: print(bench.change(Transition.TRANSITION_DEACTIVATE)),
+    '`command: none`': lambda bench: bench.set_parameters(command='none')}
+"""Each begins the end of the command; a signal returns its time."""
+
+
+@fault_cases(
+    'end', GROUP, '{} while the node commands, with `end_action: hold_then_silence` (default)',
+    'the arm is held until it rests; the last command holds it; then no command', ENDINGS.items())
+def test_the_last_command_holds_the_arm(client, end):
+    with commanding(client, end_action='hold_then_silence') as bench:
+        states = client.collect(JointState, '/faults_ends/joint_states')
+        bench.efforts.clear()
+        if end(bench) is None:
+            bench.wait_message('command', 'inactive|none .*')
+        else:
+            assert bench.node.wait() == 0, bench.node.log
+        sent = len(bench.efforts.messages)
+        states.clear()
+        states.wait_count(100)
+        states.close()
+        assert len(bench.efforts.messages) == sent
+        bench.check_hold(1)
 
 
 ON_A_TERMINAL = (

@@ -74,7 +74,7 @@ def test_the_first_command_holds_the_arm(bench):
     bench.check_hold(100)
 
 
-@fault(GROUP, 'deactivation while the node commands',
+@fault(GROUP, 'deactivation while the node commands, with `end_action: ramp_to_zero`',
        'the command ramps to exactly 0 over `ramp_time`, then no command; services still answer')
 def test_deactivation_ramps_to_zero(bench, seen):
     begun = time.time()
@@ -223,7 +223,7 @@ def test_what_fails_and_is_corrected(client, file, other):
     other.check_alive()
 
 
-@fault(GROUP, 'shutdown while the node commands',
+@fault(GROUP, 'shutdown while the node commands, with `end_action: ramp_to_zero`',
        'the command ramps to exactly 0 over `ramp_time`, then no command; no transition leaves '
        'this state')
 def test_shutdown_ramps_to_zero(other):

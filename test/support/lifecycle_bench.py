@@ -67,10 +67,14 @@ class LifecycleBench(FaultBench):
 def lifecycle_bench(
     client: RosClient, namespace: str, parameters: Mapping[str, Any], hold: Sequence[float] = (),
 ) -> Iterator[LifecycleBench]:
-    """Run a node and a driver; messages of other nodes are ignored."""
+    """
+    Run a node and a driver; messages of other nodes are ignored.
+
+    Commands end with zeros, which `check_silent` waits for.
+    """
     diagnostics = f'{namespace}/diagnostics'
     with NodeProcess(
-            DYNAMICS, {**STEADY, **parameters}, namespace=namespace,
+            DYNAMICS, {**STEADY, 'end_action': 'ramp_to_zero', **parameters}, namespace=namespace,
             remaps={'/diagnostics': diagnostics}, ready=None) as node:
         bench = LifecycleBench(client, node, namespace, diagnostics=diagnostics)
         bench.hold = hold or bench.hold

@@ -48,8 +48,9 @@ DEFAULT_THRESHOLD = 1e-5
 def commanding(namespace: str) -> NodeProcess:
     """Return a node `dynamics`, not yet started, that commands the effort controller."""
     return NodeProcess(
-        DYNAMICS, {**STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES},
-        namespace=namespace, environment=NO_SHARED_MEMORY,
+        DYNAMICS, {
+            **STEADY, 'robot_description': default_arm_urdf(), 'joints': NAMES,
+            'end_action': 'ramp_to_zero'}, namespace=namespace, environment=NO_SHARED_MEMORY,
         remaps={'~/commands': f'{namespace}/effort_controller/commands'})
 
 

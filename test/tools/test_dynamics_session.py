@@ -182,8 +182,8 @@ def test_the_command_is_shown_and_changed(ask, ros):
     status, out, _ = ask('command', 'none')
     assert status == 0
     assert out == (
-        "/dynamics: command is 'none', it was 'computed_torque': a moving arm stops first; the "
-        'effort is then ramped to zero\n')
+        "/dynamics: command is 'none', it was 'computed_torque': a moving arm stops first; then "
+        'the command ends\n')
     assert ros.get_parameter('/dynamics', 'command') == 'none'
     assert_refused(ask, ['command', 'computed'], "command is 'computed', expected one of")
     assert json.loads(ask('command', 'computed_torque', '--json')[1]) == {

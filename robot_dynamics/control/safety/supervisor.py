@@ -5,12 +5,14 @@
 The supervisor of the command: decides when efforts are published and how they end.
 
     inactive -> waiting for the first state -> running <-> fault
-    running or fault -> braking -> stopping -> inactive
+    running or fault -> braking [-> stopping] -> inactive
 
 The first effort is the command that holds the arm (`holding`). In a fault, the answer to each
 valid state is `holding` with damping; the fault action begins when no valid states arrive any
 more. The command resumes automatically once the cause has ended, except after a latched fault.
-Before the command ends, the arm stops (braking); then the effort is ramped to zero (stopping).
+Before the command ends, the arm stops (braking). Then `end_action` decides: nothing follows the
+effort that holds it, so that brakes or the watchdog of a drive act as after a crash, or the effort
+is ramped to zero (stopping), for a receiver that keeps the last effort.
 The rate limit applies to the efforts of a fault action and of a ramp as well, so that a ramp from
 a large effort may take longer than the ramp time. No two consecutive efforts differ by more.
 Times are those of a steady clock: a system clock that stops or jumps has no effect.
@@ -32,6 +34,7 @@ from robot_dynamics.control.safety.faults import Fault, OVERSPEED, RecurringFaul
 from robot_dynamics.control.safety.undamped_joints import UndampedJoints
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
+END_ACTIONS = ('hold_then_silence', 'ramp_to_zero')
 
 
 HoldingEffort = Callable[[], FloatArray]
@@ -41,7 +44,7 @@ Coasting = Callable[[FloatArray, float, float], FloatArray]
 Brake = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """Returns the command (n,) that holds and brakes the arm at (q, v), from the `holding` command."""
 BRAKING_TIME = 2.5
-"""[s] within which the arm stops before the command ends; then the ramp begins in any case."""
+"""[s] within which the arm stops before the command ends; then it ends in any case."""
 LONGEST_PAUSE = 0.25
 """[s] without a state after which a stop before the end of the command has failed."""
 
@@ -71,6 +74,7 @@ class SafetyOptions:
     ramp_time: float = 0.5
     fault_margin: float = 0.0087
     overspeed: float = 1.2
+    end_action: str = END_ACTIONS[0]
     is_lock_step: bool = False
     """Whether a simulation waits for the answer to each state."""
 
@@ -140,9 +144,9 @@ class CommandSupervisor:
             self.mode = Mode.FAULT if self._is_damped else Mode.RUNNING
 
     def deactivate(self, now: float) -> None:
-        """Ramp the effort out over the ramp time, then be inactive."""
-        if self.limiter.last is None:
-            self.mode = Mode.INACTIVE
+        """End the command by the `end_action`: at once, or after the ramp; then be inactive."""
+        if self.limiter.last is None or self.options.end_action == 'hold_then_silence':
+            self.limiter.last, self.mode = None, Mode.INACTIVE
         elif self.mode is not Mode.STOPPING:
             self._begin(Mode.STOPPING, now)
 
@@ -242,7 +246,7 @@ class CommandSupervisor:
         """
         Let the fault action run although states are valid, without its `hold_time`.
 
-        A stop before the end of the command has failed then: the ramp begins.
+        A stop before the end of the command has failed then: the command ends.
         """
         if self.mode is Mode.BRAKING:
             self.deactivate(now)
@@ -337,7 +341,7 @@ class CommandSupervisor:
 
     @property
     def time_to_stop(self) -> float:
-        """Longest duration [s] of a stop and a ramp from the last effort to zero."""
+        """Longest duration [s] of a stop and of a ramp from the last effort to zero."""
         last, rate = self.limiter.last, self.limiter.limits.rate
         return BRAKING_TIME + max(
             self.options.ramp_time, 0.0 if last is None else float(np.max(np.abs(last) / rate)))

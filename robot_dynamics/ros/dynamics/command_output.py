@@ -41,7 +41,7 @@ LONGEST_ACKNOWLEDGEMENT = 2.0
 ACTION_PERIOD = 0.002
 """[s] between efforts of a fault action."""
 END_SLACK = 5.0
-"""[s] after the ramp for the thread to publish the last effort, long for a busy machine."""
+"""[s] after the end for the thread to publish the last effort, long for a busy machine."""
 IDLE = 1.0
 """[s] between two checks while no joint state can be overdue."""
 
@@ -149,7 +149,7 @@ class CommandOutput:
                 self.loop.activate()
 
     def request_shutdown(self) -> None:
-        """Begin to stop the arm and to ramp the effort to zero."""
+        """Begin to stop the arm and to end the command."""
         with self._changed:
             self.is_active = False
             if self.loop is not None:
@@ -157,7 +157,7 @@ class CommandOutput:
             self._changed.notify()
 
     def deactivate(self) -> None:
-        """Stop the arm, ramp the effort to zero, and return at the end of the ramp."""
+        """Stop the arm, end the command by `end_action`, and return at its end."""
         with self._changed:
             self.request_shutdown()
             loop = self.loop
@@ -179,7 +179,7 @@ class CommandOutput:
             return done, words
 
     def close(self) -> None:
-        """Stop, ramp the effort to zero and end the thread, before the node is destroyed."""
+        """Stop, end the command and the thread, before the node is destroyed."""
         self.deactivate()
         with self._changed:
             self._ends = True
@@ -277,8 +277,7 @@ class CommandOutput:
                 f'Joint states arrive: commanding on {" and ".join(self.topics.values())}, from '
                 'the measured state.', throttle_duration_sec=LOG_PERIOD)
         self.mode_seen = supervisor.mode
-        if supervisor.acts_alone:
-            self._changed.notify()
+        self._changed.notify_all()
         self._when_changed()
 
     def status(self) -> Status:

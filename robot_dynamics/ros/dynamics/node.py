@@ -73,7 +73,7 @@ USAGE = NodeUsage(
     SPECS,
     ('robot_description_file', 'joints', 'gravity', 'command', 'gains.natural_frequency',
      'gains.damping_ratio', 'effort_limit_fraction', 'measured_effort', 'robot_compensates',
-     'fault_action', 'state_timeout', 'state_max_age', 'autostart'),
+     'fault_action', 'end_action', 'state_timeout', 'state_max_age', 'autostart'),
     (('joint_states', 'Subscribed, sensor_msgs/msg/JointState: measured positions, velocities '
       'and efforts, matched by joint name.'),
      ('robot_description', 'Subscribed, std_msgs/msg/String: the URDF, if neither '
@@ -104,7 +104,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     Connects parameters, topics and services to the library; computes nothing itself.
 
     Any executor may spin it; it processes joint states from the first spin on. `destroy_node`
-    ramps the effort to zero, if it is called before the context is shut down.
+    ends the command in order, if it is called before the context is shut down.
     """
 
     def __init__(self, **node_arguments: object) -> None:
@@ -161,11 +161,11 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self.trigger_activate()
 
     def request_shutdown(self) -> None:
-        """Begin to stop the arm and ramp the effort to zero, also during a service; log it."""
+        """Begin to stop the arm and end the command, also during a service; log it."""
         was_commanding = self._path.command.is_commanding
         self._path.command.request_shutdown()
         self.get_logger().info(
-            'Ending: the arm stops, then the command ramps to zero.' if was_commanding else
+            'Ending: the arm stops, then the command ends.' if was_commanding else
             'Ending: no command was active.')
 
     @property
@@ -174,7 +174,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return self._action.is_busy
 
     def destroy_node(self) -> None:
-        """Ramp the effort to zero, stop the control path, and destroy the rest."""
+        """End the command in order, stop the control path, and destroy the rest."""
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
         urgent, action = getattr(self, '_stop_service', None), getattr(self, '_action', None)
         if path is not None:
@@ -209,7 +209,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp the efforts to zero; services and the other topics stay available."""
+        """End the command in order; services and the other topics stay available."""
         self._path.command.deactivate()
         return TransitionCallbackReturn.SUCCESS
 
@@ -224,12 +224,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp the efforts to zero and forget the model after an unexpected error."""
+        """End the command in order and forget the model after an unexpected error."""
         self._path.command.deactivate()
         return self.on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Ramp the efforts to zero, and command no more."""
+        """End the command in order, and command no more."""
         self._path.command.deactivate()
         return TransitionCallbackReturn.SUCCESS
 

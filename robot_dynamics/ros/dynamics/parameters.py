@@ -23,7 +23,7 @@ from robot_dynamics.control.options import (
     POSITION_MARGIN,
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.supervisor import FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.safety.supervisor import END_ACTIONS, FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TIME,
@@ -71,12 +71,17 @@ SAFETY_SPECS = (
         'Reaction of effort_command to a fault: hold_gravity_then_ramp compensates gravity for '
         'hold_time and then ramps to zero, ramp_to_zero ramps at once, stop_publishing publishes '
         'no further command.'), choices=FAULT_ACTIONS),
+    text('end_action', END_ACTIONS[0], (
+        'What follows when the command ends in order (deactivation, command: none, a signal) and '
+        'the arm has stopped: hold_then_silence publishes no command after the one that holds the '
+        'arm, so that brakes or the watchdog of the drive act as after a crash; ramp_to_zero is '
+        'for receivers that keep the last command, such as effort_controllers of ros2_control.'),
+        choices=END_ACTIONS),
     number('hold_time', 1.0, 0.0, 3600.0, (
         'Time [s] for which hold_gravity_then_ramp compensates gravity before the ramp.')),
     number('ramp_time', 0.5, 0.0, 60.0, (
-        'Duration [s] of the ramp of the efforts to zero after a fault and, once the arm has '
-        'stopped, at deactivation and at shutdown. The ramp takes longer if effort_rate_limit '
-        'requires it.')),
+        'Duration [s] of the ramp of the efforts to zero after a fault, and of that of '
+        'end_action. The ramp takes longer if effort_rate_limit requires it.')),
     number('state_timeout', 0.05, 0.001, 60.0, (
         'Longest time [s] without a valid joint state, measured on the steady clock. A longer gap '
         'is a fault.')),
@@ -291,4 +296,4 @@ def safety_options(values: Values) -> SafetyOptions:
     return SafetyOptions(
         state_timeout(values), values['fault_action'], values['hold_time'],
         values['ramp_time'], values['position_limit_tolerance'],
-        values['overspeed_factor'] or math.inf, values['lock_step'])
+        values['overspeed_factor'] or math.inf, values['end_action'], values['lock_step'])

@@ -10,7 +10,7 @@ from robot_dynamics.tools.ros2_dynamics.client import DynamicsClient
 from std_srvs.srv import Trigger
 
 EFFECTS = {
-    'none': 'a moving arm stops first; the effort is then ramped to zero',
+    'none': 'a moving arm stops first; then the command ends',
     'gravity_compensation': 'the arm can be moved by hand, and is not held',
     'computed_torque': 'the arm stops and is held',
     'hand_guiding': 'the arm can be moved by hand, and friction holds it',
