@@ -133,21 +133,24 @@ class GoalExecution:
                         not self.interruption):
                     self.interruption = goal.result.message
 
-    def fail(self, fault: Fault) -> None:
-        """End goals and reference by a fault."""
+    def fail(self, fault: Fault, keeps_law: bool = False) -> None:
+        """End goals and reference by a fault; with `keeps_law` the stop is along the reference."""
         self.revoke(str(fault))
         if self.goal is not None:
             goal, self.goal = self.goal, None
             goal.fail(fault)
-        self.interrupt(str(fault))
+        self.interrupt(str(fault), keeps_law)
 
-    def interrupt(self, reason: str) -> None:
-        """End the reference; the arm stops from the next measured state, and is held."""
+    def interrupt(self, reason: str, is_along: bool = False) -> None:
+        """End the reference; the arm stops from the next state, or along it, and is held."""
         self.revoke(reason)
         self.stream.end()
         if self._controller.trajectory is not None:
             self.interruption = reason
-            self._controller.stop_from_state()
+            if is_along:
+                self._controller.stop()
+            else:
+                self._controller.stop_from_state()
 
     def pause(self) -> None:
         """Stop, because the stream of set-points has paused."""

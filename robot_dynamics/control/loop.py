@@ -325,7 +325,7 @@ class ControlLoop:
             supervisor.act(now)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, dt, brake, fault,
-            partial(controller.motion_equation, output))
+            partial(controller.motion_equation, output), output.state.trajectory is not None)
         self._follow_faults()
         if supervisor.mode is Mode.BRAKING and self._end.is_reached(
                 verdict.stamp, q, v):
@@ -382,8 +382,12 @@ class ControlLoop:
             self._fault_count = supervisor.fault_count
             if controller.trajectory is not None:
                 fault = supervisor.recurring.count(fault, self._steady)
-            self.goals.fail(fault)
-        controller.may_hold = supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING)
+            self.goals.fail(fault, supervisor.keeps_law)
+        controller.may_hold = supervisor.keeps_law or (
+            supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING))
+        if not controller.may_hold and supervisor.mode is Mode.FAULT and (
+                controller.trajectory is not None):
+            controller.stop_from_state()
         if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
             controller.followed.end()  # the arm may move until the next command
         if self._end.options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):

@@ -6,8 +6,8 @@
 from collections import deque
 from dataclasses import dataclass, replace
 
-FOLLOWING_ERROR, OVERSPEED = 'following_error', 'overspeed'
-"""Names of the faults that the arm is too far from its reference, and that a joint is too fast."""
+FOLLOWING_ERROR, OVERSPEED, POSITION_LIMIT = 'following_error', 'overspeed', 'position_limit'
+"""Faults: the arm is too far from its reference, a joint is too fast, or beyond its range."""
 RECURRENCES, RECURRENCE_TIME = 3, 10.0
 """Number of these faults, within this time [s], after which references wait for a reset."""
 

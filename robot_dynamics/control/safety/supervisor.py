@@ -22,6 +22,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -30,7 +31,12 @@ from robot_dynamics.control.safety.effort_limiter import (
     EffortLimits,
     MotionEquation,
 )
-from robot_dynamics.control.safety.faults import Fault, OVERSPEED, RecurringFaults
+from robot_dynamics.control.safety.faults import (
+    Fault,
+    OVERSPEED,
+    POSITION_LIMIT,
+    RecurringFaults,
+)
 from robot_dynamics.control.safety.undamped_joints import UndampedJoints
 
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
@@ -108,6 +114,8 @@ class CommandSupervisor:
         self._good = 0
         self.recurring = RecurringFaults()
         self._undamped = UndampedJoints(len(joint_names))
+        self.keeps_law = False
+        """Whether the law goes on in a fault, because a position limit is its only cause."""
         self.was_inside = False
         """Whether the arm has been inside its position limits since `activate`."""
 
@@ -207,17 +215,20 @@ class CommandSupervisor:
         self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
         holding: HoldingEffort, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None, equation: MotionEquation | None = None,
+        follows: bool = False,
     ) -> FloatArray | None:
         """
         Return the effort for a valid state; `holding` returns the command that holds the arm.
 
         `dt` [s] is the time since the previous state by the stamps, None if unknown. `fault` is a
         fault that was found with this state. `brake` returns `holding` with damping at (q, v), for
-        a fault. `equation` is that of `EffortLimiter.apply`.
+        a fault. `equation` is that of `EffortLimiter.apply`. `follows` is whether the command
+        follows a reference.
         """
         beyond = self._beyond_a_limit(q)
         self.was_inside = self.was_inside or beyond is None
-        cause = beyond or self._overspeed(v) or fault
+        other = self._overspeed(v) or fault
+        cause = beyond or other
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
@@ -232,6 +243,14 @@ class CommandSupervisor:
         if self.mode is Mode.FAULT and self._acts and cause is not None:
             return self._action(now)
         is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
+        self.keeps_law = is_damped and other is None and self.was_inside and (
+            self.fault is not None and self.fault.name == POSITION_LIMIT)
+        if self.keeps_law and follows and self.limiter.last is not None:
+            passed = min(now - self.last_output, math.inf if dt is None else dt)
+            effort = self.limiter.apply(command, holding, q, v, passed, equation)
+            self._since, self._braked, self.last_output = (
+                now + self.options.state_timeout, effort, now)
+            return effort
         if is_damped:
             still = holding()
             braked = still if brake is None else brake(q, v, still)
@@ -399,7 +418,7 @@ class CommandSupervisor:
         if not past[j] > margin:
             return None
         return Fault(
-            'position_limit', f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
+            POSITION_LIMIT, f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
             f'limit, expected at most {margin:g} (position_limit_tolerance)', recovery=5)
 
     def _overspeed(self, v: FloatArray | None) -> Fault | None:
