@@ -39,15 +39,16 @@ class Monitor(Node):
 
 
 def main() -> None:
-    """Spin three nodes until Ctrl-C or SIGTERM."""
+    """Spin three nodes until Ctrl-C, SIGTERM or SIGHUP."""
     parser = ArgumentParser(description=__doc__)
     parser.add_argument('--threads', type=int, default=1, help='Number of threads of the executor')
     threads = parser.parse_args(remove_ros_args(sys.argv)[1:]).threads
     end = threading.Event()
-    for end_signal in (signal.SIGINT, signal.SIGTERM):  # no exception, which rclpy could convert
+    # No exception, which rclpy could convert.
+    for end_signal in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(end_signal, lambda *_: end.set())
     sys.setswitchinterval(0.0001)
-    # The handlers of rclpy would shut the context down before the effort is ramped to zero.
+    # The handlers of rclpy would shut the context down before the command ends.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor() if threads == 1 else MultiThreadedExecutor(threads)
     nodes = [Monitor(), DynamicsNode(), SimulatedArmNode()]

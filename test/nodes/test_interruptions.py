@@ -98,7 +98,7 @@ def test_another_command(arm):
     arm.set_parameters(command='none')
     ended = "ended early: command was set to 'none'"
     assert arm.next_status('reference').message == ended
-    arm.wait_silent()
+    arm.wait_message('command', 'none .*')
     move_by_hand(arm, ELSEWHERE)
     wait_rejected(arm, "command is 'none', expected 'cartesian_impedance'")
     arm.efforts.clear()

@@ -90,7 +90,9 @@ def test_both_and_a_third_node_in_one_executor(client, process, executor):
 def test_the_example_of_the_documentation(client):
     namespace = '/example'
     example = NodeProcess(
-        'one_process', {**UNHURRIED, 'rate': 50.0, 'initial_position': Q}, namespace=namespace,
+        'one_process', {
+            **UNHURRIED, 'rate': 50.0, 'initial_position': Q, 'end_action': 'ramp_to_zero'},
+        namespace=namespace,
         arguments=['--threads', '3'], environment={'PYTHONPATH': os.pathsep.join(
             [str(EXAMPLES), os.environ.get('PYTHONPATH', '')])})
     with ExitStack() as stack:
