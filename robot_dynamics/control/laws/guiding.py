@@ -14,7 +14,7 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.validation import is_empty, LARGEST_VALUE
 
 DEFAULT_SHARE, LARGEST_SHARE = 0.6, 0.7
-"""Of the friction that hand guiding compensates: below 1 also if it is given 1.4 times too large."""
+"""Of the friction that hand guiding compensates; below 1 of friction given 1.4 times too large."""
 USUAL_SPEED, SPEED_SHARE = {'prismatic': 0.25}, 0.5
 """Default speed limit: [m/s] of prismatic joints, and the largest share of the velocity limit."""
 USUAL_TURN = 0.6
