@@ -43,7 +43,7 @@ STATED = {
         'reference_timeout': (0.1, 0.001, 60.0), 'hold_time': (1.0, 0.0, 3600.0),
         'ramp_time': (0.5, 0.0, 60.0), 'effort_limit_fraction': (1.0, 0.0, 1.0),
         'position_limit_margin': (0.01, 0.0, 10.0), 'goal.time': (5.0, 0.0, 3600.0),
-        'hand_guiding.friction_share': ([0.6], 0.0, 0.8),
+        'hand_guiding.friction_share': ([0.6], 0.0, 0.7),
         'hand_guiding.feedback_gain': ([0.3], 0.0, 0.5),
         'impedance.damping_ratio': ([1.0], 0.2, 1e4), 'cartesian.damping_ratio': (1.0, 0.2, 1e4),
         'cartesian.translation_stiffness': ([500.0], 0.0, 1e9),

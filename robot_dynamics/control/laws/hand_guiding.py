@@ -13,6 +13,16 @@ feedback K_p e + K_d ė would bring it there; at rest beyond the limit the effor
 spring, M K_p e, and a joint that returns receives no energy of it. K_p and K_d are those of
 computed torque, scaled by rate and noise of the joint states.
 
+Only a person starts or keeps a motion: α is at most LARGEST_SHARE, below the least true friction
+(`guiding`), so that the energy of a released arm falls, at constant friction with P = Σ F_s |q̇|:
+dP/dt = −(S F_s)ᵀ M⁻¹ S (F − α F_s) < 0, S = diag(sgn q̇). If P is below its mean P_m of the last
+MEMORY, no person supplies what friction takes, and the share of release
+
+    β = RELEASE ((P_m − P) / P − SLOWED / max |q̇|), within 0 and 1,
+
+adds the brake −BRAKE β M q̇, whose power is negative. It amplifies the slowing until the arm
+stands. A hand that keeps the speed does not feel it.
+
 Compensation of dry friction at the measured velocity is negative damping, and where friction
 yields before it slides it feeds a vibration (`JointFriction.tracking_effort`). The direction z of
 the compensation therefore follows the way of the joint: dz = dq / w − (v_d / w) z dt, within ±1,
@@ -40,6 +50,15 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
+BRAKE, RELEASE = 10.0, 2.0
+"""Of a released arm: brake [1/s], and its share per relative loss of speed. Their product is the
+rate [1/s] at which the brake grows."""
+SLOWED = 0.01
+"""[rad/s] or [m/s] that a hand loses: twice the noise of the speed by positions of 0.1 mrad."""
+MEMORY, RISE = 0.5, 0.1
+"""Time constants [s] of P_m: a hand that slows within MEMORY feels the brake."""
+SMOOTHING = 0.04
+"""Time constant [s] of the speeds of P."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
 SLOWNESS = 0.02
@@ -77,7 +96,8 @@ class HandGuiding(ControlLaw):
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(len(self._gains.kp))
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
-        self._z = self._v = self._way = self._external = self._zero
+        self._z = self._v = self._way = self._external = self._slow = self._zero
+        self._mean_power: float | None = None
         self._felt_until_ns = 0
 
     def feel(self, external: FloatArray, stamp_ns: int) -> None:
@@ -102,7 +122,8 @@ class HandGuiding(ControlLaw):
         gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
-        a = self._braking(state, v, *allowed)
+        released = self._released(dynamics.friction.at_rest.static, moved, dt)
+        a = self._braking(state, v, *allowed) - BRAKE * released * v
         effort = gravity + friction
         if a.any():
             brake = dynamics.rigid_body.mass_matrix(state.q) @ a
@@ -122,7 +143,8 @@ class HandGuiding(ControlLaw):
         last, self._last = self._last, (state.stamp_ns, state.q)
         dt = 0.0 if last is None else 1e-9 * (state.stamp_ns - last[0])
         if last is None or not 0.0 < dt <= LONGEST_STEP:
-            self._z = self._v = self._way = self._zero
+            self._z = self._v = self._way = self._slow = self._zero
+            self._mean_power = None
             self._feedback.restart()
             return self._zero, 0.0
         moved = state.feedback.position_error(state.q, last[1])
@@ -150,6 +172,19 @@ class HandGuiding(ControlLaw):
             out=np.zeros_like(alpha), where=alpha > 0.0)
         compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
         return compensation, (1.0 - spare - more) * dry
+
+    def _released(self, dry: FloatArray, moved: FloatArray, dt: float) -> float:
+        """Return β: how far the power of dry friction (n,) is below that of the last MEMORY."""
+        self._slow = self._slow + (moved - self._slow * dt) / (SMOOTHING + dt)
+        speed = np.abs(self._slow)
+        power, mean = float(dry @ speed), self._mean_power
+        mean = power if mean is None else mean
+        mean += dt / ((RISE if power > mean else MEMORY) + dt) * (power - mean)
+        self._mean_power = mean
+        if not 0.0 < power < mean:
+            return 0.0
+        return float(np.clip(
+            RELEASE * ((mean - power) / power - SLOWED / speed.max()), 0.0, 1.0))
 
     def _braking(
         self, state: LawInput, v: FloatArray, least: FloatArray, most: FloatArray,
