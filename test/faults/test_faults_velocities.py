@@ -120,7 +120,9 @@ def test_frozen_joints_are_no_states(bench):
 @fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
 def test_an_arm_at_rest_may_repeat_its_sample(bench):
     faults = bench.known('command', 'faults: frozen_joint')
-    bench.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
+    bench.driver.go_on()  # at rest
+    wait_states(bench, 50)
+    bench.driver.change = altered(position=Q, velocity=[0.0, 0.0])
     wait_states(bench, 300)
     assert bench.figure('command', 'faults: frozen_joint') == faults
     bench.wait_status('joint states', lambda status: status.message == 'arriving')
