@@ -36,7 +36,7 @@ def reset(bench: FaultBench) -> Any:
     return bench.ask('reset_fault', Trigger)
 
 
-@fault(GROUP, 'six consecutive positions of 10³⁰⁶ m, at which the computed torque overflows',
+@fault(GROUP, 'six consecutive positions of 10³⁰⁸ m, at which the computed torque overflows',
        'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
        'valid; without a fault there is nothing to reset')
 def test_an_effort_that_is_not_finite(bench):

@@ -124,7 +124,7 @@ def sliding_arm_urdf() -> str:
     first, second = default_arm_urdf().split('<joint name="joint2" type="continuous">')
     return f'{first}<joint name="joint2" type="prismatic">' + second.replace(
         '<axis xyz="0 1 0" />', '<axis xyz="0 0 1" />').replace(
-        '<limit ', '<limit lower="-1e307" upper="1e307" ')
+        '<limit ', '<limit lower="-1.7e308" upper="1.7e308" ')
 
 
 SLIDING = sliding_arm_urdf()
@@ -136,9 +136,9 @@ def overflow(bench: FaultBench) -> None:
     """
     Cause the fault `non_finite` of a sliding arm, after which the driver pauses.
 
-    The inertia at this position is beyond the range of numbers. Single states with it are dropped.
+    Inertia and gravity at this position are beyond the range of numbers. Single states with it are dropped.
     """
-    bench.driver.stream_changed(altered(position=[Q[0], 1e306]))
+    bench.driver.stream_changed(altered(position=[Q[0], 1e308]))
     bench.wait_fault('non_finite')
     bench.driver.be_quiet()
 
