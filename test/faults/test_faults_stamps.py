@@ -3,6 +3,7 @@
 
 """Faults of the stamps and publishers of joint states: age, jumps, two publishers."""
 
+import itertools
 import time
 from typing import Any
 
@@ -43,12 +44,6 @@ def test_stamps_of_another_time(bench, seconds, reason, words):
     bench.wait_state_timeout()
 
 
-def moving(message: JointState) -> JointState:
-    """Return a state whose position changes a little each time."""
-    message.position[0] += 0.01 * np.sin(5.0 * time.monotonic())
-    return message
-
-
 @fault(GROUP, 'constant stamps with changing positions', 'not new: the last command is repeated, '
        'then fault `state_timeout`; counted; commands resume')
 def test_frozen_stamps(bench):
@@ -56,9 +51,15 @@ def test_frozen_stamps(bench):
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
     stamp = time.time_ns()
-    freeze = stamped(stamp)
+    freeze, sent = stamped(stamp), itertools.count()
+
+    def moving(message: JointState) -> JointState:
+        """Move from the second state on; the first one is that of an arm at rest."""
+        message.position[0] += 0.01 * next(sent)
+        return freeze(message)
+
     bench.efforts.clear()
-    bench.driver.change = lambda message: moving(freeze(message))
+    bench.driver.change = moving
     bench.wait_figure('joint states', 'not new (stamp repeated)', before + 1)
     bench.wait_state_timeout()
     bench.wait_silent()
