@@ -13,7 +13,6 @@ from fault_stimuli import (
     move_by_hand,
     NO_STREAM,
     Swing,
-    wait_states,
     wait_effort,
     wait_states,
 )

@@ -136,7 +136,8 @@ def overflow(bench: FaultBench) -> None:
     """
     Cause the fault `non_finite` of a sliding arm, after which the driver pauses.
 
-    Inertia and gravity at this position are beyond the range of numbers. Single states with it are dropped.
+    Inertia and gravity at this position are beyond the range of numbers. Single states with it
+    are dropped.
     """
     bench.driver.stream_changed(altered(position=[Q[0], 1e308]))
     bench.wait_fault('non_finite')
