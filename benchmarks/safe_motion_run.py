@@ -31,7 +31,8 @@ A run is bad for one of these reasons:
   pendulum and take it past a limit;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
-- false alarm: true velocities are not used, or a joint with a signal is a frozen one;
+- false alarm: a joint with a signal is a frozen one. True velocities that are not used are none:
+  they cost only bandwidth;
 - ramp: at the end of the command, the ramp begins at more than RAMP_SPEED, or stop and ramp take
   longer than END_TIME.
 """
@@ -189,7 +190,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         past_limit=bool(is_past[judged].any() and not (is_guided and scene.has_unknown_load)),
         misses=must_arrive and (trace.diverges or not trace.follows or distance > farthest),
         leaves_hull=trace.hull_excess > HULL_TOLERANCE,
-        false_alarm=is_true and (bool(trace.doubt) or FROZEN in trace.faults),
+        false_alarm=is_true and FROZEN in trace.faults,
         bad_ramp=scene.end_time > END_TIME or scene.ramp_speed > RAMP_SPEED + margin.velocity,
         amplitude=amplitude, overshoot=float(excess.max()),
         velocity_ratio=float((speed / limits.velocity).max()), distance=distance,
