@@ -185,7 +185,9 @@ def wrong_velocity(scene: Scene) -> None:
     j = int(scene.rng.choice(moving if moving.size else scene.arm.joint_count))
     kind = int(scene.rng.choice(kinds))
     sample: list[float] = []
-    scene.goal, scene.velocities_are_true = None, False
+    scene.velocities_are_true = False
+    if kind == 3:  # the motion ends with a fault
+        scene.goal, scene.has_signal[j] = None, False
 
     def measured(
         q: FloatArray, v: FloatArray | None,

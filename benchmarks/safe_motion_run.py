@@ -31,7 +31,8 @@ A run is bad for one of these reasons:
   pendulum and take it past a limit;
 - leaves hull: the reference leaves the hull of the start, the path of the earliest stop and the
   goals (including the extrapolation of a moving set-point and the stop after it), see `Hull`;
-- false alarm: the check of the velocities doubts true velocities;
+- false alarm: a joint with a signal is a frozen one. True velocities that are not used are none:
+  they cost only bandwidth;
 - ramp: at the end of the command, the ramp begins at more than RAMP_SPEED, or stop and ramp take
   longer than END_TIME.
 """
@@ -43,7 +44,7 @@ from benchmarks.safe_motion_cases import Case, PERIODS, PUSH
 from benchmarks.safe_motion_disturbances import scene_of, static_sag
 from benchmarks.safe_motion_gearbox import GearedPlant, SLOWEST
 from benchmarks.safe_motion_hand import HAND_GUIDING
-from benchmarks.safe_motion_scene import Scene, STEP, Trace
+from benchmarks.safe_motion_scene import FROZEN, Scene, STEP, Trace
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
@@ -91,8 +92,8 @@ class Outcome(NamedTuple):
     `amplitude`, `overshoot` and `distance` [rad]; `velocity_ratio` is the largest |v|/v_max;
     `simulated` and `seconds` [s] of simulated and of wall time. `misses` means that the arm did
     not arrive, or no longer follows the motion. Runs with pushes have no verdict on `misses` and
-    on overshoot. `hull_excess` [rad] is that of the reference; `doubt` is the first reason for
-    which a velocity was doubted, `notes` why a motion ended early or was rejected.
+    on overshoot. `hull_excess` [rad] is that of the reference; `doubt` names the joints whose
+    velocity was not used first, `notes` why a motion ended early or was rejected.
     """
 
     oscillates: bool
@@ -147,7 +148,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
     rates = {period: rate for rate, period in PERIODS.items()}
     margin = NOISE_MARGINS[rates[scene.longest_period]] if case.noisy else NO_MARGIN
     judged, q, last = trace.is_judged, trace.q, trace.q[-JUDGED:]
-    is_measured, is_guided = ~scene.loop.signals.consistency.frozen, case.command == HAND_GUIDING
+    is_measured, is_guided = scene.has_signal, case.command == HAND_GUIDING
     amplitudes, is_geared = np.ptp(last, axis=0), isinstance(scene.plant, GearedPlant)
     if is_guided:  # a released arm may move on, but not to and fro
         amplitudes = np.abs(np.diff(last, axis=0)).sum(axis=0) - amplitudes
@@ -189,7 +190,7 @@ def judge(scene: Scene, trace: Trace, seconds: float) -> Outcome:
         past_limit=bool(is_past[judged].any() and not (is_guided and scene.has_unknown_load)),
         misses=must_arrive and (trace.diverges or not trace.follows or distance > farthest),
         leaves_hull=trace.hull_excess > HULL_TOLERANCE,
-        false_alarm=is_true and bool(trace.doubt),
+        false_alarm=is_true and FROZEN in trace.faults,
         bad_ramp=scene.end_time > END_TIME or scene.ramp_speed > RAMP_SPEED + margin.velocity,
         amplitude=amplitude, overshoot=float(excess.max()),
         velocity_ratio=float((speed / limits.velocity).max()), distance=distance,

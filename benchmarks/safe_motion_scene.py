@@ -53,6 +53,8 @@ RAMP_SLACK = 0.1
 """[s] by which a ramp to zero may take longer than the ramp time."""
 FIRST_STATES = 2
 """States from which the loop takes the velocity, with which a reference starts."""
+FROZEN = 'frozen_joint'
+"""Name of the fault."""
 LOOK = 100
 """[ms] between two checks whether the reference has ended."""
 ENTRY = 0.2
@@ -131,6 +133,8 @@ class Scene:
         self.start_speed = np.zeros_like(motion.start)
         """Velocity (n,) of the arm when the loop starts."""
         self.velocities_are_true = True
+        self.has_signal: BoolArray = np.ones(len(motion.start), dtype=bool)
+        """Whether the sample of each joint (n,) changes with its motion."""
         self.rejection = ''
         """Reason why the last trajectory that the loop does not follow was rejected."""
         self.ramp_speed, self.end_time = 0.0, 0.0
@@ -288,7 +292,6 @@ class Scene:
             0.0, NOISE if case.has_velocity else POSITION_NOISE, n)
         q, v = self.measured(self.plant.q, self.plant.v + noise) if case.has_velocity else (
             self.measured(self.plant.q + noise, None))
-        consistency = self.loop.signals.consistency
         before, interruption = self.loop.reference, self.loop.goals.interruption
         limits = self.limits
         try:
@@ -307,12 +310,12 @@ class Scene:
             elif self.loop.goals.interruption not in ('', interruption):  # a stop has begun
                 assert before is not None
                 self._active = None
-                self.hull.begin(before if consistency.is_consistent else reference, limits)
+                self.hull.begin(before, limits)
             self._excess = max(self._excess, self.hull.excess(reference.position))
-        if not self._doubt and not consistency.is_consistent:
-            settling = FROZEN_SETTLING if consistency.frozen.any() else SETTLING
-            self._doubt, self.quiet_after = consistency.reason, max(
-                self.quiet_after, self.time + settling)
+        if not self._doubt:
+            self._doubt = ' '.join(
+                name for name, is_doubtful in zip(
+                    self.arm.joint_names, self.loop.gate.doubtful) if is_doubtful)
         if self.drives is None:
             return answer.effort
         command = self._feed_forward.command(answer)
@@ -334,6 +337,8 @@ class Scene:
         supervisor = self.loop.supervisor
         if supervisor.fault_count > len(self._faults) and supervisor.fault is not None:
             self._faults.append(supervisor.fault.name)
+            if supervisor.fault.name == FROZEN:
+                self.quiet_after = max(self.quiet_after, self.time + FROZEN_SETTLING)
         mode, self._mode = self._mode, supervisor.mode
         if mode is not self._mode and self._mode in (Mode.STOPPING, Mode.INACTIVE):
             if mode is not Mode.STOPPING and not self._is_pushed:

@@ -99,11 +99,11 @@ def test_numbers_that_are_no_parameters_are_on_the_pages():
     """The tests of the modules drive these numbers as literals, as do the safety promises."""
     assert [words for words in (
         'every 2 ms', 'after 100 valid states without a contradiction',
-        'five such states in a row', '(1 s without it) from one state to the next',
+        'until five more have followed', '(1 s without it) from one state to the next',
         'After 30 s without a plausible state', 'further than 0.05 rad (m)',
         '1.5 times the distance at its velocity limit', 'Five or more set-points form a stream',
         'Stamps within an hour of the clock of this computer',
-        'Stamps before 2001 are simulated time', 'the positions over 10 ms',
+        'Stamps before 2001 are simulated time', 'the positions over 8 ms',
         'topic | 1,000,000 bytes', 'points of a trajectory | 2,000',
         '`robot_description` | 10,000,000 bytes, 500 links, 100 joints in use', '1 GiB',
     ) if words not in PROSE] == []

@@ -9,7 +9,7 @@ import time
 
 from bad_descriptions import ARM, BAD_DESCRIPTIONS, MASSLESS
 from fault_bench import G, NAMES, nanoseconds_of, Q
-from fault_stimuli import follow, from_now, overflow, wait_effort
+from fault_stimuli import follow, from_now, overflow, SLIDING, SLIDING_G, wait_effort
 from fault_table import fault
 from lifecycle_bench import (
     ACTIVATE,
@@ -30,14 +30,21 @@ from std_srvs.srv import Trigger
 pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Lifecycle'
 RAMP_TIME = 0.3
-PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6, 'scale_gains': False}
-"""Without `scale_gains` even an implausible measured velocity is used, as `latch` needs."""
+PARAMETERS = {'ramp_time': RAMP_TIME, 'effort_rate_limit': 1e6}
 
 
 @pytest.fixture(scope='module')
 def bench(client: RosClient) -> Iterator[LifecycleBench]:
     """Return an active, commanding node; tests restore its state."""
     with lifecycle_bench(client, '/faults_lifecycle', PARAMETERS) as one:
+        yield one
+
+
+@pytest.fixture
+def sliding(client: RosClient) -> Iterator[LifecycleBench]:
+    """Return such a node for the sliding arm."""
+    parameters = {**PARAMETERS, 'robot_description': SLIDING}
+    with lifecycle_bench(client, '/faults_sliding', parameters, SLIDING_G) as one:
         yield one
 
 
@@ -135,29 +142,29 @@ def test_no_model_while_unconfigured(client, bench):
        '`~/reset_fault` while the node is inactive',
        'the fault persists, and no command is published after activation; after the reset '
        'commands resume at the next activation, not earlier')
-def test_a_latched_fault_survives_transitions(bench):
-    latch(bench)
+def test_a_latched_fault_survives_transitions(sliding):
+    latch(sliding)
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
         for transition in transitions:
-            assert bench.change(transition)
-        assert 'waits for ~/reset_fault' in bench.wait_fault('non_finite').message
-        bench.check_silent()
-    assert bench.change(DEACTIVATE)
-    check_reset(bench)
-    bench.check_silent()
-    assert bench.change(ACTIVATE)
+            assert sliding.change(transition)
+        assert 'waits for ~/reset_fault' in sliding.wait_fault('non_finite').message
+        sliding.check_silent()
+    assert sliding.change(DEACTIVATE)
+    check_reset(sliding)
+    sliding.check_silent()
+    assert sliding.change(ACTIVATE)
 
 
 @fault(GROUP, '`~/reset_fault` after a latched fault while the node is unconfigured',
        '`success` true; commands resume at the next activation, not earlier')
-def test_a_reset_while_unconfigured(bench):
-    latch(bench)
-    assert bench.change(DEACTIVATE)
-    assert bench.change(CLEANUP)
-    check_reset(bench)
-    assert bench.change(CONFIGURE)
-    bench.check_silent()
-    assert bench.change(ACTIVATE)
+def test_a_reset_while_unconfigured(sliding):
+    latch(sliding)
+    assert sliding.change(DEACTIVATE)
+    assert sliding.change(CLEANUP)
+    check_reset(sliding)
+    assert sliding.change(CONFIGURE)
+    sliding.check_silent()
+    assert sliding.change(ACTIVATE)
 
 
 def check_reset(bench: LifecycleBench) -> None:
@@ -175,7 +182,7 @@ def latch(bench: LifecycleBench) -> None:
     overflow(bench)
     bench.driver.go_on()
     bench.efforts.clear()  # the answer to valid states is g(q)
-    wait_effort(bench, G)
+    wait_effort(bench, SLIDING_G)
 
 
 # --- configuration that fails, and shutdown ------------------------------------------------------

@@ -5,16 +5,30 @@
 
 from typing import Any
 
-from fault_bench import FaultBench, figure_of, G
-from fault_stimuli import follow, NO_STREAM, overflow, wait_effort, wait_states
+from fault_bench import FaultBench, figure_of
+from fault_stimuli import (
+    follow,
+    NO_STREAM,
+    overflow,
+    SLIDING,
+    SLIDING_G,
+    wait_effort,
+    wait_states,
+)
 from fault_table import fault
 import pytest
 from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.usefixtures('holding')
 GROUP = 'Non-finite commands'
-BENCH = {'parameters': {**NO_STREAM, 'scale_gains': False}}
-"""The node uses the measured velocity."""
+BENCH = {'parameters': {**NO_STREAM, 'robot_description': SLIDING}}
+
+
+@pytest.fixture(scope='module')
+def bench(bench: FaultBench) -> FaultBench:
+    """Return a node that holds the sliding arm."""
+    bench.hold = SLIDING_G
+    return bench
 
 
 def reset(bench: FaultBench) -> Any:
@@ -22,8 +36,7 @@ def reset(bench: FaultBench) -> Any:
     return bench.ask('reset_fault', Trigger)
 
 
-@fault(GROUP, 'a velocity of 10²⁰⁰ rad/s in the first state after a pause of 0.2 s, at which the '
-       'computed torque overflows',
+@fault(GROUP, 'six consecutive positions of 10³⁰⁸ m, at which the computed torque overflows',
        'not published; latched fault `non_finite`, which `~/reset_fault` resets once states are '
        'valid; without a fault there is nothing to reset')
 def test_an_effort_that_is_not_finite(bench):
@@ -38,7 +51,7 @@ def test_an_effort_that_is_not_finite(bench):
     assert answer.message.startswith('non_finite persists: ')
     bench.driver.go_on()
     bench.efforts.clear()
-    wait_effort(bench, G)
+    wait_effort(bench, SLIDING_G)
     wait_states(bench, 100)
     # the status of the change of the level may be older than the count
     status = bench.wait_figure('command', 'faults: non_finite', 1)

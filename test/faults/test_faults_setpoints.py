@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults during references: stream timeouts, and states without velocities."""
+"""Faults during references: stream timeouts."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,12 +9,11 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import FaultBench, G, NAMES, nanoseconds_of, Q
-from fault_stimuli import altered, from_now, SetPoints
+from fault_bench import FaultBench, G, NAMES, Q
+from fault_stimuli import SetPoints
 from fault_table import fault
 import numpy as np
-from ros_harness import KEEP_MANY, wait_until
-from sensor_msgs.msg import JointState
+from ros_harness import wait_until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GROUP = 'References'
@@ -68,33 +67,4 @@ def test_a_stream_that_pauses(bench):
         bench.efforts.clear()  # the simulated arm has not moved to its reference
         assert not any(map(is_gravity, bench.efforts.wait_count(50)))
     assert 'The stream of set-points paused' in bench.node.log
-    rest(bench)
-
-
-@fault(GROUP, 'joint states without velocities, with `require_measured_velocities`',
-       'gravity compensation; the reference ends, with a report; a set-point is rejected; no '
-       'message on `~/computed_torque`; with velocities again, the position is held')
-def test_states_without_velocities(bench):
-    rest(bench)
-    with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
-        torques.wait_matched()
-        bench.set_parameters(require_measured_velocities=True)
-        bench.driver.change = altered(velocity=[])
-        status = bench.wait_message('reference', '.*no velocity.*')
-        assert status.level == DiagnosticStatus.WARN
-        bench.set_point(GOAL)
-        bench.wait_status('reference', lambda status: any(
-            'no joint state with velocities' in value.value for value in status.values))
-        moment = from_now(bench)
-        bench.efforts.clear()
-        bench.efforts.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
-        assert all(map(is_gravity, bench.efforts.wait_count(50)))
-        assert not [m for m in torques.messages if nanoseconds_of(m.header.stamp) >= moment]
-        bench.efforts.clear()
-        bench.driver.go_on()
-        torques.wait_for(lambda m: nanoseconds_of(m.header.stamp) >= moment)
-        torques.clear()
-        assert all(map(is_gravity, torques.wait_count(50)))
-        assert all(map(is_gravity, bench.efforts.messages))
-    bench.set_parameters(require_measured_velocities=False)
     rest(bench)

@@ -3,6 +3,7 @@
 
 """Faults of the stamps and publishers of joint states: age, jumps, two publishers."""
 
+import itertools
 import time
 from typing import Any
 
@@ -29,6 +30,7 @@ GROUP = 'Stamps of joint states'
 PUBLISHERS = 'Inconsistent joint states'
 ELSEWHERE = [Q[0] + 3.0, Q[1]]
 GOAL = [Q[0] + 0.05, Q[1]]
+REASONS = 'jump', 'stamp went back'
 DROPPED = 'dropped and reported; fault `state_timeout` without valid states; commands resume'
 
 
@@ -42,12 +44,6 @@ def test_stamps_of_another_time(bench, seconds, reason, words):
     bench.wait_state_timeout()
 
 
-def moving(message: JointState) -> JointState:
-    """Return a state whose position changes a little each time."""
-    message.position[0] += 0.01 * np.sin(5.0 * time.monotonic())
-    return message
-
-
 @fault(GROUP, 'constant stamps with changing positions', 'not new: the last command is repeated, '
        'then fault `state_timeout`; counted; commands resume')
 def test_frozen_stamps(bench):
@@ -55,9 +51,15 @@ def test_frozen_stamps(bench):
     bench.check_alive()
     before = bench.known('joint states', 'not new (stamp repeated)')
     stamp = time.time_ns()
-    freeze = stamped(stamp)
+    freeze, sent = stamped(stamp), itertools.count()
+
+    def moving(message: JointState) -> JointState:
+        """Move from the second state on; the first one is that of an arm at rest."""
+        message.position[0] += 0.01 * next(sent)
+        return freeze(message)
+
     bench.efforts.clear()
-    bench.driver.change = lambda message: moving(freeze(message))
+    bench.driver.change = moving
     bench.wait_figure('joint states', 'not new (stamp repeated)', before + 1)
     bench.wait_state_timeout()
     bench.wait_silent()
@@ -127,21 +129,24 @@ def leave(bench: FaultBench) -> None:
 
 
 @fault(PUBLISHERS, 'one publisher whose position jumps by 3 rad',
-       'accepted as a reset of the robot or simulator: the reference ends, with a report; the arm '
-       'is held at its measured position; the command changes within the rate limit')
+       'five states are dropped; then accepted as a reset of the robot or simulator: the '
+       'reference ends, with a report; the arm is held at its measured position; the command '
+       'changes within the rate limit')
 def test_one_publisher_that_jumps(bench):
     leave(bench)
     faults = bench.known('command', 'faults: several_publishers')
     before = bench.figure('joint states', 'restarted: jump')
+    dropped = bench.known('joint states', 'dropped: jump')
 
     def is_noticed() -> bool:
         """Jump; states far apart in time, as on a loaded machine, are not inconsistent."""
         bench.driver.q = list(Q)
-        wait_states(bench, 2)
+        wait_states(bench, 10)
         bench.driver.q = ELSEWHERE
         return bench.figure('joint states', 'restarted: jump') > before
 
     wait_until(is_noticed, 'a restart because of a jump')
+    assert bench.known('joint states', 'dropped: jump') >= dropped + 5
     wait_effort(bench, gravity(ELSEWHERE))
     bench.wait_message('reference', 'ended early: joint states restarted: jump')
     assert bench.known('command', 'faults: several_publishers') == faults
@@ -149,3 +154,25 @@ def test_one_publisher_that_jumps(bench):
     bench.efforts.clear()
     wait_effort(bench, G)
     check_rate(bench.efforts)
+
+
+@fault(PUBLISHERS, 'single states of one publisher, 3 rad away, or with stamps 1 s behind',
+       'each is dropped; the reference is followed on')
+def test_single_states_that_cannot_follow(bench):
+    leave(bench)
+    restarts = [bench.figure('joint states', f'restarted: {reason}') for reason in REASONS]
+    dropped = [bench.known('joint states', f'dropped: {reason}') for reason in REASONS]
+
+    def wrong(message: JointState) -> JointState:
+        if bench.driver.sent % 20 == 0:
+            message.position[0] += 3.0
+        return shifted(-1.0)(message) if bench.driver.sent % 20 == 10 else message
+
+    bench.driver.change = wrong
+    for reason, count in zip(REASONS, dropped):
+        bench.wait_dropped(reason, count + 5)
+    bench.driver.change = lambda message: message
+    wait_states(bench, 10)
+    assert 'ended early' not in bench.next_status('reference').message
+    assert [bench.known('joint states', f'restarted: {reason}') for reason in REASONS] == restarts
+    follow(bench, Q)

@@ -10,12 +10,13 @@ The driver reports a motion of both joints that does not depend on the commands.
 
 from collections.abc import Iterator
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from fault_bench import FaultBench, figure_of, Q
+from fault_bench import FaultBench, figure_of, nanoseconds_of, Q
 from fault_stimuli import altered, follow, Swing, wait_states
 from fault_table import fault
 import pytest
+from ros_harness import KEEP_MANY, wait_until
 from sensor_msgs.msg import JointState
+from simulated_arms import default_dynamics
 
 GROUP = 'Measured velocities'
 AMPLITUDE, FREQUENCY = 0.15, 4.0
@@ -31,44 +32,42 @@ def wrong(message: JointState) -> JointState:
     return message
 
 
-BENCH = {'parameters': {'following_error_limit': [0.0]}}
-"""The arm does not follow its commands."""
+BENCH = {'parameters': {
+    'following_error_limit': [0.0], 'scale_gains': False, 'gains.natural_frequency': [5.0]}}
+"""The arm does not follow its commands, and these stay within the effort limits."""
 
 
 @pytest.fixture
 def bench(bench: FaultBench) -> Iterator[FaultBench]:
     """Return the node while the arm moves with true velocities."""
     bench.driver.stream_changed(moving)
-    wait_consistent(bench)
+    wait_states(bench, 300)
+    bench.wait_running()
     yield bench
     bench.driver.stream_changed(moving)
-    wait_consistent(bench)
+    wait_states(bench, 300)
+    bench.wait_running()
     bench.check_efforts()
     assert 'Traceback' not in bench.node.log, bench.node.log
 
 
-def wait_consistent(bench: FaultBench) -> None:
-    """Wait until velocities and positions agree and commands answer the states."""
-    wait_states(bench, 200)
-    bench.wait_status('joint states', lambda status: status.message == 'arriving')
-    bench.wait_running()
-
-
 @fault(GROUP, 'wrong sign of the velocity of a joint, and velocity of another joint always 0',
-       'a warning names a joint; its velocity is estimated from the positions; the motion ends '
-       'with a stop; the measured velocity is used again once it agrees')
+       'the velocity is that of the positions; no fault, and the reference is followed on')
 def test_velocities_that_contradict_the_positions(bench):
-    # The cause that the message names depends on the interval of the states, hence on load;
-    # test_velocity_faults.py tests it.
     follow(bench, Q)
-    bench.driver.stream_changed(wrong)
-    status = bench.wait_status('joint states', lambda status: 'velocity of' in status.message)
-    assert status.level == DiagnosticStatus.WARN
-    assert "velocity of 'joint" in status.message
-    bench.wait_message('reference', 'ended early: velocity of.*')
-    bench.node.wait_for_log("velocity of 'joint.*elocit.* estimated from the position")
-    assert bench.known('command', 'faults: frozen_joint') == 0
-    bench.wait_running()
+    with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
+        torques.wait_matched()
+        bench.driver.stream_changed(wrong)
+        wait_states(bench, 300)
+        torques.clear()
+        messages = torques.wait_count(200)
+    for message in messages:
+        q, v = moving.at(nanoseconds_of(message.header.stamp))
+        torque = default_dynamics().inverse_dynamics(q, v, 25.0 * (Q - q) - 10.0 * v)
+        # the wrong velocities change it by up to 84 N·m
+        assert list(message.effort) == pytest.approx(torque.tolist(), abs=5.0)
+    assert bench.figure('command', 'faults: frozen_joint') == 0
+    assert 'ended early' not in bench.next_status('reference').message
 
 
 @fault(GROUP, 'repeated position and velocity of a moving joint',
@@ -85,19 +84,45 @@ def test_a_frozen_joint(bench):
         return message
 
     before = bench.known('command', 'faults: frozen_joint')
+    follow(bench, Q)
     bench.driver.stream_changed(frozen)
     status = bench.wait_fault('frozen_joint')
-    assert "position and velocity of 'joint1' have not changed" in status.message
+    assert "the position of ['joint1'] has not changed for more than 0.05 s" in status.message
     assert figure_of(status, 'faults: frozen_joint') == before + 1
     bench.driver.stream_changed(moving)
     bench.wait_message('reference', 'ended early: fault frozen_joint.*')
     bench.wait_running()
 
 
+@fault(GROUP, 'repeated positions and velocities of all joints in motion, with new stamps',
+       'no joint states: fault `state_timeout`; no fault `frozen_joint`; commands resume with '
+       'positions that change')
+def test_frozen_joints_are_no_states(bench):
+    samples: list[tuple[list[float], list[float]]] = []
+
+    def frozen(message: JointState) -> JointState:
+        moving(message)
+        if not samples and abs(message.velocity[0]) > 0.4:
+            samples.append((list(message.position), list(message.velocity)))
+        if samples:
+            message.position, message.velocity = samples[0]
+        return message
+
+    before = bench.known('command', 'faults: frozen_joint')
+    bench.driver.stream_changed(frozen)
+    wait_until(lambda: bool(samples), 'repeated states')
+    bench.wait_state_timeout()
+    bench.driver.stream_changed(moving)
+    bench.wait_running()
+    assert bench.figure('command', 'faults: frozen_joint') == before
+
+
 @fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
 def test_an_arm_at_rest_may_repeat_its_sample(bench):
     faults = bench.known('command', 'faults: frozen_joint')
-    bench.driver.stream_changed(altered(position=Q, velocity=[0.0, 0.0]))
+    bench.driver.go_on()  # at rest
+    wait_states(bench, 50)
+    bench.driver.change = altered(position=Q, velocity=[0.0, 0.0])
     wait_states(bench, 300)
     assert bench.figure('command', 'faults: frozen_joint') == faults
     bench.wait_status('joint states', lambda status: status.message == 'arriving')

@@ -17,10 +17,12 @@ from fault_bench import (
     LONGEST_STEP,
     NANOSECONDS,
     nanoseconds_of,
+    Q,
     stamp_of,
     TimedCollector,
 )
 import numpy as np
+from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -35,8 +37,6 @@ Parameters with which a distant set-point immediately exceeds the limits of the 
 For tests of the limits and of fault actions: the conditioned reference of an arm at rest never
 reaches these limits.
 """
-PAUSE = 0.1
-"""[s] without states after which velocities are not compared with positions."""
 NO_STREAM = {'reference_timeout': 0.001}
 """For tests of other faults: set-points at this distance do not form a stream that times out."""
 
@@ -119,33 +119,27 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
     bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
 
 
-def wait_agreement(bench: FaultBench) -> None:
-    """Wait until no velocity is in doubt; the joints must move."""
-    bench.next_status('joint states')
-    bench.wait_status('joint states', lambda status: 'velocity of' not in status.message)
+def sliding_arm_urdf() -> str:
+    """Return the default arm whose second joint slides along the first link, without end."""
+    first, second = default_arm_urdf().split('<joint name="joint2" type="continuous">')
+    return f'{first}<joint name="joint2" type="prismatic">' + second.replace(
+        '<axis xyz="0 1 0" />', '<axis xyz="0 0 1" />').replace(
+        '<limit ', '<limit lower="-1.7e308" upper="1.7e308" ')
+
+
+SLIDING = sliding_arm_urdf()
+SLIDING_G = [-57.37217781, 20.81015257]
+"""g(q) of this arm at `Q` [N·m] and [N]."""
 
 
 def overflow(bench: FaultBench) -> None:
     """
-    Cause the fault `non_finite`, after which the driver pauses.
+    Cause the fault `non_finite` of a sliding arm, after which the driver pauses.
 
-    The velocity of the first state after a pause cannot be compared with positions.
+    Inertia and gravity at this position are beyond the range of numbers. Single states with it
+    are dropped.
     """
-    if 'velocity of' in bench.next_status('joint states').message:  # in doubt until it moves
-        bench.driver.stream_changed(Swing(bench.driver.q, [0.1] * len(bench.driver.q), 4.0))
-        wait_agreement(bench)
-    bench.driver.be_quiet()
-    pauses_until = time.monotonic() + 2.0 * PAUSE
-
-    def after_pauses(message: JointState) -> JointState | None:
-        nonlocal pauses_until
-        if time.monotonic() < pauses_until:
-            return None
-        pauses_until = time.monotonic() + 2.0 * PAUSE
-        message.velocity = [1e200] * len(message.name)
-        return message
-
-    bench.driver.stream_changed(after_pauses)
+    bench.driver.stream_changed(altered(position=[Q[0], 1e308]))
     bench.wait_fault('non_finite')
     bench.driver.be_quiet()
 
