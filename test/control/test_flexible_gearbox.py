@@ -56,8 +56,7 @@ class FlexibleArm(LockStep):
 
 @pytest.mark.parametrize(('rate', 'delay', 'stiffness'), [(125, 8, 5e3), (500, 4, 14e3)])
 def test_wrists_with_flexible_gearboxes_come_to_rest(stiffness, rate, delay, seen):
-    loop = check_rest([RIGID] * 3 + [stiffness] * 3, rate, delay, seen)
-    assert rate < 500 or str(loop.controller.laws.adaptation) == ''
+    check_rest([RIGID] * 3 + [stiffness] * 3, rate, delay, seen)
 
 
 @pytest.mark.parametrize(('rate', 'delay', 'stiffness', 'size'), [
