@@ -22,7 +22,7 @@ import time
 from typing import Any
 
 from bristled_arm import BristledArm, Case
-from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, MS, smooth_arm, STEP
+from lock_step_loop import directions, FIRST_STAMP, LockStep, MS, smooth_arm, STEP
 from loop_motions import arm_named, in_motion, loaded, Q, rests
 import numpy as np
 from one_joint_arm import arm_of, inertial
@@ -32,7 +32,6 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
