@@ -100,9 +100,13 @@ WRONG: dict[str, Callable[[FloatArray], FloatArray]] = {
 @FEW
 @given(kind=st.sampled_from([*WRONG]), speed=st.floats(0.3, 2.0), rate=rates,
        at=st.floats(0.1, 2.1), sign=signs)
-def test_a_wrong_velocity_is_not_used_after_20_mrad_until_it_is_right_for_1_s(
+def test_a_wrong_velocity_is_not_used_until_it_is_right_for_1_s(
         kind, speed, rate, at, sign):
-    """Of the second joint, faster than 0.15 rad/s; the first one is not doubted."""
+    """
+    Of the second joint, faster than 0.15 rad/s; the first one is not doubted.
+
+    It is found within 20 mrad, and the way of 30 ms: the displacement of 0.1 s may be 30 % off.
+    """
     is_far = kind in ('zero', 'degrees')  # missing in fast motion: nothing is learned
     one = Fed(rate, 2.0 if is_far else 20.0)
     swing, wrong = Swing(sign * speed, 0.5), WRONG[kind]
@@ -116,7 +120,7 @@ def test_a_wrong_velocity_is_not_used_after_20_mrad_until_it_is_right_for_1_s(
         before = q
         signals = one.signals(q, measured)
         assert t == 0.0 or signals.v[0] == v[0]
-        if way > 0.02 and t < right_at and abs(v[1]) > 0.15:
+        if way > 0.02 + 0.03 * speed and t < right_at and abs(v[1]) > 0.15:
             assert signals.v[1] == pytest.approx(v[1], abs=0.02 + 0.05 * speed)
         is_doubted = one.gate.doubtful[1]
         was_doubted = is_doubted if t < right_at or is_far else was_doubted
