@@ -91,16 +91,15 @@ def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_t
 
 @pytest.mark.parametrize('holds', [True, False])
 def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds):
-    """With the velocity since the last state: one sample may be noisy."""
     one = moving(stops_and_holds=holds)
     one.stop_from_state()
     assert one.trajectory is None
     later = Q + 1e-3 * V
-    reference = one.update(NOW + SECOND + MS, later, 3.0 * V).reference
+    reference = one.update(NOW + SECOND + MS, later, 1.1 * V).reference
     assert (reference is not None) == holds
     if reference is not None:
         assert reference.position == pytest.approx(later)
-        assert reference.velocity == pytest.approx(V)
+        assert reference.velocity == pytest.approx(1.1 * V)
 
 
 @pytest.mark.parametrize('command', ['computed_torque', 'joint_impedance'])
@@ -124,33 +123,17 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     assert one.update(NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
 
 
-@pytest.mark.parametrize('holds', [True, False])
-def test_a_motion_without_a_velocity_ends_and_may_stop_from_the_next_state(holds):
-    one = moving(stops_and_holds=holds)
-    output = one.update(NOW + SECOND + MS, Q, None)
-    assert output.reference is None
-    assert output.command.tolist() == output.holding_effort().tolist()
-    with pytest.raises(TrajectoryError, match=NO_STATE):
-        one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    assert one.stop() == NOTHING_TO_STOP
-    reference = one.update(NOW + SECOND + 2 * MS, Q + 0.1, V).reference
-    assert (reference is not None) == holds
-    if reference is not None:
-        assert reference.position == pytest.approx(Q + 0.1)
-
-
 @pytest.mark.parametrize(('command', 'holds'), [
     ('computed_torque', True), ('computed_torque', False), ('gravity_compensation', True)])
-def test_the_first_state_with_a_velocity_is_a_reference_of_a_law_that_follows(command, holds):
+def test_the_first_state_is_a_reference_of_a_law_that_follows(command, holds):
     """The second one gives it its velocity."""
     one = make(stops_and_holds=holds, command=command)
-    assert one.update(NOW, Q, None).reference is None
-    reference = one.update(NOW + MS, Q, V).reference
+    reference = one.update(NOW, Q, ZERO).reference
     assert (reference is not None) == (holds and command == 'computed_torque')
     if reference is not None:
         assert reference.position.tolist() == Q.tolist()
         assert reference.velocity.tolist() == [0.0, 0.0]
-        reference = one.update(NOW + 3 * MS, Q + 2e-3 * V, 3.0 * V).reference
+        reference = one.update(NOW + 2 * MS, Q + 2e-3 * V, V).reference
         assert reference.position == pytest.approx(Q + 2e-3 * V)
         assert reference.velocity == pytest.approx(V)
         end = one.update(NOW + 9 * SECOND, Q, ZERO).reference
@@ -189,15 +172,14 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
 # --- states and time -----------------------------------------------------------------------------
 
 def test_after_a_restart_the_next_state_is_a_first_one():
-    one = make(estimates_velocity=True)
-    for k in range(3):
-        one.update(NOW + 10 * k * MS, Q + 0.01 * k, None)
-    assert one.update(NOW + 30 * MS, Q + 0.03, None).velocity == pytest.approx([1.0, 1.0])
+    one = make(stops_and_holds=True)
+    one.update(NOW, Q, ZERO)
     one.restart_states()
     with pytest.raises(TrajectoryError, match=NO_STATE):
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    assert one.update(NOW + 40 * MS, Q - 3.0, None).velocity is None
-    assert one.update(NOW + 50 * MS, Q - 3.0, None).velocity == pytest.approx([0.0, 0.0])
+    one.stop_from_state()
+    reference = one.update(NOW + 40 * MS, Q - 3.0, ZERO).reference
+    assert reference.position.tolist() == (Q - 3.0).tolist()
 
 
 # --- terms and words -----------------------------------------------------------------------------
@@ -242,7 +224,6 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads):
     assert damped == pytest.approx(hold - damping(v, loads))
     assert float(v @ (damped - hold)) < 0.0  # it takes energy away
     assert braked(one, Q, ZERO, hold).tolist() == hold.tolist()
-    assert braked(one, Q, None, hold) is hold
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

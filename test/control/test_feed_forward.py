@@ -116,7 +116,7 @@ def test_a_fault_holds_the_position_at_which_it_began():
     bench = moving(rubbing())
     bench.track(200)
     bench.loop.fail(bench.loop._steady, Fault('external_effort', 'a test', recovery=100))
-    here = bench.loop.controller.state[1]
+    here = bench.loop.controller.state[1] + 1e-4
     found = [bench.take(here + 1e-4 * k) for k in range(50)]
     for command in found:
         assert command.position == pytest.approx(here)

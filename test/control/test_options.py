@@ -61,8 +61,8 @@ def test_a_state_is_at_most_a_fifth_of_a_second_old(age, is_used):
             loop.answer(stamp, Q, 0.0 * Q, now, now)
 
 
-@pytest.mark.parametrize(('coulomb', 'friction'), [(0.0, [15.0, 6.0]), (40.0, [40.0, 40.0])])
-def test_dry_friction_holds_a_tenth_of_the_limit_or_what_is_known_and_30_mrad(coulomb, friction):
+@pytest.mark.parametrize(('coulomb', 'friction'), [(0.0, [7.5, 3.0]), (40.0, [16.0, 16.0])])
+def test_dry_friction_holds_a_share_of_the_known_or_of_the_limit_and_30_mrad(coulomb, friction):
     """The stiffness is M(q) K_p, and the effort limits are 150 and 60 N·m."""
     arm = smooth_arm('default')
     arm = arm.with_friction(make_friction(arm.joint_names, coulomb=[coulomb]))

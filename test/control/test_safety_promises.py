@@ -22,7 +22,7 @@ import time
 from typing import Any
 
 from bristled_arm import BristledArm, Case
-from lock_step_loop import directions, FIRST_STAMP, frozen, LockStep, MS, smooth_arm, STEP
+from lock_step_loop import directions, FIRST_STAMP, LockStep, MS, smooth_arm, STEP
 from loop_motions import arm_named, in_motion, loaded, Q, rests
 import numpy as np
 from one_joint_arm import arm_of, inertial
@@ -32,7 +32,6 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
@@ -167,21 +166,27 @@ def test_a_gap_up_to_the_state_timeout_continues_the_motion(passed, fault):
     assert one.fault == fault
 
 
-@pytest.mark.parametrize(('coulomb', 'rate', 'is_held'), [
-    (0.0, 200.0, True), (0.0, 166.0, False), (0.0095, 166.0, False), (0.0105, 166.0, True)])
-def test_frozen_joint_is_held(coulomb, rate, is_held):
-    """Frozen joint: below 200 Hz only for hold_time, 1 s, unless friction of 1 % is known."""
-    arm = arm_named('default')
-    friction = make_friction(arm.joint_names, coulomb=(coulomb * arm.limits.effort).tolist())
-    one = LockStep(arm.with_friction(friction), true_arm=arm, q=Q, rate=rate)
-    one.run(0.1)
-    one.follow(Q + 0.6 * directions(2))
-    one.run(0.2)
-    one.sensor = frozen(1)
-    trace = one.run(3.0)
-    assert one.loop.supervisor.fault.name == 'frozen_joint'
-    last = STEP * np.flatnonzero(~np.isnan(trace.effort[:, 0]))[-1]
-    assert last == pytest.approx(3.0 if is_held else 1.85, abs=0.05)  # the ramp included
+@pytest.mark.parametrize(('speed', 'count', 'fault'), [
+    (0.11, 25, ''), (0.11, 26, 'frozen_joint'), (0.09, 100, '')])
+def test_a_joint_whose_position_repeats_in_motion_is_frozen_after_50_ms(speed, count, fault):
+    """command.md: although it moved at 0.1 rad/s before."""
+    one = Fed(arm_named('default'), Q).states(20, speed)
+    for _ in range(count):
+        one.state([0.2, 0.0])
+    assert one.fault == fault
+
+
+@pytest.mark.parametrize(('share', 'ends'), [(0.099, False), (0.101, True)])
+def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
+    """command.md: up to 0.1 of the velocity limit from 0.3 s after the fault; else a ramp."""
+    one = Fed(arm_named('default'), Q).states(20, 0.3)
+    one.state([0.3, 0.0])
+    efforts = [one.state([10.0 * share, 0.0]) for _ in range(700)]
+    assert one.fault == 'frozen_joint'
+    gone = [effort is None for effort in efforts]
+    assert any(gone) == ends
+    if ends:  # the ramp of 0.5 s included
+        assert 0.002 * gone.index(True) == pytest.approx(0.05 + 0.3 + 0.5, abs=0.01)
 
 
 def test_a_following_error_is_that_of_300_ms_at_the_velocity_limit():
@@ -202,8 +207,7 @@ def test_the_position_limit_tolerance_is_half_a_degree(beyond, fault):
     one = Fed(q=[1.99]).states(5).states(20, (0.01 + beyond) / 0.04)
     assert one.fault == fault
     if fault:
-        one.state(-1.0, 0.001)
-        assert one.states(3).fault == fault
+        assert one.states(4, -0.05).fault == fault
         assert one.states(1).fault == ''
 
 
@@ -354,13 +358,12 @@ def test_a_contradiction_of_publishers_ends_after_100_valid_states():
 
 
 def test_a_frozen_joint_recovers_after_25_states_that_change():
-    one = in_motion()
-    alive, one.sensor = one.sensor, frozen(1)
-    one.run(0.3)
-    assert one.loop.supervisor.mode is Mode.FAULT
-    one.sensor = alive
-    assert set(one.run(0.048).mode) == {Mode.FAULT}
-    assert one.run(0.004).mode[-1] is Mode.RUNNING
+    one = Fed(arm_named('default'), Q).states(20, 0.3)
+    for _ in range(30):
+        one.state([0.3, 0.0])
+    assert one.fault == 'frozen_joint'
+    assert one.states(24, 0.3).fault == 'frozen_joint'
+    assert one.states(1, 0.3).fault == ''
 
 
 @pytest.mark.parametrize(('count', 'passed', 'ends'), [
@@ -379,19 +382,19 @@ def test_five_set_points_within_100_ms_form_a_stream_that_times_out(count, passe
 @pytest.mark.parametrize(('factor', 'is_consistent'), [
     (1.3, True), (0.7, True), (0.68, False)])
 def test_the_scale_of_a_velocity_may_be_wrong_by_30_percent(factor, is_consistent):
-    """command.md: 30 % of the displacement, 0.003 rad and 0.02 rad/s, in windows of 0.32 s."""
+    """command.md: 30 % of the displacement and 0.003 rad, with a time constant of 0.1 s."""
     one = Fed(arm_named('default'), Q)
     for _ in range(300):
         one.ns += 2 * MS
         one.q = one.q + 0.002 * np.array([4.0, 4.0])
         one.loop.answer(one.ns, one.q, factor * np.array([4.0, 4.0]))
-    assert one.loop.signals.is_consistent == is_consistent
+    assert one.loop.gate.doubtful.any() != is_consistent
 
 
 # --- gains.md ------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize(('load', 'rate', 'steady', 'largest'), [
-    (1.0, 125.0, 0.052, 0.056), (4.0, 125.0, 0.213, 0.261)])
+    (1.0, 125.0, 0.052, 0.062), (4.0, 125.0, 0.215, 0.277)])
 def test_the_sag_under_an_unknown_load(load, rate, steady, largest):
     """gains.md: errors of the second joint, held at 0.3 rad at both joints."""
     q = np.array([0.3, 0.3])
@@ -409,7 +412,7 @@ DEFAULTS = {
     'fault_action': 'hold_gravity_then_ramp', 'following_error_limit': [], 'hold_time': 1.0,
     'infeasible_trajectory': 'reject',
     'overspeed_factor': 1.2, 'position_limit_margin': 0.01, 'position_limit_tolerance': 0.0087,
-    'ramp_time': 0.5, 'reference_timeout': 0.1, 'require_measured_velocities': False,
+    'ramp_time': 0.5, 'reference_timeout': 0.1,
     'scale_gains': True, 'state_max_age': 0.2, 'state_timeout': 0.05}
 """The guarantees hold with default parameters."""
 
@@ -471,7 +474,6 @@ STATED: dict[str, Any] = {
     'more than 8 ms of delay in addition to the period': test_gains_for_8_ms,
     'below about 40,000 N·m/rad': 'test_flexible_gearbox.py',
     'given 0.6 to 1.4 times': test_wrong_friction,
-    'below 200 Hz: `hold_time`': test_frozen_joint_is_held,
     'the arm stops and is held, within 2.5 s': test_stop_at_the_end,
     'After three faults of the motion, references wait': test_three_faults,
     'brakes that engage 0.02 to 0.2 s after': 'test_command_timeout_node.py',

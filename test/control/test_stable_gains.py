@@ -4,7 +4,6 @@
 """Gains within the limits by margin of the loop, rate and noise of the joint states."""
 
 import cmath
-from collections.abc import Sequence
 import math
 
 from hypothesis import given, settings
@@ -44,8 +43,8 @@ CROSSOVER = math.sqrt(2.0 + math.sqrt(5.0))
 USUAL_MARGIN = math.atan(2.0 * CROSSOVER)
 """[rad], phase margin of that loop."""
 OMEGA, FAST, SLOW = 20.0, 0.002, 0.05
-KINDS = ('revolute', 'revolute')
-Q, V, ZERO = np.array([0.3, -0.2]), np.array([0.1, 0.4]), np.zeros(2)
+NAMES = ('shoulder', 'elbow')
+V, ZERO = np.array([0.1, 0.4]), np.zeros(2)
 M = np.array([[2.0, 0.3], [0.3, 0.5]])
 FEW = settings(max_examples=50)
 
@@ -82,7 +81,7 @@ def test_stiffness_without_damping_has_no_margin_and_damping_without_stiffness_h
 # --- rate of the states --------------------------------------------------------------------------
 
 def stable(loop: LoopGains | None, effort_rate: FloatArray | float = math.inf) -> StableGains:
-    one = StableGains(KINDS)
+    one = StableGains(2)
     one.set_loop_gains(loop, np.full(2, effort_rate))
     return one
 
@@ -91,15 +90,12 @@ def scales(one: StableGains) -> tuple[float, list[float], float]:
     return one.least, one.scale.tolist(), one.reference_scale
 
 
-def take(
-    one: StableGains, dt: float, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
-) -> FloatArray:
-    """Take a state and evaluate it; return the velocity to use. A change is reported."""
+def take(one: StableGains, dt: float, v: FloatArray, velocity_delay: float = 0.0) -> None:
+    """Take a state and evaluate it. A change is reported."""
     before = scales(one)
-    used = one.take(dt, q, v, velocity_delay)
+    one.take(dt, v, velocity_delay)
     assert one.evaluate() or before == scales(one)
     assert not one.evaluate()  # a state is evaluated once
-    return used
 
 
 def scale_at(period: float, omega: float = OMEGA) -> float:
@@ -109,9 +105,9 @@ def scale_at(period: float, omega: float = OMEGA) -> float:
 
 def after(period: float, count: int = 100, omega: float = OMEGA) -> StableGains:
     """Return the gains after `count` states at rest with this period [s]."""
-    one = stable(loop_of(make_gains(KINDS, [omega])))
+    one = stable(loop_of(make_gains(NAMES, [omega])))
     for k in range(count):
-        take(one, period if k else 0.0, Q, ZERO)
+        take(one, period if k else 0.0, ZERO)
     return one
 
 
@@ -120,7 +116,7 @@ def changes(one: StableGains, period: float, count: int) -> list[int]:
     changed = []
     for k in range(count):
         before = scales(one)
-        take(one, period, Q, ZERO)
+        take(one, period, ZERO)
         if scales(one) != before:
             changed.append(k)
     return changed
@@ -131,88 +127,83 @@ def test_the_scale_is_that_of_the_period(period):
     one = after(period)
     assert one.least == pytest.approx(scale_at(period))
     assert one.scale == pytest.approx(np.full(2, one.least))
-    assert 'measured velocities' in str(one)
     assert changes(one, period, 100) == []
-    assert not one.differs
-    delay = 0.02  # that of an estimated velocity
+    delay = 0.02  # that of a velocity from positions
     for _ in range(200):
-        take(one, period, Q, ZERO, delay)
+        take(one, period, ZERO, delay)
     assert one.least == pytest.approx(scale_at(period + 2.0 * delay))
-    assert 'estimated velocities' in str(one)
 
 
 def test_slower_states_lower_the_gains_at_once_and_faster_ones_raise_them_later():
+    """Intervals that are more than 1.7 times the period are its gaps, until three in a row."""
     one = after(FAST)
     assert one.least == 1.0
-    for period in (0.02, SLOW):
-        assert changes(one, period, 1) == [0]
+    for period, first in ((0.02, 2), (0.033, 0), (SLOW, 0), (0.09, 2)):
+        assert changes(one, period, first + 1) == [first]
         assert one.least == pytest.approx(scale_at(period))
     assert changes(one, FAST, 10) == []
     assert len(changes(one, FAST, 500)) > 1
     assert one.least == 1.0
 
 
+def test_gaps_that_are_no_more_than_two_in_a_row_lower_no_gains():
+    one = after(FAST)
+    for _ in range(100):
+        assert [changes(one, dt, 1) for dt in (0.02, 0.4, FAST)] == [[], [], []]
+    assert one.period == pytest.approx(FAST)
+
+
 @pytest.mark.filterwarnings('error')
 def test_only_a_state_that_follows_another_one_has_a_period():
-    """Pauses of more than half a second in a row are the period, up to one second."""
-    one = stable(loop_of(make_gains(KINDS, [OMEGA])))
+    """Neither a pause of half a second nor fewer than three gaps in a row are the period."""
+    one = stable(loop_of(make_gains(NAMES, [OMEGA])))
     first = one.scale
     assert first == pytest.approx(0.5 * scale_at(0.035))  # until the rate is known
-    for dt in (0.01, 0.0, -0.01, 0.8):  # the first one, repeated, earlier, after a pause
-        assert one.take(dt, Q, V) is V
+    for dt in (0.0, -0.01, 0.8):  # repeated, earlier, after a pause
+        one.take(dt, V)
         assert not one.evaluate()
     assert one.period == 0.0
-    for dt, period in ((FAST, FAST), (0.51, FAST), (0.49, 0.49), (0.51, 0.49), (0.8, 0.8),
-                       (3.0, 1.0)):
-        take(one, dt, Q, V)
+    for dt, period in ((FAST, FAST), (0.51, FAST), (0.49, FAST), (0.49, 0.49), (0.51, 0.49),
+                       (0.8, 0.49), (3.0, 0.49)):
+        take(one, dt, V)
         assert one.period == period
         assert period != FAST or str(one).startswith('joint states at 500 Hz')
 
 
 # --- noise ---------------------------------------------------------------------------------------
 
-def noisy(
-    one: StableGains, count: int, dt: float, sigma: Sequence[float], of_difference: float = 0.0,
-) -> FloatArray:
-    """
-    Take states at rest with this noise of the velocities; return those in use, (count, n).
-
-    `of_difference` is the ratio to it of the noise of the differences of positions.
-    """
-    rng, used = np.random.default_rng(2), []
+def noisy(one: StableGains, count: int, dt: float, sigma: float) -> None:
+    """Take states at rest with this noise of the velocities [rad/s]."""
+    rng = np.random.default_rng(2)
     for _ in range(count):
-        q = Q + of_difference * np.array(sigma) * dt / math.sqrt(20.0 / 6.0) * rng.normal(size=2)
-        used.append(take(one, dt, q, sigma * rng.normal(size=2)))
-    return np.array(used)
+        take(one, dt, sigma * rng.normal(size=2))
 
 
-def decoupled(omega: float = OMEGA) -> LoopGains:
-    """Return the loop of computed torque with a damping ratio of 1."""
-    return loop_gains(lambda M: (omega**2 * np.eye(2), 2.0 * omega * np.eye(2)), [M])
-
-
-@pytest.mark.parametrize(('ratio', 'is_replaced'), [(0.3, True), (0.8, False)])
-def test_noise_that_begins_after_quiet_states_decides_about_the_velocity(ratio, is_replaced):
-    """Positions replace velocities that have more than twice their noise, at once for good."""
-    one = stable(decoupled(), 10.0)
-    noisy(one, 10, FAST, [0.0, 0.0])
+@pytest.mark.parametrize(('sigma', 'rate'), [(0.01, 10.0), (0.01, 30.0), (0.2, 2000.0)])
+def test_noise_that_begins_after_quiet_states_lowers_the_gains(sigma, rate):
+    """The rate limit delays efforts with the noise e = M D sigma by e / (0.8 rate)."""
+    omega = 20.0
+    D = 2.0 * omega * np.eye(2)
+    one = stable(loop_gains(lambda M: (omega**2 * np.eye(2), D), [M]), rate)
+    noisy(one, 10, FAST, 0.0)
     assert one.is_known  # fewer states suffice without noise
-    noisy(one, 300, FAST, [0.0, 0.0])
+    noisy(one, 300, FAST, 0.0)
     assert one.least == 1.0
-    assert not one.differs
-    noisy(one, 200, FAST, [0.4, 0.4], ratio)
-    assert one.least < 0.5
-    assert one.differs == is_replaced
-    assert ('differences of the positions in use' in str(one)) == is_replaced
+    noisy(one, 400, FAST, sigma)
+    noise = np.hypot(*(M @ D)[0]) * sigma
+    delay = noise / (math.sqrt(2.0 / math.pi) * rate)
+    expected = min(1.0, math.sqrt(NOISE_LAG / (CROSSOVER * omega * delay)))
+    assert one.least == pytest.approx(expected, rel=0.15)
+    noisy(one, 600, FAST, 0.0)
+    assert one.least == 1.0
 
 
-def test_harmless_noise_does_not_change_the_velocity():
-    """At 30 Hz the delay lowers the gains more, and the difference of positions is later still."""
-    one, rng = stable(loop_of(make_gains(KINDS, [OMEGA])), 1000.0), np.random.default_rng(1)
+def test_harmless_noise_does_not_lower_the_gains():
+    """At 30 Hz the delay lowers them more."""
+    one, rng = stable(loop_of(make_gains(NAMES, [OMEGA])), 1000.0), np.random.default_rng(1)
     for k in range(400):
         noise = rng.normal(0.0, 0.03, 2) if k > 100 else 0.0
-        take(one, 1.0 / 30.0 if k else 0.0, Q, noise + ZERO)
-        assert not one.differs
+        take(one, 1.0 / 30.0 if k else 0.0, noise + ZERO)
     assert one.least == pytest.approx(after(1.0 / 30.0).least)
 
 
@@ -222,10 +213,8 @@ def test_harmless_noise_does_not_change_the_velocity():
     st.floats(-3.0, 3.0))
 def test_a_motion_is_no_noise(rate, frequency, speed, phase):
     """At 30 Hz the second difference of such a velocity is up to 0.19 rad/s."""
-    one, w = stable(loop_of(make_gains(KINDS, [OMEGA])), 1000.0), 2.0 * math.pi * frequency
+    one, w = stable(loop_of(make_gains(NAMES, [OMEGA])), 1000.0), 2.0 * math.pi * frequency
     for k in range(200):
         x = w * k / rate + phase
-        take(one, 1.0 / rate if k else 0.0, np.full(2, speed / w * math.sin(x)),
-             np.full(2, speed * math.cos(x)))
+        take(one, 1.0 / rate if k else 0.0, np.full(2, speed * math.cos(x)))
         assert not one.is_known or one.scale == pytest.approx(scale_at(1.0 / rate))
-

@@ -3,16 +3,14 @@
 
 """The check that a measured state can follow the previous one: distances, source, resets."""
 
-
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 from robot_dynamics.monitoring.state_plausibility import StateVerdict
-from watched_states import LIMIT, PERIOD, Q, started, Watched
+from watched_states import CONFIRMATIONS, LIMIT, PERIOD, Q, started, Watched
 
 LONGEST_GAP = 30.0  # [s] without a state, after which any state is a first one
-CONFIRMATIONS = 5  # states that must follow one that does not follow the old ones
 
 # --- accepted states -----------------------------------------------------------------------------
 
@@ -36,42 +34,31 @@ def test_a_repeated_stamp_is_no_new_state_for_any_content():
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
-@pytest.mark.parametrize(('dt', 'v', 'longest'), [
-    (0.01, None, 0.05 + 1.5 * 2.0 * 0.01),  # 50 mrad, and 1.5 times the velocity limit
-    (0.5, None, 0.05 + 1.5 * 2.0 * 0.5),
-    (0.01, [0.0, 0.0], 0.05 + 1.5 * 2.0 * 0.01),
-    (0.01, [-30.0, 0.0], 0.05 + 1.5 * 30.0 * 0.01),  # at a reported speed above the limit
-])
-def test_a_way_longer_than_the_speed_allows_is_a_jump(sign, dt, v, longest):
-    for factor, jumps in ((0.999, False), (1.001, True)):
-        one = started()
-        judgement = one.judge(dt, q=Q + [sign * factor * longest, 0.0], v=v)
-        assert judgement.is_new
-        assert judgement.restart == ('jump' if jumps else '')
-        assert judgement.dt == pytest.approx(dt)
-
-
-def test_a_joint_without_a_velocity_limit_never_jumps():
-    one = started(limit=np.full(2, np.inf), crowd=True)
-    assert not one.judge(PERIOD, q=Q + 1e6).restart
+@pytest.mark.parametrize(('limit', 'dt', 'longest'), [
+    (2.0, 0.01, 0.05 + 1.5 * 2.0 * 0.01),  # 50 mrad, and 1.5 times the velocity limit
+    (2.0, 0.5, 0.05 + 1.5 * 2.0 * 0.5),
+    (np.inf, 0.01, 0.05 + 1.5 * 100.0 * 0.01)])
+def test_a_way_longer_than_the_speed_allows_is_a_jump(sign, limit, dt, longest):
+    for crowd in (False, True):
+        one = started(limit=np.full(2, limit), crowd=crowd)
+        assert one.refusal(dt, q=Q + [sign * 1.001 * longest, 0.0]).reason == 'jump'
+        assert one.judge(dt, q=Q + [sign * 0.999 * longest, 0.0]) == StateVerdict(
+            True, pytest.approx(dt))
 
 
 @pytest.mark.filterwarnings('error')
-@pytest.mark.parametrize(('speed', 'restart'), [(1.7e308, ''), (-1e200, 'jump')])
-def test_beyond_all_speeds_nothing_overflows(speed, restart):
-    watched = Watched()
-    first = watched.judge(0.0, q=[1.7e308, -1.7e308], v=[speed, 0.0])
-    assert first == StateVerdict(True, None, 'first state')
-    second = watched.judge(0.5, q=[-1.7e308, 1.7e308], v=[speed, speed])
-    assert second == StateVerdict(True, 0.5, restart)
+def test_beyond_all_distances_nothing_overflows():
+    one, q = Watched(), np.array([1.7e308, -1.7e308])
+    assert one.judge(0.0, q=q) == StateVerdict(True, None, 'first state')
+    assert one.confirmed(0.5, q=-q) == StateVerdict(True, pytest.approx(0.51), 'jump')
 
 
 @pytest.mark.parametrize('turns', [-3, -1, 1, 7])
 def test_a_whole_turn_is_no_way_for_a_joint_without_an_end(turns):
     one = started()
     assert not one.judge(PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 0.05]).restart
-    assert one.judge(2 * PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 1.0]).restart == 'jump'
-    assert started().judge(PERIOD, q=Q + [2.0 * np.pi * turns, 0.0]).restart == 'jump'
+    assert one.refusal(2 * PERIOD, q=Q + [0.0, 2.0 * np.pi * turns + 1.0]).reason == 'jump'
+    assert started().refusal(PERIOD, q=Q + [2.0 * np.pi * turns, 0.0]).reason == 'jump'
 
 
 # --- rejected states -----------------------------------------------------------------------------
@@ -83,29 +70,51 @@ def test_publishers_that_contradict_each_other_are_a_conflict(stamp, q, reason):
     error = one.refusal(stamp, PERIOD, q)
     assert error.reason == reason
     assert not error.is_conflict  # possibly a restart
-    assert str(error).endswith('; there are several publishers of joint_states')
     judgement = one.judge(0.01, q=Q)
     assert not judgement.restart
     assert judgement.dt == pytest.approx(0.01)
     for k in range(3 * CONFIRMATIONS):  # from then on no state resets the time
-        assert one.refusal(-0.1 + k * PERIOD, 0.01 + k * PERIOD).is_conflict
+        error = one.refusal(-0.1 + k * PERIOD, 0.01 + k * PERIOD)
+        assert error.is_conflict
+        assert str(error).endswith('; there are several publishers of joint_states')
 
 
+@pytest.mark.parametrize('crowd', [False, True])
 @pytest.mark.parametrize('clock_steps', [-5.0, 5.0])
-def test_an_idle_publisher_is_no_conflict(clock_steps):
+def test_an_idle_publisher_is_no_conflict(clock_steps, crowd):
     """A robot whose clock is set: after several successive states the time is reset."""
-    one = Watched(max_age=0.0, crowd=True)
+    one = Watched(max_age=0.0, crowd=crowd)
     one.judge(0.0)
-    for k in range(1, CONFIRMATIONS + 1):
-        error = one.refusal(clock_steps + k * PERIOD, k * PERIOD)
-        assert not error.is_conflict
-    k = CONFIRMATIONS + 1
-    judgement = one.judge(clock_steps + k * PERIOD, k * PERIOD)
-    assert judgement.restart == ('stamp jumped ahead' if clock_steps > 0.0 else 'stamp went back')
-    assert one.judge(clock_steps + (k + 1) * PERIOD, (k + 1) * PERIOD) == StateVerdict(
+    assert one.confirmed(clock_steps + PERIOD, PERIOD).restart == (
+        'stamp jumped ahead' if clock_steps > 0.0 else 'stamp went back')
+    k = CONFIRMATIONS + 2
+    assert one.judge(clock_steps + k * PERIOD, k * PERIOD) == StateVerdict(
         True, pytest.approx(PERIOD))
-    error = one.refusal(clock_steps + k * PERIOD, (k + 2) * PERIOD)
+    error = one.refusal(clock_steps + PERIOD, (k + 1) * PERIOD)
     assert not error.is_conflict  # the other publisher has ended
+
+
+@pytest.mark.parametrize(('later', 'q', 'reason'), [
+    (-1.0, Q, 'stamp went back'), (5.0, Q, 'stamp jumped ahead'), (0.0, Q + 1.0, 'jump')])
+def test_a_single_state_that_cannot_follow_is_missing(later, q, reason):
+    """An older message, or a corrupted sample, of the only publisher: the next one continues."""
+    one = started(max_age=0.0)
+    for k in range(1, 3 * CONFIRMATIONS):
+        error = one.refusal(k * PERIOD + later, k * PERIOD, q)
+        assert (error.reason, error.is_conflict) == (reason, False)
+        assert str(error).endswith('; it is not used')
+        assert one.judge(k * PERIOD) == StateVerdict(True, pytest.approx(PERIOD))
+
+
+@pytest.mark.parametrize(('stamp', 'q', 'reason', 'dt'), [
+    (-1.0, Q, 'stamp went back', None), (5.0, Q, 'stamp jumped ahead', None),
+    (PERIOD, Q + 1.0, 'jump', PERIOD)])
+def test_a_simulation_in_lock_step_restarts_at_once(stamp, q, reason, dt):
+    """It waits for the answer to each state: to drop one would stop it."""
+    one = started(max_age=0.0)
+    one.watch.is_lock_step = True
+    assert one.judge(stamp, PERIOD, q) == StateVerdict(True, pytest.approx(dt), reason)
+    assert not one.judge(stamp + PERIOD, 2 * PERIOD, q).restart
 
 
 @pytest.mark.parametrize(('good_states', 'is_conflict'), [
@@ -130,10 +139,10 @@ def test_a_contradiction_is_over_after_a_hundred_good_states(good_states, is_con
 
 @pytest.mark.parametrize('place', [
     lambda k: (PERIOD * k, Q + [1.0 + (k % 2), 0.0]),  # positions that do not follow each other
-    lambda k: (PERIOD * (100 - k), Q + [1.0, 0.0]),  # stamps that go back
-    lambda k: (PERIOD, Q + [1.0, 0.0])])  # one state, received again and again
-def test_states_that_do_not_follow_each_other_are_not_confirmed(place):
-    one = started(crowd=True)
+    lambda k: (PERIOD * (100 - k), Q + [1.0, 0.0])])  # stamps that go back
+@pytest.mark.parametrize('crowd', [False, True])
+def test_states_that_do_not_follow_each_other_are_not_confirmed(place, crowd):
+    one = started(crowd=crowd)
     for k in range(1, 4 * CONFIRMATIONS):
         stamp, q = place(k)
         assert one.refusal(stamp, k * PERIOD, q).reason == 'jump'
@@ -180,4 +189,5 @@ def test_a_clock_that_is_set_with_the_stamps_resets_or_continues(jump):
 def test_stamps_far_ahead_reset_the_time():
     one = Watched(max_age=0.0)
     one.judge(0.0)
-    assert one.judge(LONGEST_GAP + 1.0, 0.01) == StateVerdict(True, None, 'stamp jumped ahead')
+    assert one.confirmed(LONGEST_GAP + 1.0, 0.01) == StateVerdict(
+        True, None, 'stamp jumped ahead')

@@ -15,6 +15,7 @@ from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robots import arm_without_gripper
 
@@ -93,6 +94,8 @@ class LockStep:
     """
     A loop and a plant; the brakes hold the plant until the first effort.
 
+    `dropped` is the number of states that could not follow the ones before them.
+
     `sensor` may be replaced at any time; without one no states arrive. `push` (n,) [N·m] is an
     effort of the environment at a time [s].
     """
@@ -108,7 +111,7 @@ class LockStep:
         self._body = UncheckedArmDynamics(true_arm or arm).rigid_body
         self.q = middle(arm) if q is None else np.array(q, dtype=float)
         self.v = np.zeros_like(self.q) if v is None else np.array(v, dtype=float)
-        self.k = 0
+        self.k = self.dropped = 0
         self.sensor: Sensor | None = lambda q, v: (q, v)
         self.push: Callable[[float], FloatArray | float] = lambda t: 0.0
         self._effort: FloatArray | None = None
@@ -123,7 +126,10 @@ class LockStep:
         """Return the effort that the loop publishes now, or None."""
         if self.sensor is not None and self.k % self.period == 0:
             q, v = self.sensor(self.q, self.v)
-            return self.loop.answer(FIRST_STAMP + self.k * MS, q, v).effort
+            try:
+                return self.loop.answer(FIRST_STAMP + self.k * MS, q, v).effort
+            except ImplausibleStateError:
+                self.dropped += 1
         every = ACTION if self.loop.supervisor.acts_alone else WATCH
         return self.loop.tick(self.now) if self.k % every == 1 else None
 

@@ -20,7 +20,8 @@ NOW = 1_790_000_000 * SECOND
 MAX_AGE = 0.2
 Q = np.array([0.3, -0.4])
 PERIOD = 0.002
-
+CONFIRMATIONS = 5
+"""States that must follow one that does not follow the old ones."""
 
 
 def nanoseconds(seconds: float) -> int:
@@ -37,9 +38,7 @@ class Watched:
         self.watch = StatePlausibility(NAMES, limit, max_age, np.array([False, True]))
         self.offset, self.crowd = offset, crowd
 
-    def judge(
-        self, stamp: float, clock: float | None = None, q: Any = Q, v: Any = None,
-    ) -> StateVerdict:
+    def judge(self, stamp: float, clock: float | None = None, q: Any = Q) -> StateVerdict:
         """
         Check a state that arrives at `clock`, which by default is its stamp.
 
@@ -48,7 +47,7 @@ class Watched:
         stamp_ns = NOW + nanoseconds(stamp) + nanoseconds(self.offset)
         judgement = self.watch.judge(
             stamp_ns, NOW + nanoseconds(stamp if clock is None else clock),
-            np.array(q), None if v is None else np.array(v), lambda: self.crowd)
+            np.array(q), lambda: self.crowd)
         assert judgement.stamp == stamp_ns
         return judgement._replace(stamp=0)
 
@@ -57,6 +56,13 @@ class Watched:
         with pytest.raises(ImplausibleStateError) as caught:
             self.judge(*args, **more)
         return caught.value
+
+    def confirmed(self, stamp: float, clock: float | None = None, q: Any = Q) -> StateVerdict:
+        """Return the verdict on the last of six states, of which the first five are rejected."""
+        clock = stamp if clock is None else clock
+        for k in range(CONFIRMATIONS):
+            assert not self.refusal(stamp + k * PERIOD, clock + k * PERIOD, q).is_conflict
+        return self.judge(stamp + CONFIRMATIONS * PERIOD, clock + CONFIRMATIONS * PERIOD, q)
 
 
 def started(**options: Any) -> Watched:
