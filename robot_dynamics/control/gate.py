@@ -11,11 +11,12 @@ longer: v = (q_k − q_j) / (t_k − t_j) with t_k − t_j ≥ SPAN. It is late 
 IEEE Int. Conf. Robotics and Automation, 1992). No velocity can therefore drive an arm away, and a
 wrong judgement costs only bandwidth:
 
-- A sample further than FAR velocity limits from d, or exactly 0 in motion, is missing: nothing is
-  learned from it.
-- The integral of v must equal the displacement. Both are forgotten with the time constant MEMORY;
-  if they differ by more than FLOOR + RATIO times the displacement (resolution of encoders, scale
-  of the velocity), the velocity is not used until it has agreed in motion for AGREEMENT.
+- A sample further than FAR velocity limits from d, or exactly 0 in motion, is missing: the last
+  velocity is used and nothing is learned, for MISSED samples in a row.
+- The displacement lies between the integrals of the last velocity and of the present one. What is
+  outside adds up, and is forgotten with the time constant MEMORY. If it is more than FLOOR + RATIO
+  times the displacement (resolution of encoders, scale of the velocity), the velocity is not used
+  until it has agreed in motion for AGREEMENT.
 
 A joint does not stop from one sample to the next. If its position repeats bit by bit although
 velocity and last step were above MOVING, its sample is missing: its position is continued with its
@@ -41,8 +42,8 @@ from robot_dynamics.arrays import (
 
 SPAN, LEAST_SPAN = 0.008, 0.002
 """[s]; stamps of a shorter span, after a first state, are too inexact."""
-FAR, LARGEST_SPEED = 0.5, 20.0
-"""Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s]."""
+FAR, LARGEST_SPEED, MISSED = 0.5, 20.0, 2
+"""Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s], and samples."""
 FLOOR, RATIO = 0.003, 0.3
 """[rad] or [m], and share of the displacement, that integral and displacement may differ."""
 MEMORY, AGREEMENT = 0.1, 1.0
@@ -102,8 +103,10 @@ class Gate:
         self._agreed = [AGREEMENT] * n
         """[s] in motion for which the velocity of each joint has agreed with its positions."""
         self._integral, self._moved = [0.0] * n, [0.0] * n
-        self._before = [0.0] * n
+        self._before: list[float] | None = None
         """Velocities of the last state."""
+        self._missed = [0] * n
+        """Samples in a row of each velocity that are missing."""
         self._states: deque[tuple[int, FloatArray]] = deque(maxlen=_MOST)
         """Stamps [ns] and the positions in use."""
         self._measured: FloatArray = np.full(n, np.nan)
@@ -121,7 +124,8 @@ class Gate:
         self._integral, self._moved = [0.0] * len(self._far), [0.0] * len(self._far)
         self._missing = np.zeros_like(self._missing)
         self._is_missing = self._is_silent = False
-        self._left, self._check_ns = None, 0
+        self._left = self._before = None
+        self._check_ns = 0
 
     @property
     def doubtful(self) -> BoolArray:
@@ -185,29 +189,37 @@ class Gate:
     ) -> tuple[FloatArray, bool]:
         """Return the measured velocities that agree, else d, (n,), and whether d is needed."""
         used, is_late, keep = d.tolist(), False, 1.0 - min(dt / MEMORY, 1.0)
-        before, agreed, missing = self._before, self._agreed, self._missing.tolist()
-        w, m = self._integral, self._moved
-        for j, (v_j, d_j, moved_j, far) in enumerate(zip(
-                v.tolist(), used, moved.tolist(), self._far)):
+        w, m, agreed, missed = self._integral, self._moved, self._agreed, self._missed
+        before = self._before or v.tolist()
+        for j, (v_j, d_j, moved_j, far, last, is_missing) in enumerate(zip(
+                v.tolist(), used, moved.tolist(), self._far, self._v.tolist(),
+                self._missing.tolist())):
+            if is_missing:
+                v_j = d_j
+            elif not -far <= v_j - d_j <= far or v_j == 0.0 and not -MOVING <= d_j <= MOVING:
+                missed[j] += 1
+                if missed[j] <= MISSED:
+                    used[j] = last
+                    continue
+                v_j, agreed[j] = d_j, 0.0
+            else:
+                missed[j] = 0
             if not -pi < moved_j <= pi:
                 moved_j = wrap_angle(moved_j)
-            if missing[j] or not -far <= v_j - d_j <= far or (
-                    v_j == 0.0 and not -MOVING <= d_j <= MOVING):
-                v_j, v_now = d_j, d_j
-            else:
-                v_now = v_j
-            w[j] = keep * w[j] + 0.5 * dt * (v_now + before[j]) - moved_j
+            low, high = (before[j], v_j) if before[j] < v_j else (v_j, before[j])
+            w[j] = keep * w[j] + min(max(moved_j, dt * low), dt * high) - moved_j
             m[j] = keep * m[j] + moved_j
-            before[j] = v_now
+            before[j] = v_j
             tolerance = FLOOR + RATIO * abs(m[j])
             if not -tolerance <= w[j] <= tolerance:
                 agreed[j] = 0.0
-            elif agreed[j] < AGREEMENT and not -FLOOR <= m[j] <= FLOOR:
+            elif agreed[j] < AGREEMENT and not missed[j] and not -FLOOR <= m[j] <= FLOOR:
                 agreed[j] += dt
             if agreed[j] < AGREEMENT:
                 is_late = True
             else:
                 used[j] = v_j
+        self._before = before
         return np.array(used), is_late
 
     def _moved_fast(self) -> BoolArray:

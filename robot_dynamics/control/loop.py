@@ -59,7 +59,7 @@ _ENDS = {
     Mode.BRAKING: 'the arm is being stopped, because the command ends',
     Mode.STOPPING: 'the command is being ramped to zero'}
 STOPPED = '~/stop was called'
-STOP_TIME, CALM = 0.3, 0.1
+STOP_TIME, CALM = 0.5, 0.1
 """[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
 up to which they are held then: above it the lost joint moves them."""
 RECOVERY = 25
@@ -273,6 +273,10 @@ class ControlLoop:
                 if verdict.restart or verdict.time_shift or now > self.goals.stream.deadline:
                     self._follow_time(verdict, now)
                 signals = self.gate.take(verdict.stamp, q, v)
+                if signals is None and self.supervisor.limiter.last is None and (
+                        v is None or not v.any()):  # at rest since the command ended
+                    self.gate.restart()
+                    signals = self.gate.take(verdict.stamp, q, v)
                 if signals is None and self._output is not None:
                     return LoopAnswer(
                         self.supervisor.repeat(), self._output, verdict._replace(is_new=False))

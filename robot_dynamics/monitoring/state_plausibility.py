@@ -191,6 +191,7 @@ class StatePlausibility:
         has_several_publishers: Callable[[], bool],
     ) -> StateVerdict:
         if self._stamp is None:
+            self._check_is_possible(q)
             return StateVerdict(True, restart='first state')
         if stamp == self._stamp:
             return StateVerdict(False)
@@ -199,6 +200,7 @@ class StatePlausibility:
             with np.errstate(over='ignore', invalid='ignore'):  # any finite number can be measured
                 self._check_follows(dt, passed, q)
         except ImplausibleStateError as error:
+            self._check_is_possible(q)
             self._has_several = has_several_publishers()
             if not (self.is_lock_step or self._is_confirmed(stamp, q)):
                 raise
@@ -210,6 +212,14 @@ class StatePlausibility:
                 self._contradiction = CONTRADICTION
         self._contradiction = max(self._contradiction - 1, 0)
         return StateVerdict(True, dt)
+
+    def _check_is_possible(self, q: FloatArray) -> None:
+        """Raise ImplausibleStateError for a position (n,) that no arm has."""
+        j = int(np.argmax(np.abs(q)))
+        if not abs(q[j]) <= LARGEST_VALUE:
+            raise ImplausibleStateError(
+                'jump', f'position of {self._names[j]!r} is {q[j]:g}, expected at most '
+                f'{LARGEST_VALUE:g}; it is not used')
 
     def _is_confirmed(self, stamp: int, q: FloatArray) -> bool:
         """Return whether enough states that did not follow the old ones follow each other."""

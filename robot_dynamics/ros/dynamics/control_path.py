@@ -288,14 +288,13 @@ class ControlPath:
         for count in estimates.counts:
             wanted = wanted or count() > 0
         if wanted:
-            self._estimate(served, state, answer, q, v)
+            self._estimate(served, state, answer, q)
 
     def _estimate(
         self, served: _Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
-        v: FloatArray | None,
     ) -> None:
         output, verdict = answer.output, answer.verdict
-        v = v if v is not None else output.velocity
+        v = output.velocity
         gravity = output.robot_gravity
         self.estimates.update(served.reader, state, q, v, verdict, gravity)
         self.payload_samples.take(served.reader, state, q, v, verdict, gravity)
