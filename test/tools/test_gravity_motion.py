@@ -253,9 +253,9 @@ def test_a_reference_from_before_the_goal_is_not_its_end():
         watch = ArmWatch(one, arm)
         with watch.following(), goal_publication(one, arm.joint_names) as publish:
             watch.wait_ready()
-            goal = np.array(watch.measured()) + 0.1
-            watch.move(Move(goal, 0.5, 0.0), publish, lambda _: None)
-            assert watch.is_at(goal.tolist(), watch.reference[1])
+            for goal in np.array(watch.measured()) + np.array([[0.1], [0.0], [0.1], [0.0]]):
+                watch.move(Move(goal, 0.5, 0.0), publish, lambda _: None)
+                assert watch.is_at(goal.tolist(), watch.reference[1])
 
 
 @pytest.mark.soak
