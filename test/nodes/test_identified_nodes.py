@@ -25,7 +25,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.identification.pipeline import base_parameters_of, identify
 from robot_dynamics.identification.regression import bare_arm
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.model.arm_parameters import arm_from_parameters, read_parameter_file
 from robot_dynamics.model.regressor import inertial_parameters
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.recordings.joint_series import JointSeries
@@ -35,6 +35,7 @@ from robot_dynamics.ros.middleware.conversions import stamp_to_ros, trajectory_t
 from robot_dynamics.ros.middleware.recorder import Recorder, TopicSpec
 from robot_dynamics.trajectories.files import read_trajectory
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
+from robot_dynamics.validation import covariance_root
 from ros_harness import (
     DYNAMICS,
     EXACT,
@@ -170,23 +171,33 @@ def errors_of(series: JointSeries, trajectory: JointTrajectory) -> FloatArray:
     return np.asarray(measured - planned)
 
 
-def estimates_of(name: str, report: dict[str, Any]) -> list[Estimate]:
-    """Return the rotors, damping and dry friction of a report; a rotor may include bodies."""
+def estimates_of(name: str, report: dict[str, Any], written: dict[str, Any]) -> list[Estimate]:
+    """
+    Return the rotors, damping and dry friction of a report; a rotor may include bodies.
+
+    Dry friction can be a sum of two terms. Its deviation is that of the `written` parameters.
+    """
     arm, published = given_arm(name), ARMS[name]
     base = base_parameters_of(bare_arm(arm))
     true = base.matrix @ np.concatenate((inertial_parameters(arm), published.armature))
+    rows = {row['name']: row for row in report['joint_parameters']}
+    names = written['uncertainty.parameters']
+    root = covariance_root('covariance', written['uncertainty.covariance'], names)
     found = []
     for j, joint in enumerate(arm.joint_names):
         k = int(np.abs(base.matrix[:, j - arm.joint_count]).argmax())
-        rows = [('rotor', float(true[k]), report['base_parameters'][k])] + [
-            (kind, truth, row) for row in report['joint_parameters']
-            for kind, truth, starts in (
-                ('damping', published.damping[j], ('viscous',)),
-                ('dry friction', published.frictionloss[j], ('Coulomb', 'sigmoid')))
-            if row['name'].endswith(f'({joint})') and row['name'].startswith(starts)]
         found += [
             Estimate(f'{kind} of {joint}', truth, row['value'], row['standard_deviation'])
-            for kind, truth, row in rows]
+            for kind, truth, row in (
+                ('rotor', float(true[k]), report['base_parameters'][k]),
+                ('damping', published.damping[j], rows[f'viscous({joint})']))]
+        terms = [term for term in ('coulomb', 'sigmoid') if f'{term}({joint})' in names]
+        if terms:
+            at = [names.index(f'{term}({joint})') for term in terms]
+            found.append(Estimate(
+                f'dry friction of {joint}', published.frictionloss[j],
+                sum(written[f'friction.{term}'][j] for term in terms),
+                np.linalg.norm(root[at].sum(axis=0))))
     return found
 
 
@@ -225,7 +236,8 @@ def test_an_identified_arm_in_mujoco(client, tmp_path, name):
         arguments=[
             '--ros-args', '--params-file', str(folder / 'identified' / 'identified.yaml'),
             '--']), 'again')
-    estimates = estimates_of(name, report)
+    estimates = estimates_of(
+        name, report, read_parameter_file(folder / 'identified' / 'identified.yaml'))
     distances = {
         one.name: abs(one.value - one.true) / one.deviation for one in estimates
         if one.name not in LAGGED}

@@ -11,6 +11,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from typing import Any
 
 from children import TIMEOUT
@@ -238,6 +239,24 @@ def test_states_that_stop_are_an_error(client):
                     watch.wait_held(goal, 1e9)
             finally:
                 client.set_parameters('/simulated_arm', {'paused': False})
+
+
+class SlowClient(RecordingClient):
+    """It receives 50 messages a second: in lock-step, references of a second wait for it."""
+
+    def on_turn(self) -> None:
+        time.sleep(0.02)
+
+
+def test_a_reference_from_before_the_goal_is_not_its_end():
+    arm = load_arm(default_arm_urdf())
+    with SlowClient('dynamics', TIMEOUT) as one:
+        watch = ArmWatch(one, arm)
+        with watch.following(), goal_publication(one, arm.joint_names) as publish:
+            watch.wait_ready()
+            for goal in np.array(watch.measured()) + np.array([[0.1], [0.0], [0.1], [0.0]]):
+                watch.move(Move(goal, 0.5, 0.0), publish, lambda _: None)
+                assert watch.is_at(goal.tolist(), watch.reference[1])
 
 
 @pytest.mark.soak

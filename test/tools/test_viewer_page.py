@@ -111,7 +111,7 @@ def page(browser, tmp_path_factory):
     """
     directory = tmp_path_factory.mktemp('arm')
     trimesh.creation.box((0.1, 0.1, 1.0)).export(directory / 'box.stl')
-    urdf = default_arm_urdf()
+    urdf = default_arm_urdf().replace('0.9 0.45 0.1', '0.3 0.3 0.3')  # a link as red as an arc
     for box, mesh in (('0.1 0.1 1.0', 'box.stl'), ('0.08 0.08 0.8', 'gone.stl')):
         urdf = urdf.replace(f'<box size="{box}" />', f'<mesh filename="{mesh}" />')
     (directory / 'arm.urdf').write_text(urdf)

@@ -177,9 +177,10 @@ class MotionWatch:
             return now_ns - moving_ns > 1e9 * rest
 
         self._client.wait(has_ended, math.inf)
-        end_ns, position, _ = self.reference
-        if not self.is_at(goal, position):
-            self._raise_other_end(position)
+        while not self.is_at(goal, self.reference[1]):
+            self._check_other_end(self.reference[1])
+            self._client.wait(has_ended, math.inf)
+        end_ns = self.reference[0]
         self._client.wait(lambda: self.position_ns >= end_ns)
 
     def check_following(self) -> None:
@@ -209,13 +210,16 @@ class MotionWatch:
         """Return whether a reference has reached a goal."""
         return bool(np.abs(self.error(goal, position)).max() < AT_GOAL)
 
-    def _raise_other_end(self, position: Sequence[float]) -> NoReturn:
+    def _check_other_end(self, position: Sequence[float]) -> None:
+        """Raise ToolError if the reference stays at rest; it may be one from before the goal."""
+        assert self.reference is not None
         self._statuses = 0
         self._client.wait(lambda: self._statuses > 1)
         self.check_following()
-        raise ToolError(
-            f'the reference ended at {[round(value, 4) for value in position]}, not at the goal: '
-            'another reference replaced it, or infeasible_trajectory is clip')
+        if self.reference[1] == position:
+            raise ToolError(
+                f'the reference ended at {[round(value, 4) for value in position]}, not at the '
+                'goal: another reference replaced it, or infeasible_trajectory is clip')
 
     def error(self, goal: Sequence[float], position: Sequence[float]) -> 'np.ndarray[Any, Any]':
         """Return goal minus position (n,); of continuous joints the shortest angle."""
