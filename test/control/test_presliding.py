@@ -26,15 +26,13 @@ class End(NamedTuple):
     """
     The last second: largest speed, change of effort by F_c, error [rad] or [m].
 
-    `farthest` is the largest distance from the reference in the whole motion [rad] or [m], and
-    `adaptation` lists gains and compensations that were lowered.
+    `farthest` is the largest distance from the reference in the whole motion [rad] or [m].
     """
 
     speed: float
     change: float
     error: float
     farthest: float
-    adaptation: str
 
 
 def end_of_motion(case: Case, seconds: float = 3.2) -> End:
@@ -49,9 +47,8 @@ def end_of_motion(case: Case, seconds: float = 3.2) -> End:
     goal = move(one)
     speed, change = calm(one, seconds - 0.2)
     assert one.loop.supervisor.fault_count == 0
-    return End(
-        speed, change, float(np.abs(one.q - goal).max()), max(distances),
-        str(one.loop.controller.laws.adaptation))
+    assert str(one.loop.controller.laws.oscillation) == ''
+    return End(speed, change, float(np.abs(one.q - goal).max()), max(distances))
 
 
 def move(one: BristledArm) -> FloatArray:
@@ -139,6 +136,3 @@ def test_the_width_covers_the_presliding_distance(distance, width):
                 (0.7, 1.0), (3.0, 1.0), (-0.25, 0.75), (-1.0, 0.0), (-3.0, -1.0)):
             effort = friction.tracking_effort(np.array([v]), np.array([sign * share * width]))
             assert effort == pytest.approx([2.0 * sign * expected], abs=1e-6)
-    scaled = friction.tracking_effort(
-        np.zeros(1), np.array([0.8 * width]), stiffness=0.5, share=0.75)
-    assert scaled == pytest.approx([2.0 * 0.75 * 0.4])

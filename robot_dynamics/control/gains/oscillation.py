@@ -6,13 +6,14 @@ Oscillations of the loop: the gains are lowered while a joint oscillates.
 
 Elastic gearboxes, drives that are late and stiff contacts make a loop oscillate whose model is
 stable. A stable loop never shows HALF_WAVES successive half-waves of the velocity error, each
-shorter than LONGEST, whose second half is not smaller than the first. The bandwidth of all joints
-is then multiplied by STEP, again if the oscillation persists: factors that differ among coupled
-joints could let them oscillate at any gain.
+shorter than LONGEST, whose second half is SUSTAINED. The bandwidth of all joints is then
+multiplied by STEP, again if the oscillation persists: factors that differ among coupled joints
+could let them oscillate at any gain.
 
 The full gains are tried again after a hold time. It is HOLD, and doubles if the oscillation
-returns soon. Joints that have moved by MOVED since the arm came to rest with lower gains end it:
-a contact has ended, a load was set down, or a motion has begun.
+returns within the doubled time; the factor is then the one that was calm. If a joint moves by
+MOVED at lowered gains, a contact has ended, a load was set down or a motion has begun: the hold
+time is HOLD again.
 """
 
 from collections.abc import Sequence
@@ -22,14 +23,19 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import CROSSOVER, USUAL_FREQUENCY
 
 HALF_WAVES = 8
+SUSTAINED = 0.9
+"""Mean peak of the second half by that of the first, at least."""
 LONGEST = math.pi / (CROSSOVER * USUAL_FREQUENCY)
 """[s], the half-wave of the crossover of the usual gains: 0.076 s."""
-FLOOR, NOISE_FACTOR = 0.02, 3.0
+FLOOR = 0.02
+NOISE_FACTOR = 3.0
 """[rad/s] or [m/s], and standard deviations of the noise of the velocity, that a half-wave must
 exceed. White noise exceeds 3 on alternating sides within LONGEST once in 12 half-waves."""
-STEP, LEAST = 0.7, 0.1
+STEP = 0.7
+LEAST = 0.1
 """Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
-HOLD, LONGEST_HOLD = 1.0, 60.0
+HOLD = 1.0
+LONGEST_HOLD = 60.0
 """[s] without an oscillation, until the full gains are tried again."""
 MOVED = FLOOR * HOLD
 """[rad] or [m]: lower gains settle more slowly than this within HOLD."""
@@ -58,7 +64,7 @@ class _HalfWaves:
             self.restart()
         found, half = 0.0, HALF_WAVES // 2
         if len(times) == HALF_WAVES:
-            if sum(peaks[half:]) >= sum(peaks[:half]):
+            if sum(peaks[half:]) >= SUSTAINED * sum(peaks[:half]):
                 found = half / (now - times[0])
             del times[0], peaks[0]
         self._times.append(now)
@@ -102,8 +108,9 @@ class Oscillation:
     def _lower(self, now: float) -> None:
         lower = STEP * self.factor
         if self.factor == 1.0:
-            if 0.0 <= now - self._trial < 3.0 * self._hold:
-                lower, self._hold = self._calm, min(2.0 * self._hold, LONGEST_HOLD)
+            self._hold = min(2.0 * self._hold, LONGEST_HOLD)
+            if 0.0 <= now - self._trial < self._hold:
+                lower = self._calm
             else:
                 self._hold = HOLD
         self._event, self._rest = now, []
