@@ -296,8 +296,12 @@ class Controller:
 
     def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        laws = self.laws
-        if self.gains.evaluate(laws.with_reference.bounces):
+        laws, reference = self.laws, self.reference
+        has_changed = self.gains.evaluate(laws.with_reference.bounces)
+        if reference is not None and self.state is not None:
+            stamp_ns, q, v = self.state
+            has_changed |= laws.calm(stamp_ns, q, reference.velocity - v)
+        if has_changed:
             laws.scale()
             self.followed.scale(self.gains.reference_scale)
 

@@ -6,6 +6,7 @@
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import loop_gains, LoopGains, StableGains
+from robot_dynamics.control.gains.oscillation import Oscillation
 from robot_dynamics.control.laws.cartesian_impedance import CartesianImpedance
 from robot_dynamics.control.laws.computed_torque import ComputedTorque
 from robot_dynamics.control.laws.control_law import (
@@ -65,6 +66,7 @@ class ScaledLaws:
         Raises InvalidInputError for an unknown law.
         """
         self._arm, self._options, self._gains = arm, options, gains
+        self.oscillation = Oscillation(arm.joint_names)
         self.feedback = ErrorFeedback(
             options.gains, arm.joint_kinds, options.largest_error(arm.limits.velocity))
         gravity = GravityCompensation(self.feedback, options)
@@ -113,12 +115,21 @@ class ScaledLaws:
         self.scale()
 
     def scale(self) -> None:
-        """Scale the gains to the bandwidth that the states allow."""
+        """Scale the gains to the bandwidth that states and oscillations allow."""
         for law in (self.with_reference, self.at_rest):
-            law.scale_gains(self._gains.scale)
+            law.scale_gains(self._scale)
+
+    def calm(self, stamp_ns: int, q: FloatArray, velocity_error: FloatArray) -> bool:
+        """Take a state along a reference; return whether an oscillation changes the gains."""
+        return self._options.scales_gains and not self.with_reference.bounces and (
+            self.oscillation.take(1e-9 * stamp_ns, q, velocity_error, self._gains.noise))
+
+    @property
+    def _scale(self) -> FloatArray:
+        return self.oscillation.factor * self._gains.scale
 
     @property
     def feedback_gains(self) -> tuple[FloatArray, FloatArray]:
         """K_p [1/s²] and K_d [1/s] (n,) of the feedback in use, scaled."""
-        s, gains = self._gains.scale, self.feedback.gains
+        s, gains = self._scale, self.feedback.gains
         return np.asarray(s * s * gains.kp), np.asarray(s * gains.kd)

@@ -212,6 +212,7 @@ def test_late_contact_with_a_wall_hardly_gains_energy(robot, stiffness, rotors):
     energy = one.press_on_a_wall(stiffness, (1.0, 1.0, 3.0))
     assert largest_rise(energy) <= 0.01
     assert energy[-1] < 0.5**2 + 0.06  # that of the spring at the wall, and a rest
+    assert one.controller.laws.oscillation.factor >= 0.7  # at most one doubt
 
 
 def test_a_rotation_error_of_half_a_turn_does_not_jump():

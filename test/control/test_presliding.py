@@ -47,6 +47,7 @@ def end_of_motion(case: Case, seconds: float = 3.2) -> End:
     goal = move(one)
     speed, change = calm(one, seconds - 0.2)
     assert one.loop.supervisor.fault_count == 0
+    assert str(one.loop.controller.laws.oscillation) == ''
     return End(speed, change, float(np.abs(one.q - goal).max()), max(distances))
 
 

@@ -224,8 +224,13 @@ class StableGains:
         self._rated_period = period
         return self._set_scale()
 
+    @property
+    def noise(self) -> FloatArray:
+        """The standard deviation of the velocity (n,)."""
+        return self._noise.deviation
+
     def __str__(self) -> str:
-        noise = float(self._noise.deviation.max(initial=0.0))
+        noise = float(self.noise.max(initial=0.0))
         return (f'joint states at {1.0 / max(self.period, 1e-9):.0f} Hz, velocity noise of up to '
                 f'{round(noise, 6):.2g} per second')
 

@@ -111,10 +111,11 @@ class TrajectoryInput:
         loop, following = self._path.loop, self._path.counters.following
         level, words = WARN if self.refusal else OK, 'following' if following else 'none'
         missing = shortfall(loop.controller) if loop is not None and following else ''
+        oscillation = '' if loop is None else str(loop.controller.laws.oscillation)
         if loop is not None and loop.goals.interruption:
             level, words = WARN, f'ended early: {loop.goals.interruption}'
-        elif missing:
-            level, words = WARN, missing
+        elif missing or oscillation:
+            level, words = WARN, '; '.join(filter(None, (missing or words, oscillation)))
         return Status('reference', level, words, {
             'refused': self._refused, 'refusal of the latest': self.refusal,
             'accepted': self._accepted, 'goal of the latest': self._goal,

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Oscillations of the loop: the gains are lowered while a joint oscillates.
+
+Elastic gearboxes, drives that are late and stiff contacts make a loop oscillate whose model is
+stable. A stable loop never shows HALF_WAVES successive half-waves of the velocity error, each
+shorter than LONGEST, whose second half is SUSTAINED. The bandwidth of all joints is then
+multiplied by STEP, again if the oscillation persists: factors that differ among coupled joints
+could let them oscillate at any gain.
+
+The full gains are tried again after a hold time. It is HOLD, and doubles if the oscillation
+returns within the doubled time; the factor is then the one that was calm. If a joint moves by
+MOVED at lowered gains, a contact has ended, a load was set down or a motion has begun: the hold
+time is HOLD again.
+"""
+
+from collections.abc import Sequence
+import math
+
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.gain_scaling import CROSSOVER, USUAL_FREQUENCY
+
+HALF_WAVES = 8
+SUSTAINED = 0.9
+"""Mean peak of the second half by that of the first, at least."""
+LONGEST = math.pi / (CROSSOVER * USUAL_FREQUENCY)
+"""[s], the half-wave of the crossover of the usual gains: 0.076 s."""
+FLOOR = 0.02
+NOISE_FACTOR = 3.0
+"""[rad/s] or [m/s], and standard deviations of the noise of the velocity, that a half-wave must
+exceed. White noise exceeds 3 on alternating sides within LONGEST once in 12 half-waves."""
+STEP = 0.7
+LEAST = 0.1
+"""Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
+HOLD = 1.0
+LONGEST_HOLD = 60.0
+"""[s] without an oscillation, until the full gains are tried again."""
+MOVED = FLOOR * HOLD
+"""[rad] or [m]: lower gains settle more slowly than this within HOLD."""
+
+
+class _HalfWaves:
+    """The successive half-waves of the velocity error of one joint."""
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._peaks: list[float] = []
+        self._is_positive = False
+
+    def restart(self) -> None:
+        """Forget all half-waves."""
+        self._times, self._peaks = [], []
+
+    def take(self, now: float, x: float) -> float:
+        """Take a sample beyond the floor; return the frequency of an oscillation [Hz], or 0."""
+        times, peaks, is_positive = self._times, self._peaks, x > 0.0
+        if times and is_positive == self._is_positive:
+            peaks[-1] = max(peaks[-1], abs(x))
+            return 0.0
+        self._is_positive = is_positive
+        if times and not 0.0 < now - times[-1] < LONGEST:
+            self.restart()
+        found, half = 0.0, HALF_WAVES // 2
+        if len(times) == HALF_WAVES:
+            if sum(peaks[half:]) >= SUSTAINED * sum(peaks[:half]):
+                found = half / (now - times[0])
+            del times[0], peaks[0]
+        self._times.append(now)
+        self._peaks.append(abs(x))
+        return found
+
+
+class Oscillation:
+    """The common factor of the bandwidth of all joints, which oscillations lower."""
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        self.factor = 1.0
+        """In [LEAST, 1]."""
+        self._names, self._cause = joint_names, ''
+        self._joints = [_HalfWaves() for _ in joint_names]
+        self._event, self._hold = 0.0, HOLD
+        """Time [s] of the last oscillation, and time after it with lower gains."""
+        self._trial, self._calm = -math.inf, 1.0
+        """Time [s] of the last restoration, and the factor before it."""
+        self._rest: list[float] = []
+        """Positions HOLD after the last oscillation."""
+
+    def take(self, now: float, q: FloatArray, error: FloatArray, noise: FloatArray) -> bool:
+        """
+        Take positions and velocity errors (n,) at a time [s]; return whether `factor` has changed.
+
+        `noise` (n,) is the standard deviation of the noise of the velocities.
+        """
+        x, before = error.tolist(), self.factor
+        if max(x) > FLOOR or min(x) < -FLOOR:
+            for name, joint, one, sigma in zip(self._names, self._joints, x, noise.tolist()):
+                if abs(one) > max(FLOOR, NOISE_FACTOR * sigma) and (
+                        frequency := joint.take(now, one)):
+                    self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
+                    self._lower(now)
+                    break
+        if self.factor < 1.0:
+            self._restore(now, q.tolist())
+        return self.factor != before
+
+    def _lower(self, now: float) -> None:
+        lower = STEP * self.factor
+        if self.factor == 1.0:
+            self._hold = min(2.0 * self._hold, LONGEST_HOLD)
+            if 0.0 <= now - self._trial < self._hold:
+                lower = self._calm
+            else:
+                self._hold = HOLD
+        self._event, self._rest = now, []
+        if lower >= LEAST:
+            self.factor = lower
+        for joint in self._joints:
+            joint.restart()
+
+    def _restore(self, now: float, q: list[float]) -> None:
+        """Try the full gains again if it is time."""
+        passed = now - self._event
+        if not 0.0 <= passed < self._hold:
+            self.factor, self._trial, self._calm = 1.0, now, self.factor
+        elif passed >= HOLD:
+            self._rest = self._rest or q
+            if max(map(abs, map(float.__sub__, q, self._rest))) > MOVED:
+                self._hold = HOLD
+
+    def __str__(self) -> str:
+        """Return which joint oscillated, and the factor; '' with full gains."""
+        return '' if self.factor == 1.0 else (
+            f'{self._cause}: all gains are at {self.factor:.2f} of their bandwidth')

@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Oscillations of the velocity error: which lower the gains, for how long, and which do not."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lock_step_loop import directions, LockStep, smooth_arm
+import numpy as np
+import pytest
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.gains.oscillation import Oscillation
+
+RATES = st.sampled_from([125, 250, 1000])
+SIZES = st.floats(0.05, 3.0)
+FEW = settings(max_examples=20)
+
+
+def factors(
+    signal: FloatArray, rate: int, sigma: float = 0.0, q: FloatArray | None = None,
+) -> FloatArray:
+    """Return the factor (m,) after each sample of the velocity error of a joint at q (m,)."""
+    one, found = Oscillation(['joint']), []
+    q = np.zeros_like(signal) if q is None else q
+    for k in range(len(signal)):
+        one.take(100.0 + k / rate, q[k:k + 1], signal[k:k + 1], np.array([sigma]))
+        found.append(one.factor)
+    return np.array(found)
+
+
+@FEW
+@given(RATES, SIZES, st.floats(9.0, 25.0), st.floats(0.0, 3.0), st.floats(0.0, 6.0))
+def test_an_oscillation_that_does_not_decay_lowers_the_gains_within_seven_periods(
+    rate, size, frequency, growth, phase,
+):
+    t = np.arange(0.0, 7.0 / frequency + 10.0 / rate, 1.0 / rate)
+    signal = size * np.exp(growth * t) * np.sin(2.0 * np.pi * frequency * t + phase)
+    assert 0.4 < factors(signal, rate)[-1] < 0.71
+
+
+@FEW
+@given(RATES, SIZES, st.floats(3.0, 25.0), st.floats(0.05, 1.0), st.floats(0.0, 6.0))
+def test_an_oscillation_that_decays_does_not(rate, size, frequency, damping, phase):
+    t = np.arange(0.0, 2.0, 1.0 / rate)
+    omega = 2.0 * np.pi * frequency
+    signal = size * np.exp(-damping * omega * t) * np.sin(omega * t + phase)
+    assert factors(signal, rate)[-1] == 1.0
+
+
+@FEW
+@given(RATES, SIZES, st.floats(0.05, 6.0), st.floats(0.05, 6.0))
+def test_smooth_motion_does_not(rate, size, first, second):
+    t = 2.0 * np.pi * np.arange(0.0, 3.0, 1.0 / rate)
+    assert factors(size * (np.sin(first * t) + np.cos(second * t)), rate)[-1] == 1.0
+
+
+@pytest.mark.parametrize('rate', [125, 1000])
+def test_white_noise_does_not(rate):
+    rng = np.random.default_rng(rate)
+    assert factors(0.1 * rng.standard_normal(60 * rate), rate, 0.1).min() == 1.0
+
+
+def wave(seconds: float, begins: float, ends: float) -> FloatArray:
+    """Return an oscillation of 15 Hz at full gains between two times, 500 Hz."""
+    t = np.arange(0.0, seconds, 0.002)
+    return np.where((t >= begins) & (t < ends), np.sin(2.0 * np.pi * 15.0 * t), 0.0)
+
+
+def test_the_factor_has_a_lower_bound():
+    assert 0.1 <= factors(wave(5.0, 0.0, 5.0), 500)[-1] < 0.15
+
+
+def test_the_full_gains_are_tried_again_after_one_second_and_then_ever_more_rarely():
+    one, lowered = Oscillation(['joint']), []
+    for k in range(60 * 500):
+        before = one.factor
+        x = np.array([np.sin(0.06 * np.pi * k)]) * (before == 1.0)  # it oscillates at full gains
+        one.take(0.002 * k, np.zeros(1), x, np.zeros(1))
+        if one.factor < before:
+            lowered.append(0.002 * k)
+    assert str(one) == "'joint' oscillated with 15 Hz: all gains are at 0.70 of their bandwidth"
+    assert np.diff(lowered) == pytest.approx([1.3, 2.3, 4.3, 8.3, 16.3], abs=0.1)
+
+
+def test_a_motion_ends_a_long_hold_time():
+    one, moved = Oscillation(['joint']), 0.0
+    for k in range(20 * 500):
+        t = 0.002 * k
+        moved = 0.03 if t > 10.0 else 0.0
+        x = np.array([np.sin(30.0 * np.pi * t)]) * (one.factor == 1.0) * (moved == 0.0)
+        one.take(t, np.array([moved]), x, np.zeros(1))
+        if 9.0 < t < 10.0:
+            assert one.factor < 1.0
+    assert one.factor == 1.0
+
+
+@pytest.mark.parametrize('seconds', [1.0, 5.0, pytest.param(20.0, marks=pytest.mark.soak)])
+def test_two_seconds_after_a_contact_the_gains_are_as_before(seconds, seen):
+    """A stiff wall is 0.2 rad away from the arm, and its goal 0.3 rad beyond."""
+    one = LockStep(smooth_arm('default'), rate=500.0, delay=8)
+    one.run(0.5)
+    before, home, wall = gains(one), one.q, one.q[1] + 0.2
+    goal = home.copy()
+    goal[1] += 0.5
+    one.follow(goal)
+    one.push = lambda t: np.eye(len(home))[1] * min(1e5 * (wall - one.q[1]), 0.0)
+    lowest = before
+    for _ in range(round(5.0 * seconds)):
+        one.run(0.2)
+        lowest = min(lowest, gains(one))
+    one.push = lambda t: 0.0
+    one.follow(home)
+    one.run(2.0)
+    seen(f'{lowest / before:.3f} of the gains')
+    assert lowest < 0.9 * before
+    assert gains(one) > 0.95 * before
+    assert one.loop.supervisor.fault_count == 0
+
+
+def gains(one: LockStep) -> float:
+    return float(one.loop.controller.feedback_gains[1].min())
+
+
+@pytest.mark.parametrize('seed', [
+    *range(4), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(4, 60))])
+def test_a_stable_loop_never_lowers_its_gains(seed, seen):
+    """Noise, delays of up to 8 ms, steps, streams of set-points."""
+    rng = np.random.default_rng(seed)
+    name = str(rng.choice(['default', 'ur5', 'ur10', 'panda', 'xarm7', 'kinova', 'z1']))
+    one = LockStep(smooth_arm(name), rate=float(rng.choice([125, 250, 500, 1000])),
+                   delay=int(rng.integers(0, 9)))
+    sigma, n = float(rng.choice([0.0, 1e-3, 0.02])), len(one.q)
+    one.sensor = lambda q, v: (
+        q + 1e-3 * sigma * rng.standard_normal(n), v + sigma * rng.standard_normal(n))
+    home, factor = one.q, 1.0
+    one.run(0.3)
+    for way in (0.3, -0.2):
+        one.follow(home + way * directions(n) * rng.uniform(0.0, 1.0, n))
+        for _ in range(10):
+            one.run(0.1)
+            factor = min(factor, one.loop.controller.laws.oscillation.factor)
+    for k in range(40):
+        one.follow(one.q + 0.02 * directions(n) * np.sin(0.3 * k))
+        one.run(0.02)
+        factor = min(factor, one.loop.controller.laws.oscillation.factor)
+    seen(f'{name} {one.period} ms, delay {one.delay} ms, noise {sigma}')
+    assert factor == 1.0
