@@ -63,7 +63,7 @@ STOP_TIME, CALM = 0.5, 0.1
 """[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
 up to which they are held then: above it the lost joint moves them."""
 RECOVERY = 25
-"""Valid states in a row after which frozen_joint and non_finite end."""
+"""Valid states in a row after which frozen_joint ends."""
 
 
 class LoopAnswer(NamedTuple):
@@ -293,7 +293,7 @@ class ControlLoop:
                         'several_publishers', str(error), recovery=CONTRADICTION))
                 raise
             except NonFiniteEffortError as error:
-                self.fail(now, Fault('non_finite', str(error), recovery=RECOVERY))
+                self.fail(now, Fault('non_finite', str(error), latched=True))
                 raise
 
     def _answer(

@@ -67,7 +67,8 @@ def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(rate, delay, stiffnes
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
     loop = check_rest([stiffness] * 6, rate, delay, seen, 0.01, 8.0, size)
     words = str(loop.controller.laws.oscillation)
-    assert words.startswith("'shoulder_") and 'oscillated with' in words
+    assert words.startswith("'shoulder_")
+    assert 'oscillated with' in words
     loop.controller.set_options(loop.controller.options)
     assert str(loop.controller.laws.oscillation) == ''
 

@@ -77,13 +77,3 @@ def test_a_push_toward_a_limit_is_taken_away(q, v):
     active = one.limiter.active
     assert active.position.tolist() == [bool(q[0]), bool(q[1])]
     assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
-
-
-def test_a_state_without_a_velocity_has_the_position_limits():
-    one = running(PUSH, reach=1.0, velocity=2.0)
-    for k, place in enumerate((0.0, 0.995), start=1):
-        effort = one.answer(START + k * PERIOD, np.array([place, 0.0]), None, PUSH, HOLD.copy)
-        assert one.mode is Mode.RUNNING
-        assert (effort.tolist() == PUSH.tolist()) == (place == 0.0)
-    one.answer(START + 3 * PERIOD, np.array([1.1, 0.0]), None, PUSH, HOLD.copy)
-    assert one.mode is Mode.FAULT
