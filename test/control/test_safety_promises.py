@@ -178,7 +178,7 @@ def test_a_joint_whose_position_repeats_in_motion_is_frozen_after_50_ms(speed, c
 
 @pytest.mark.parametrize(('share', 'ends'), [(0.099, False), (0.101, True)])
 def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
-    """command.md: up to 0.1 of the velocity limit from 0.3 s after the fault; else a ramp."""
+    """command.md: up to 0.1 of the velocity limit from 0.5 s after the fault; else a ramp."""
     one = Fed(arm_named('default'), Q).states(20, 0.3)
     one.state([0.3, 0.0])
     efforts = [one.state([10.0 * share, 0.0]) for _ in range(700)]
@@ -186,7 +186,7 @@ def test_an_arm_with_a_frozen_joint_is_held_while_the_others_rest(share, ends):
     gone = [effort is None for effort in efforts]
     assert any(gone) == ends
     if ends:  # the ramp of 0.5 s included
-        assert 0.002 * gone.index(True) == pytest.approx(0.05 + 0.3 + 0.5, abs=0.01)
+        assert 0.002 * gone.index(True) == pytest.approx(0.05 + 0.5 + 0.5, abs=0.01)
 
 
 def test_a_following_error_is_that_of_300_ms_at_the_velocity_limit():
