@@ -66,7 +66,7 @@ class ScaledLaws:
         Raises InvalidInputError for an unknown law.
         """
         self._arm, self._options, self._gains = arm, options, gains
-        self.oscillation = Oscillation(arm.joint_names)
+        self.oscillation = Oscillation(arm.joint_names, lambda: gains.noise)
         self.feedback = ErrorFeedback(
             options.gains, arm.joint_kinds, options.largest_error(arm.limits.velocity))
         gravity = GravityCompensation(self.feedback, options)
@@ -122,7 +122,7 @@ class ScaledLaws:
     def calm(self, stamp_ns: int, q: FloatArray, velocity_error: FloatArray) -> bool:
         """Take a state along a reference; return whether an oscillation changes the gains."""
         return self._options.scales_gains and not self.with_reference.bounces and (
-            self.oscillation.take(1e-9 * stamp_ns, q, velocity_error, self._gains.noise))
+            self.oscillation.take(1e-9 * stamp_ns, q, velocity_error))
 
     @property
     def _scale(self) -> FloatArray:

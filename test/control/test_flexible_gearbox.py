@@ -66,8 +66,7 @@ def test_wrists_with_flexible_gearboxes_come_to_rest(stiffness, rate, delay, see
 def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(rate, delay, stiffness, size, seen):
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
     loop = check_rest([stiffness] * 6, rate, delay, seen, 0.01, 8.0, size)
-    words = str(loop.controller.laws.oscillation)
-    assert words.startswith("'shoulder_") and 'oscillated with' in words
+    assert str(loop.controller.laws.oscillation).startswith("'shoulder_")
     loop.controller.set_options(loop.controller.options)
     assert str(loop.controller.laws.oscillation) == ''
 

@@ -16,7 +16,7 @@ MOVED at lowered gains, a contact has ended, a load was set down or a motion has
 time is HOLD again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
 from robot_dynamics.arrays import FloatArray
@@ -25,12 +25,13 @@ from robot_dynamics.control.gains.gain_scaling import CROSSOVER, USUAL_FREQUENCY
 HALF_WAVES = 8
 SUSTAINED = 0.9
 """Mean peak of the second half by that of the first, at least."""
-LONGEST = math.pi / (CROSSOVER * USUAL_FREQUENCY)
-"""[s], the half-wave of the crossover of the usual gains: 0.076 s."""
+LONGEST = 0.5 * math.pi / (CROSSOVER * USUAL_FREQUENCY)
+"""[s], the half-wave at twice the crossover of the usual gains: 13 Hz. The compensation of
+friction oscillates more slowly (10 Hz at joints without rotors); lower gains do not calm it."""
 FLOOR = 0.02
 NOISE_FACTOR = 3.0
 """[rad/s] or [m/s], and standard deviations of the noise of the velocity, that a half-wave must
-exceed. White noise exceeds 3 on alternating sides within LONGEST once in 12 half-waves."""
+exceed. At 1 kHz, one in 20 half-waves of white noise above 3 is shorter than LONGEST."""
 STEP = 0.7
 LEAST = 0.1
 """Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
@@ -75,10 +76,11 @@ class _HalfWaves:
 class Oscillation:
     """The common factor of the bandwidth of all joints, which oscillations lower."""
 
-    def __init__(self, joint_names: Sequence[str]) -> None:
+    def __init__(self, joint_names: Sequence[str], noise: Callable[[], FloatArray]) -> None:
+        """`noise` returns the standard deviation (n,) of the noise of the velocities."""
         self.factor = 1.0
         """In [LEAST, 1]."""
-        self._names, self._cause = joint_names, ''
+        self._names, self._noise, self._cause = joint_names, noise, ''
         self._joints = [_HalfWaves() for _ in joint_names]
         self._event, self._hold = 0.0, HOLD
         """Time [s] of the last oscillation, and time after it with lower gains."""
@@ -87,17 +89,13 @@ class Oscillation:
         self._rest: list[float] = []
         """Positions HOLD after the last oscillation."""
 
-    def take(self, now: float, q: FloatArray, error: FloatArray, noise: FloatArray) -> bool:
-        """
-        Take positions and velocity errors (n,) at a time [s]; return whether `factor` has changed.
-
-        `noise` (n,) is the standard deviation of the noise of the velocities.
-        """
+    def take(self, now: float, q: FloatArray, error: FloatArray) -> bool:
+        """Take position and velocity error (n,) at a time [s]; return whether `factor` changes."""
         x, before = error.tolist(), self.factor
         if max(x) > FLOOR or min(x) < -FLOOR:
-            for name, joint, one, sigma in zip(self._names, self._joints, x, noise.tolist()):
-                if abs(one) > max(FLOOR, NOISE_FACTOR * sigma) and (
-                        frequency := joint.take(now, one)):
+            noise = (NOISE_FACTOR * self._noise()).tolist()
+            for name, joint, one, least in zip(self._names, self._joints, x, noise):
+                if abs(one) > max(FLOOR, least) and (frequency := joint.take(now, one)):
                     self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
                     self._lower(now)
                     break
