@@ -300,7 +300,8 @@ class Controller:
         has_changed = self.gains.evaluate(laws.with_reference.bounces)
         if reference is not None and self.state is not None:
             stamp_ns, q, v = self.state
-            has_changed |= laws.calm(stamp_ns, q, reference.velocity - v)
+            has_changed |= laws.calm(
+                stamp_ns, self.position_error(reference.position, q), reference.velocity - v)
         if has_changed:
             laws.scale()
             self.followed.scale(self.gains.reference_scale)

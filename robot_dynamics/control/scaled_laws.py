@@ -66,7 +66,7 @@ class ScaledLaws:
         Raises InvalidInputError for an unknown law.
         """
         self._arm, self._options, self._gains = arm, options, gains
-        self.oscillation = Oscillation(arm.joint_names)
+        self.oscillation = Oscillation(arm.joint_names, lambda: gains.noise)
         self.feedback = ErrorFeedback(
             options.gains, arm.joint_kinds, options.largest_error(arm.limits.velocity))
         gravity = GravityCompensation(self.feedback, options)
@@ -119,10 +119,10 @@ class ScaledLaws:
         for law in (self.with_reference, self.at_rest):
             law.scale_gains(self._scale)
 
-    def calm(self, stamp_ns: int, q: FloatArray, velocity_error: FloatArray) -> bool:
-        """Take a state along a reference; return whether an oscillation changes the gains."""
+    def calm(self, stamp_ns: int, error: FloatArray, velocity_error: FloatArray) -> bool:
+        """Take the errors of a state; return whether an oscillation changes the gains."""
         return self._options.scales_gains and not self.with_reference.bounces and (
-            self.oscillation.take(1e-9 * stamp_ns, q, velocity_error, self._gains.noise))
+            self.oscillation.take(1e-9 * stamp_ns, error, velocity_error))
 
     @property
     def _scale(self) -> FloatArray:

@@ -60,25 +60,33 @@ def test_wrists_with_flexible_gearboxes_come_to_rest(stiffness, rate, delay, see
     assert rate < 500 or str(loop.controller.laws.oscillation) == ''
 
 
-@pytest.mark.parametrize(('rate', 'delay', 'stiffness', 'size'), [
-    (500, 4, 40e3, 0.35), *(pytest.param(125, 0, 14e3, size, marks=pytest.mark.soak)
-                            for size in (0.2, 0.35, 0.5))])
-def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(rate, delay, stiffness, size, seen):
+def test_gearboxes_of_the_shoulder_make_it_lower_its_gains(seen):
     """The rotor is a ninth of the inertia: fast motions see nine times the gain."""
-    loop = check_rest([stiffness] * 6, rate, delay, seen, 0.01, 8.0, size)
-    words = str(loop.controller.laws.oscillation)
-    assert words.startswith("'shoulder_")
-    assert 'oscillated with' in words
+    loop = check_rest([40e3] * 6, 500, 4, seen, 0.01, 13.0)
+    assert str(loop.controller.laws.oscillation).startswith("'shoulder_")
     loop.controller.set_options(loop.controller.options)
     assert str(loop.controller.laws.oscillation) == ''
 
 
+def test_lowered_gains_do_not_let_an_unknown_load_fall(seen):
+    """30 N·m act on the shoulder from 1.5 s on."""
+    one = FlexibleArm(np.full(6, 60e3), 500, 4)
+    goal = one.q + 0.35 * directions(6)
+    one.push = lambda t: -30.0 * np.eye(6)[1] * (t > 1.5)
+    one.run(0.2)
+    one.follow(goal)
+    farthest = float(np.abs(one.run(5.8).last(4.0).q - goal).max())
+    seen(f'{farthest:.3f} rad')
+    assert one.loop.supervisor.fault_count == 0
+    assert farthest < 0.5
+
+
 def check_rest(
     stiffness: list[float], rate: int, delay: int, seen: Any, error: float = 1e-3,
-    seconds: float = 4.0, size: float = 0.35,
+    seconds: float = 4.0,
 ) -> ControlLoop:
     one = FlexibleArm(np.array(stiffness), rate, delay)
-    goal = one.q + size * directions(6)
+    goal = one.q + 0.35 * directions(6)
     one.run(0.2)
     one.follow(goal)
     one.run(seconds - 0.2)

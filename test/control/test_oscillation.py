@@ -16,20 +16,17 @@ SIZES = st.floats(0.05, 3.0)
 FEW = settings(max_examples=20)
 
 
-def factors(
-    signal: FloatArray, rate: int, sigma: float = 0.0, q: FloatArray | None = None,
-) -> FloatArray:
-    """Return the factor (m,) after each sample of the velocity error of a joint at q (m,)."""
-    one, found = Oscillation(['joint']), []
-    q = np.zeros_like(signal) if q is None else q
+def factors(signal: FloatArray, rate: int, sigma: float = 0.0) -> FloatArray:
+    """Return the factor (m,) after each sample of the velocity error of a joint."""
+    one, found = Oscillation(['joint'], lambda: np.array([sigma])), []
     for k in range(len(signal)):
-        one.take(100.0 + k / rate, q[k:k + 1], signal[k:k + 1], np.array([sigma]))
+        one.take(100.0 + k / rate, np.zeros(1), signal[k:k + 1])
         found.append(one.factor)
     return np.array(found)
 
 
 @FEW
-@given(RATES, SIZES, st.floats(9.0, 25.0), st.floats(0.0, 3.0), st.floats(0.0, 6.0))
+@given(RATES, SIZES, st.floats(18.0, 25.0), st.floats(0.0, 3.0), st.floats(0.0, 6.0))
 def test_an_oscillation_that_does_not_decay_lowers_the_gains_within_seven_periods(
     rate, size, frequency, growth, phase,
 ):
@@ -71,27 +68,26 @@ def test_the_factor_has_a_lower_bound():
 
 
 def test_the_full_gains_are_tried_again_after_one_second_and_then_ever_more_rarely():
-    one, lowered = Oscillation(['joint']), []
+    one, lowered = Oscillation(['joint'], lambda: np.zeros(1)), []
     for k in range(60 * 500):
         before = one.factor
         x = np.array([np.sin(0.06 * np.pi * k)]) * (before == 1.0)  # it oscillates at full gains
-        one.take(0.002 * k, np.zeros(1), x, np.zeros(1))
+        one.take(0.002 * k, np.zeros(1), x)
         if one.factor < before:
             lowered.append(0.002 * k)
     assert str(one) == "'joint' oscillated with 15 Hz: all gains are at 0.70 of their bandwidth"
     assert np.diff(lowered) == pytest.approx([1.3, 2.3, 4.3, 8.3, 16.3], abs=0.1)
 
 
-def test_a_motion_ends_a_long_hold_time():
-    one, moved = Oscillation(['joint']), 0.0
+def test_a_joint_that_yields_gets_the_full_gains_at_once():
+    one, moved = Oscillation(['joint'], lambda: np.zeros(1)), 0.0
     for k in range(20 * 500):
         t = 0.002 * k
         moved = 0.03 if t > 10.0 else 0.0
         x = np.array([np.sin(30.0 * np.pi * t)]) * (one.factor == 1.0) * (moved == 0.0)
-        one.take(t, np.array([moved]), x, np.zeros(1))
-        if 9.0 < t < 10.0:
-            assert one.factor < 1.0
-    assert one.factor == 1.0
+        one.take(t, np.array([moved]), x)
+        if t > 9.0:
+            assert (one.factor < 1.0) == (moved == 0.0)
 
 
 @pytest.mark.parametrize('seconds', [1.0, 5.0, pytest.param(20.0, marks=pytest.mark.soak)])

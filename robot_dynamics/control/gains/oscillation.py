@@ -11,26 +11,28 @@ multiplied by STEP, again if the oscillation persists: factors that differ among
 could let them oscillate at any gain.
 
 The full gains are tried again after a hold time. It is HOLD, and doubles if the oscillation
-returns within the doubled time; the factor is then the one that was calm. If a joint moves by
-MOVED at lowered gains, a contact has ended, a load was set down or a motion has begun: the hold
-time is HOLD again.
+returns within the doubled time; the factor is then the one that was calm. If the position error of
+a joint has changed by MOVED, a contact has ended or a load pulls: the full gains act at once, and
+the hold time is HOLD again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
+import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.gains.gain_scaling import CROSSOVER, USUAL_FREQUENCY
 
 HALF_WAVES = 8
 SUSTAINED = 0.9
 """Mean peak of the second half by that of the first, at least."""
-LONGEST = math.pi / (CROSSOVER * USUAL_FREQUENCY)
-"""[s], the half-wave of the crossover of the usual gains: 0.076 s."""
+LONGEST = 0.5 * math.pi / (CROSSOVER * USUAL_FREQUENCY)
+"""[s], the half-wave at twice the crossover of the usual gains: 13 Hz. The compensation of
+friction oscillates more slowly (10 Hz at joints without rotors); lower gains do not calm it."""
 FLOOR = 0.02
 NOISE_FACTOR = 3.0
 """[rad/s] or [m/s], and standard deviations of the noise of the velocity, that a half-wave must
-exceed. White noise exceeds 3 on alternating sides within LONGEST once in 12 half-waves."""
+exceed. At 1 kHz, one in 20 half-waves of white noise above 3 is shorter than LONGEST."""
 STEP = 0.7
 LEAST = 0.1
 """Factor of the bandwidth after HALF_WAVES, and the smallest product of these factors."""
@@ -38,7 +40,7 @@ HOLD = 1.0
 LONGEST_HOLD = 60.0
 """[s] without an oscillation, until the full gains are tried again."""
 MOVED = FLOOR * HOLD
-"""[rad] or [m]: lower gains settle more slowly than this within HOLD."""
+"""[rad] or [m]"""
 
 
 class _HalfWaves:
@@ -75,37 +77,34 @@ class _HalfWaves:
 class Oscillation:
     """The common factor of the bandwidth of all joints, which oscillations lower."""
 
-    def __init__(self, joint_names: Sequence[str]) -> None:
+    def __init__(self, joint_names: Sequence[str], noise: Callable[[], FloatArray]) -> None:
+        """`noise` returns the standard deviation (n,) of the noise of the velocities."""
         self.factor = 1.0
         """In [LEAST, 1]."""
-        self._names, self._cause = joint_names, ''
+        self._names, self._noise, self._cause = joint_names, noise, ''
         self._joints = [_HalfWaves() for _ in joint_names]
         self._event, self._hold = 0.0, HOLD
         """Time [s] of the last oscillation, and time after it with lower gains."""
         self._trial, self._calm = -math.inf, 1.0
         """Time [s] of the last restoration, and the factor before it."""
-        self._rest: list[float] = []
-        """Positions HOLD after the last oscillation."""
+        self._error: FloatArray = np.zeros(len(joint_names))
+        """Position errors (n,) at the last oscillation."""
 
-    def take(self, now: float, q: FloatArray, error: FloatArray, noise: FloatArray) -> bool:
-        """
-        Take positions and velocity errors (n,) at a time [s]; return whether `factor` has changed.
-
-        `noise` (n,) is the standard deviation of the noise of the velocities.
-        """
-        x, before = error.tolist(), self.factor
+    def take(self, now: float, error: FloatArray, velocity_error: FloatArray) -> bool:
+        """Take the errors of a state (n,) at a time [s]; return whether `factor` changes."""
+        x, before = velocity_error.tolist(), self.factor
+        if before < 1.0:
+            self._restore(now, error)
         if max(x) > FLOOR or min(x) < -FLOOR:
-            for name, joint, one, sigma in zip(self._names, self._joints, x, noise.tolist()):
-                if abs(one) > max(FLOOR, NOISE_FACTOR * sigma) and (
-                        frequency := joint.take(now, one)):
+            noise = (NOISE_FACTOR * self._noise()).tolist()
+            for name, joint, one, least in zip(self._names, self._joints, x, noise):
+                if abs(one) > max(FLOOR, least) and (frequency := joint.take(now, one)):
                     self._cause = f'{name!r} oscillated with {frequency:.0f} Hz'
-                    self._lower(now)
+                    self._lower(now, error)
                     break
-        if self.factor < 1.0:
-            self._restore(now, q.tolist())
         return self.factor != before
 
-    def _lower(self, now: float) -> None:
+    def _lower(self, now: float, error: FloatArray) -> None:
         lower = STEP * self.factor
         if self.factor == 1.0:
             self._hold = min(2.0 * self._hold, LONGEST_HOLD)
@@ -113,21 +112,18 @@ class Oscillation:
                 lower = self._calm
             else:
                 self._hold = HOLD
-        self._event, self._rest = now, []
+        self._event, self._error = now, error
         if lower >= LEAST:
             self.factor = lower
         for joint in self._joints:
             joint.restart()
 
-    def _restore(self, now: float, q: list[float]) -> None:
-        """Try the full gains again if it is time."""
-        passed = now - self._event
-        if not 0.0 <= passed < self._hold:
-            self.factor, self._trial, self._calm = 1.0, now, self.factor
-        elif passed >= HOLD:
-            self._rest = self._rest or q
-            if max(map(abs, map(float.__sub__, q, self._rest))) > MOVED:
-                self._hold = HOLD
+    def _restore(self, now: float, error: FloatArray) -> None:
+        """Try the full gains again if it is time, or if a joint has left its position."""
+        has_moved = bool((np.abs(error - self._error) > MOVED).any())
+        if has_moved or not 0.0 <= now - self._event < self._hold:
+            self._trial, self._calm = -math.inf if has_moved else now, self.factor
+            self.factor = 1.0
 
     def __str__(self) -> str:
         """Return which joint oscillated, and the factor; '' with full gains."""
