@@ -23,7 +23,7 @@ from supervised import (
 
 
 def braking(**options: Any) -> CommandSupervisor:
-    one = running(PUSH, **options)
+    one = running(PUSH, end_action='ramp_to_zero', **options)
     assert one.brake(START)
     assert one.mode is Mode.BRAKING
     assert one.is_commanding
@@ -65,7 +65,7 @@ def test_without_states_a_stop_ends_with_the_ramp(state_timeout, longest):
     assert one.tick(START + longest + 0.001) is not None
     assert one.mode is Mode.STOPPING
     assert one.fault is None
-    one = running(state_timeout=state_timeout)
+    one = running(end_action='ramp_to_zero', state_timeout=state_timeout)
     assert not one.brake(START + longest + 0.001)
     assert one.mode is Mode.STOPPING
 

@@ -22,7 +22,6 @@ from fault_bench import (
     TimedCollector,
 )
 import numpy as np
-from robot_dynamics.planar.urdf import default_arm_urdf
 from ros_harness import TIMEOUT, wait_until
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -119,29 +118,32 @@ def wait_effort(bench: FaultBench, effort: Any) -> None:
     bench.efforts.wait_for(lambda message: np.allclose(message.effort, effort, atol=1e-6))
 
 
-def sliding_arm_urdf() -> str:
-    """Return the default arm whose second joint slides along the first link, without end."""
-    first, second = default_arm_urdf().split('<joint name="joint2" type="continuous">')
-    return f'{first}<joint name="joint2" type="prismatic">' + second.replace(
-        '<axis xyz="0 1 0" />', '<axis xyz="0 0 1" />').replace(
-        '<limit ', '<limit lower="-1.7e308" upper="1.7e308" ')
+class RunAway:
+    """Change the state of an arm to one of which the first joint becomes faster, up to a speed."""
+
+    ACCELERATION, FASTEST = 60.0, 18.0
+    """[rad/s²], and [rad/s]: the limit is 10 rad/s."""
+
+    def __init__(self) -> None:
+        self._begin_ns = 0
+
+    def __call__(self, message: JointState) -> JointState:
+        stamp = nanoseconds_of(message.header.stamp)
+        self._begin_ns = self._begin_ns or stamp
+        t = 1e-9 * (stamp - self._begin_ns)
+        rise = min(t, self.FASTEST / self.ACCELERATION)
+        v = self.ACCELERATION * rise
+        message.position = [Q[0] + 0.5 * v * rise + v * (t - rise), Q[1]]
+        message.velocity = [v, 0.0]
+        return message
 
 
-SLIDING = sliding_arm_urdf()
-SLIDING_G = [-57.37217781, 20.81015257]
-"""g(q) of this arm at `Q` [N·m] and [N]."""
-
-
-def overflow(bench: FaultBench) -> None:
-    """
-    Cause the fault `non_finite` of a sliding arm, after which the driver pauses.
-
-    Inertia and gravity at this position are beyond the range of numbers. Single states with it
-    are dropped.
-    """
-    bench.driver.stream_changed(altered(position=[Q[0], 1e308]))
-    bench.wait_fault('non_finite')
+def run_away(bench: FaultBench) -> None:
+    """Cause the latched fault `wrong_drive`, after which the driver pauses."""
+    bench.driver.stream_changed(RunAway())
+    bench.wait_fault('wrong_drive')
     bench.driver.be_quiet()
+    bench.driver.change = lambda message: message
 
 
 def from_now(bench: FaultBench) -> int:
