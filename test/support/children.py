@@ -19,7 +19,7 @@ import subprocess
 import sys
 from typing import Any
 
-TIMEOUT = 20.0
+TIMEOUT = 120.0
 """
 Bound of a wait for one event [s]: the start of a node, a message, an answer, the end of a node.
 
