@@ -472,7 +472,6 @@ STATED: dict[str, Any] = {
     'of 0.5 s (UR10,': test_velocities_grow,
     'at most 0.05 s count': test_rate_of_change,
     'more than 8 ms of delay in addition to the period': test_gains_for_8_ms,
-    'below about 40,000 N·m/rad': 'test_flexible_gearbox.py',
     'given 0.6 to 1.4 times': test_wrong_friction,
     'the arm stops and is held, within 2.5 s': test_stop_at_the_end,
     'After three faults of the motion, references wait': test_three_faults,
