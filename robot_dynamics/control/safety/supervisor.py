@@ -212,7 +212,7 @@ class CommandSupervisor:
         return self.limiter.rate_limited(command, passed)
 
     def answer(
-        self, now: float, q: FloatArray, v: FloatArray | None, command: FloatArray,
+        self, now: float, q: FloatArray, v: FloatArray, command: FloatArray,
         holding: HoldingEffort, dt: float | None = None, brake: Brake | None = None,
         fault: Fault | None = None, equation: MotionEquation | None = None,
         follows: bool = False,
@@ -421,9 +421,7 @@ class CommandSupervisor:
             POSITION_LIMIT, f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
             f'limit, expected at most {margin:g} (position_limit_tolerance)', recovery=5)
 
-    def _overspeed(self, v: FloatArray | None) -> Fault | None:
-        if v is None:
-            return None
+    def _overspeed(self, v: FloatArray) -> Fault | None:
         limit, factor = self.limiter.limits.velocity, self.options.overspeed
         ratio = np.abs(v) / limit
         j = int(np.argmax(ratio))
