@@ -19,7 +19,7 @@ efforts = st.lists(st.floats(-LARGEST, LARGEST), min_size=2, max_size=2).map(np.
 positions = st.lists(
     st.floats(-0.9, 0.9) | st.sampled_from([0.995, -1.005, 1.02]), min_size=2, max_size=2,
 ).map(np.array)
-velocities = st.none() | st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2).map(np.array)
+velocities = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2).map(np.array)
 pauses = st.sampled_from([0.0, 0.001, 0.002, 0.01]) | st.floats(0.0, 0.3)
 faults = st.sampled_from([
     Fault('easy', 'words'), Fault('hard', 'words', recovery=3),
