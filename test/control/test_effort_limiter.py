@@ -122,12 +122,30 @@ def forbidden(step: Step) -> np.ndarray:
     return signs
 
 
+def toward(step):
+    """Return a step in which no joint moves away from a limit that it is beyond."""
+    at = (step.q > UPPER - MARGIN).astype(float) - (step.q < LOWER + MARGIN)
+    return step if step.v is None else step._replace(
+        v=np.where(at * step.v < 0.0, -step.v, step.v))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_joint_that_moves_away_from_a_limit_is_braked_by_20_per_second(sign):
+    one = guard(rate=1e9)
+    one.last = np.zeros(N)
+    for push, is_held in ((1.99, False), (2.01, True)):
+        guarded = guarded_by(one, Step(
+            np.full(N, sign * push), np.zeros(N), np.full(N, sign * 9.0),
+            np.full(N, -sign * 0.1), 0.01))
+        assert guarded.by_position.tolist() == [is_held, is_held]
+
+
 @laws
 @given(st.lists(STEPS, min_size=1, max_size=10))
 def test_a_push_that_a_limit_forbids_only_ever_fades(steps):
     """It decreases by the fraction of all changes that the rates permit; no push begins."""
     one = guard()
-    for step in steps:
+    for step in map(toward, steps):
         last = step.hold if one.last is None else one.last
         before, signs = last - step.hold, forbidden(step)
         push, wanted = guarded_by(one, step).effort - step.hold, step.effort - step.hold
@@ -143,7 +161,7 @@ def test_a_push_that_a_limit_forbids_only_ever_fades(steps):
 @given(STEPS)
 def test_only_a_push_past_the_limit_is_reduced(step):
     """With a rate that allows any step: exactly to the gravity torque; other efforts unchanged."""
-    one = guard(rate=1e9)
+    one, step = guard(rate=1e9), toward(step)
     one.last = np.zeros(N)
     effort, by_position, by_velocity, by_rate = guarded_by(one, step._replace(dt=LONGEST_STEP))
     push, signs = step.effort - step.hold, forbidden(step)

@@ -106,6 +106,9 @@ MotionEquation = Callable[
     [FloatArray, FloatArray | None], tuple[FloatArray, FloatArray]]
 """Returns M(q) (n, n), and C(q, v) v + friction (n,); the velocity v may be unknown (None)."""
 
+BRAKING = 20.0
+"""[1/s]: acceleration toward a limit, by the velocity away from it, that only brakes a joint."""
+
 
 class ActiveLimits(NamedTuple):
     """The joints (n,) whose effort each limit has changed."""
@@ -148,8 +151,9 @@ class EffortLimiter:
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
-            by_position = ((a > 0.0) & (q > limits.soft_upper)) | (
-                (a < 0.0) & (q < limits.soft_lower))
+            braking = 0.0 if v is None else -BRAKING * v  # of a joint that moves away from a limit
+            by_position = ((a > np.maximum(braking, 0.0)) & (q > limits.soft_upper)) | (
+                (a < np.minimum(braking, 0.0)) & (q < limits.soft_lower))
             if v is not None:
                 by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)
             is_held = by_position | by_velocity
