@@ -169,7 +169,7 @@ def test_silence_and_deactivation_while_the_clock_stands(bench):
         one.next_status('command')
         one.check_alive()
         assert one.change(Transition.TRANSITION_DEACTIVATE)
-        one.wait_silent()
+        one.wait_message('command', 'inactive')
         one.efforts.check_steps(RATE)
         assert one.change(Transition.TRANSITION_ACTIVATE)
         one.check_alive()

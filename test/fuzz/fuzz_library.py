@@ -73,7 +73,8 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
         elif hasattr(event, 'inertia'):
             controller.set_payloads(loads_of(arm, event), 0.5, payloads_done.append)
         else:
-            output = controller.update(stamp, *reader.read(event))
+            q, v = reader.read(event)
+            output = controller.update(stamp, q, 0.0 * q if v is None else v)
             check_finite(floats_to_ros(output.gravity_compensation), 'gravity')
             if output.computed_torque is not None:
                 check_finite(floats_to_ros(output.computed_torque), 'computed_torque')

@@ -212,7 +212,9 @@ def disturbed_arm(client: RosClient, name: str) -> Iterator[DisturbedArm]:
     """Run a node at default parameters for an arm at rest."""
     urdf, joints, namespace = robot_urdf(name), JOINTS.get(name, []), f'/{name}_{next(NUMBERS)}'
     with NodeProcess(
-            DYNAMICS, {'robot_description': urdf, 'joints': joints, **PATIENCE},
+            DYNAMICS, {
+                'robot_description': urdf, 'joints': joints, 'end_action': 'ramp_to_zero',
+                **PATIENCE},
             namespace=namespace) as node:
         bench = DisturbedArm(client, namespace, node, load_arm(urdf, joints))
         try:
