@@ -31,6 +31,9 @@ from robot_dynamics.references.follower import ActiveTrajectory
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
+LOOK_NS = 4_900_000
+"""[ns] between two looks for an oscillation, which has at most 95 Hz."""
+
 
 class Controller:
     """
@@ -60,6 +63,7 @@ class Controller:
         """The trajectory or stop that is followed."""
         self.gains = StableGains(arm.joint_count)
         """Period and noise of the joint states, and the bandwidth that they allow."""
+        self._looked_ns = 0
         self.state: LastState | None = None
         """The last state with a velocity, or None."""
         self.may_hold = True
@@ -296,12 +300,14 @@ class Controller:
 
     def evaluate(self) -> None:
         """Adapt gains and references to the last state; the caller holds `lock`."""
-        laws, reference = self.laws, self.reference
+        laws, state = self.laws, self.state
         has_changed = self.gains.evaluate(laws.with_reference.bounces)
-        if reference is not None and self.state is not None:
-            stamp_ns, q, v = self.state
-            has_changed |= laws.calm(
-                stamp_ns, self.position_error(reference.position, q), reference.velocity - v)
+        if state is not None and not 0 <= state[0] - self._looked_ns < LOOK_NS:
+            self._looked_ns, q, v = state
+            reference = self.reference
+            if reference is not None:
+                has_changed |= laws.calm(
+                    state[0], self.position_error(reference.position, q), reference.velocity - v)
         if has_changed:
             laws.scale()
             self.followed.scale(self.gains.reference_scale)

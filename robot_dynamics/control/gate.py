@@ -171,7 +171,7 @@ class Gate:
         span = (stamp_ns - begin_ns) / NANOSECONDS_PER_SECOND
         d, lost, delay = self._v, None, 0.5 * span
         if span >= LEAST_SPAN:
-            d = np.asarray(moved / span)
+            d = moved / span
         if self._is_missing:
             lost = self._missing & (stamp_ns - self._since_ns > _LOST_NS)
             d = np.where(self._missing, self._v, d)
@@ -207,10 +207,14 @@ class Gate:
             if not -pi < moved_j <= pi:
                 moved_j = wrap_angle(moved_j)
             low, high = (before[j], v_j) if before[j] < v_j else (v_j, before[j])
-            w[j] = keep * w[j] + min(max(moved_j, dt * low), dt * high) - moved_j
+            w[j] = keep * w[j]
+            if moved_j < dt * low:
+                w[j] += dt * low - moved_j
+            elif moved_j > dt * high:
+                w[j] += dt * high - moved_j
             m[j] = keep * m[j] + moved_j
             before[j] = v_j
-            tolerance = FLOOR + RATIO * abs(m[j])
+            tolerance = FLOOR + RATIO * (m[j] if m[j] > 0.0 else -m[j])
             if not -tolerance <= w[j] <= tolerance:
                 agreed[j] = 0.0
             elif agreed[j] < AGREEMENT and not missed[j] and not -FLOOR <= m[j] <= FLOOR:

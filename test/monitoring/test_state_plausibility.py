@@ -47,10 +47,12 @@ def test_a_way_longer_than_the_speed_allows_is_a_jump(sign, limit, dt, longest):
 
 
 @pytest.mark.filterwarnings('error')
-def test_beyond_all_distances_nothing_overflows():
-    one, q = Watched(), np.array([1.7e308, -1.7e308])
-    assert one.judge(0.0, q=q) == StateVerdict(True, None, 'first state')
-    assert one.confirmed(0.5, q=-q) == StateVerdict(True, pytest.approx(0.51), 'jump')
+def test_positions_beyond_all_arms_are_never_used_and_nothing_overflows():
+    one = Watched()
+    for k in range(20):
+        q = np.array([1.1e9, 0.0]) if k % 2 else np.array([1.7e308, -1.7e308])
+        assert one.refusal(k * PERIOD, q=q).reason == 'jump'
+    assert one.judge(21 * PERIOD).restart == 'first state'
 
 
 @pytest.mark.parametrize('turns', [-3, -1, 1, 7])

@@ -81,7 +81,7 @@ def node() -> Iterator[SteppedNode]:
 
 
 @pytest.mark.parametrize(('command', 'algorithm', 'most'), [
-    ('gravity_compensation', 'computeGeneralizedGravity', 95), ('computed_torque', 'rnea', 120)])
+    ('gravity_compensation', 'computeGeneralizedGravity', 95), ('computed_torque', 'rnea', 125)])
 def test_the_calls_of_a_message(node, pinocchio_calls, command, algorithm, most):
     node.node.set_parameters([Parameter('command', value=command)])
     if command == 'computed_torque':
