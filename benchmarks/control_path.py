@@ -10,7 +10,7 @@ little to the round trip. The floor is an echo node that also works without an e
 message objects. The difference between a node and the floor is the work of the node.
 """
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 import statistics
 import struct
@@ -169,7 +169,8 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
 
 def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     trips: dict[str, list[float]] = {name: [] for name in askers}
-    used, threads = dict.fromkeys(askers, 0.0), Counter[str]()
+    used = dict.fromkeys(askers, 0.0)
+    threads: dict[str, float] = defaultdict(float)
     for _ in range(ROUNDS):
         for name, asker in askers.items():
             before, of_threads = processor_seconds(ids[name]), thread_seconds(ids[name])
@@ -182,7 +183,8 @@ def _side_by_side(askers: Mapping[str, Asker], ids: Mapping[str, int]) -> None:
     for name, values in trips.items():
         p99 = float(np.percentile(values, 99))
         each = ', '.join(
-            f'{1e6 * seconds / len(values):.0f}' for thread, seconds in threads.most_common()
+            f'{1e6 * seconds / len(values):.0f}' for thread, seconds in sorted(
+                threads.items(), key=lambda one: -one[1])
             if thread.startswith(f'{name} ') and 1e6 * seconds >= len(values))
         print(f'  {name:14} round trip p50 {1e6 * medians[name]:5.0f} µs, '
               f'p99 {1e6 * p99:5.0f} µs; processor {1e6 * per_message[name]:4.0f} µs per message, '
