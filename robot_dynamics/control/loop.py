@@ -278,8 +278,10 @@ class ControlLoop:
                     self.gate.restart()
                     signals = self.gate.take(verdict.stamp, q, v)
                 if signals is None and self._output is not None:
-                    return LoopAnswer(
-                        self.supervisor.repeat(), self._output, verdict._replace(is_new=False))
+                    repeated = self.supervisor.repeat()
+                    if publish is not None and repeated is not None:
+                        publish(repeated)
+                    return LoopAnswer(repeated, self._output, verdict._replace(is_new=False))
                 answer = self._answer(verdict, signals or Signals(q, 0.0 * q), now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)

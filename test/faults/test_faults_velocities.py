@@ -52,7 +52,8 @@ def bench(bench: FaultBench) -> Iterator[FaultBench]:
 
 
 @fault(GROUP, 'wrong sign of the velocity of a joint, and velocity of another joint always 0',
-       'the velocity is that of the positions; no fault, and the reference is followed on')
+       'the velocity is that of the positions; no fault; the reference is followed on; the status '
+       '`joint states` names the joints')
 def test_velocities_that_contradict_the_positions(bench):
     follow(bench, Q)
     with bench.client.collect(JointState, bench.name('computed_torque'), KEEP_MANY) as torques:
@@ -66,6 +67,8 @@ def test_velocities_that_contradict_the_positions(bench):
         torque = default_dynamics().inverse_dynamics(q, v, 25.0 * (Q - q) - 10.0 * v)
         # the wrong velocities change it by up to 84 N·m
         assert list(message.effort) == pytest.approx(torque.tolist(), abs=5.0)
+    bench.wait_status('joint states', lambda status: (
+        "the velocity of ['joint1', 'joint2'] contradicts the position" in status.message))
     assert bench.figure('command', 'faults: frozen_joint') == 0
     assert 'ended early' not in bench.next_status('reference').message
 

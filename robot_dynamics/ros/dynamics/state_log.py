@@ -159,6 +159,12 @@ class StateReport:
                     '(joint_sample_max_age)')
         if counters.replay.text:
             level, words = max(level, WARN), f'{words}; {counters.replay.text}'
+        wrong = [] if loop is None else [name for name, is_doubtful in zip(
+            loop.controller.arm.joint_names, loop.gate.doubtful) if is_doubtful]
+        if wrong:
+            level, words = max(level, WARN), (
+                f'{words}; the velocity of {wrong} contradicts the position and is not used: '
+                'check its sign and its unit')
         return Status('joint states', level, words, {
             'answered': 0 if loop is None else loop.states,
             'not new (stamp repeated)': counters.repeated,
