@@ -22,8 +22,8 @@ A joint does not stop from one sample to the next. If its position repeats bit b
 velocity and last step were above MOVING, its sample is missing: its position is continued with its
 last velocity until it changes. After LOST seconds the joint has no signal: the fault brakes it,
 and its velocity is assumed to decay with DECAY. A slower joint may stand; it has no signal if its
-reference moves on by LEFT where friction cannot hold it. If the whole state repeats, there is no
-new state.
+reference moves on by LEFT where friction cannot hold it, while others move. If the whole state
+repeats in motion, there is no new state; at rest its brakes may hold the arm.
 """
 
 from collections import deque
@@ -46,6 +46,8 @@ FAR, LARGEST_SPEED, MISSED = 0.5, 20.0, 2
 """Share of the velocity limit, which is at most LARGEST_SPEED [rad/s] or [m/s], and samples."""
 FLOOR, RATIO = 0.003, 0.3
 """[rad] or [m], and share of the displacement, that integral and displacement may differ."""
+JUMP = 0.05
+"""[rad] or [m] that a position may jump, for at most MISSED samples."""
 MEMORY, AGREEMENT = 0.1, 1.0
 """[s]"""
 MOVING, BRAKING = 0.1, 15.0
@@ -105,8 +107,10 @@ class Gate:
         self._integral, self._moved = [0.0] * n, [0.0] * n
         self._before: list[float] | None = None
         """Velocities of the last state."""
-        self._missed = [0] * n
-        """Samples in a row of each velocity that are missing."""
+        self._missed, self._way = [0] * n, [0.0] * n
+        """Samples in a row of each velocity that are missing, and the way in this time."""
+        self.has_jumped = False
+        """Whether a position jumped away between velocities that agree; the reader resets it."""
         self._states: deque[tuple[int, FloatArray]] = deque(maxlen=_MOST)
         """Stamps [ns] and the positions in use."""
         self._measured: FloatArray = np.full(n, np.nan)
@@ -155,7 +159,7 @@ class Gate:
             return Signals(last, self._v)
         if self._is_fast or self._is_missing or stamp_ns >= self._check_ns:
             same = q == measured
-            left = self._left_behind(stamp_ns, q) & same
+            left = self._left_behind(stamp_ns, q) & same & (not same.all())
             suspects = ~self._missing & (self._moved_fast() & same | left)
             self._is_silent = bool(suspects.any() and same.all())
             if self._is_silent:
@@ -198,11 +202,14 @@ class Gate:
                 v_j = d_j
             elif not -far <= v_j - d_j <= far or v_j == 0.0 and not -MOVING <= d_j <= MOVING:
                 missed[j] += 1
+                self._way[j] += moved_j
                 if missed[j] <= MISSED:
                     used[j] = last
                     continue
                 v_j, agreed[j] = d_j, 0.0
-            else:
+            elif missed[j]:
+                way, self._way[j] = self._way[j] + moved_j, 0.0
+                self.has_jumped |= missed[j] <= MISSED and not -JUMP <= way <= JUMP
                 missed[j] = 0
             if not -pi < moved_j <= pi:
                 moved_j = wrap_angle(moved_j)

@@ -282,6 +282,9 @@ class ControlLoop:
                     if publish is not None and repeated is not None:
                         publish(repeated)
                     return LoopAnswer(repeated, self._output, verdict._replace(is_new=False))
+                if self.gate.has_jumped:
+                    self.gate.has_jumped = False
+                    self._restart('jump')
                 answer = self._answer(verdict, signals or Signals(q, 0.0 * q), now, fault)
                 if publish is not None and answer.effort is not None:
                     publish(answer.effort)
@@ -368,14 +371,18 @@ class ControlLoop:
                 self.goals.goal.end_if_replaced(self.goals.interruption)
             return effort
 
+    def _restart(self, reason: str) -> None:
+        """End the reference: the next states continue from another place or time."""
+        self.restarts[reason] += 1
+        self.goals.interrupt(f'joint states restarted: {reason}')
+        self.controller.restart_states()
+
     def _follow_time(self, verdict: StateVerdict, now: float) -> None:
         """Restart if the joint states restart, and end a stream of set-points that has paused."""
         if verdict.restart:
             self.gate.restart()
             if self.states > 0:
-                self.restarts[verdict.restart] += 1
-                self.goals.interrupt(f'joint states restarted: {verdict.restart}')
-                self.controller.restart_states()
+                self._restart(verdict.restart)
         if verdict.time_shift:
             self.controller.followed.shift_time(verdict.time_shift)
         if now > self.goals.stream.deadline:

@@ -252,6 +252,18 @@ def test_a_slow_joint_is_lost_if_its_reference_moves_30_mrad_where_friction_cann
     assert signals.lost is None
 
 
+@pytest.mark.parametrize(('samples', 'rate', 'has_jumped'), [
+    (1, 500.0, False), (100, 100.0, True)])
+def test_a_position_that_jumps_for_good_at_a_velocity_of_0_is_another_place(
+        samples, rate, has_jumped):
+    one, zero = Fed(rate), np.zeros(2)
+    for k in range(150):
+        jump = 0.2 * (20 <= k < 20 + samples)
+        signals = one.signals(np.array([0.0, jump]) + 1e-7 * one.k, zero)
+        assert np.abs(signals.v).max() < 0.1
+    assert one.gate.has_jumped == has_jumped
+
+
 # --- time ----------------------------------------------------------------------------------------
 
 @pytest.mark.parametrize('later', [-1, 501_000_000])
