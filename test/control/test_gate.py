@@ -179,7 +179,7 @@ def test_a_joint_that_repeats_in_motion_is_continued_lost_and_found(
         assert signals.lost is None or signals.lost.tolist() == [False, True]
         last = signals.v[1]
         assert last == pytest.approx(v[1] * np.exp(-20.0 * late), rel=21.0 / rate)
-    for _ in range(20):  # further away than it could move by itself
+    for _ in range(20):  # further away than it could move
         q = np.array([3.1 + one.t * v[0], kept + away + last * (one.t - end)])
         signals = one.signals(q, [v[0], last] * np.ones(2) if has_velocity else None)
         assert signals.lost is None
@@ -235,7 +235,7 @@ def test_a_state_that_repeats_in_motion_is_none_until_a_position_changes(
 @given(rate=rates, speed=st.floats(0.02, 0.5), sign=signs, is_held=st.booleans())
 def test_a_slow_joint_is_lost_if_its_reference_moves_30_mrad_where_friction_cannot_hold_it(
         rate, speed, sign, is_held):
-    """The reference is looked at every 10 ms."""
+    """The reference is read every 10 ms."""
     one, way = Fed(rate, is_held=is_held), 0.0
     for _ in range(20):
         one.reference = np.array([5.0, 0.1])

@@ -115,7 +115,7 @@ class CommandSupervisor:
         self.recurring = RecurringFaults()
         self._undamped = UndampedJoints(len(joint_names))
         self.keeps_law = False
-        """Whether the law goes on in a fault, because a position limit is its only cause."""
+        """Whether the law continues in a fault, because a position limit is its only cause."""
         self.was_inside = False
         """Whether the arm has been inside its position limits since `activate`."""
 
