@@ -69,7 +69,8 @@ def test_set_points_of_a_leader_are_followed_and_bad_ones_are_refused(client, no
 def test_a_push_moves_a_guided_arm_and_leaving_the_mode_holds_it(client, states):
     client.set_parameters(NODE, {'command': 'hand_guiding'})
     states.wait_count(len(states.messages) + 200)
-    assert states.messages[-1].position == pytest.approx(START, abs=1e-3)
+    # `states` begins within 1e-3 of START and below 1e-3 rad/s, and 200 states are 1.6 s.
+    assert states.messages[-1].position == pytest.approx(START, abs=2.6e-3)
     push(client, PLANT, (0.0, 0.0, 5.0))
     states.wait_for(lambda m: np.abs(np.subtract(m.position, START)).max() > 0.3, LONG)
     push(client, PLANT, ZERO)
