@@ -18,14 +18,14 @@ from typing import Any
 
 from benchmarks.processes import chain_urdf
 import numpy as np
-from robot_dynamics.analysis.arm_recording import AnalysisSettings
-from robot_dynamics.analysis.bag_analysis import analyze_recording
-from robot_dynamics.analysis.batch import run_tasks
-from robot_dynamics.analysis.tasks import AnalysisTask, analyze_task
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.recordings.message_encoding import joint_state_messages
-from robot_dynamics.recordings.reader import JOINT_STATE
+from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
+from robot_dynamics_tools.analysis.bag_analysis import analyze_recording
+from robot_dynamics_tools.analysis.batch import run_tasks
+from robot_dynamics_tools.analysis.tasks import AnalysisTask, analyze_task
+from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
+from robot_dynamics_tools.recordings.reader import JOINT_STATE
 
 JOINTS, SAMPLES, RATE = 7, 200_000, 500.0
 ROUNDS = 5

@@ -23,18 +23,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.gravity_calibration import (
-    calibrate_holds,
-    Calibration,
-    find_holds,
-    Hold,
-    select_poses,
-)
-from robot_dynamics.gravity_calibration.calibrated_file import calibrated_file
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.recordings.joint_series import JointSeries
 from robot_dynamics.ros.middleware.conversions import (
     payload_to_ros,
     stamp_from_ros,
@@ -42,6 +33,15 @@ from robot_dynamics.ros.middleware.conversions import (
 )
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics_interfaces.srv import SetPayload
+from robot_dynamics_tools.gravity_calibration import (
+    calibrate_holds,
+    Calibration,
+    find_holds,
+    Hold,
+    select_poses,
+)
+from robot_dynamics_tools.gravity_calibration.calibrated_file import calibrated_file
+from robot_dynamics_tools.recordings.joint_series import JointSeries
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 

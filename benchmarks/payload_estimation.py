@@ -35,15 +35,15 @@ from benchmarks.hidden_drives import (
 )
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
-from robot_dynamics.gravity_calibration import find_holds
-from robot_dynamics.gravity_calibration.report import joint_verdicts
+from robot_dynamics.html_page import Grade
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload, Payload
 from robot_dynamics.model.regressor import load_parameters
-from robot_dynamics.reporting.html_page import Grade
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
 from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.gravity_calibration import find_holds
+from robot_dynamics_tools.gravity_calibration.report import joint_verdicts
 
 KINDS = ('standstill', 'motion')
 ARMS, LOADS = 3, 9

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING
 __version__: str
 
 if TYPE_CHECKING:
-    from robot_dynamics.analysis import analyze_recording as analyze_recording
     from robot_dynamics.control import ControlLaw as ControlLaw
     from robot_dynamics.control import Controller as Controller
     from robot_dynamics.control import ControllerOptions as ControllerOptions
     from robot_dynamics.control import make_gains as make_gains
     from robot_dynamics.exceptions import RobotDynamicsError as RobotDynamicsError
-    from robot_dynamics.identification import identify as identify
     from robot_dynamics.joints import make_actuators as make_actuators
     from robot_dynamics.joints import make_friction as make_friction
     from robot_dynamics.model import ArmDynamics as ArmDynamics
@@ -29,21 +27,17 @@ if TYPE_CHECKING:
     from robot_dynamics.model import make_payload as make_payload
     from robot_dynamics.model import Payload as Payload
     from robot_dynamics.model_check import check_model as check_model
-    from robot_dynamics.recordings import Recording as Recording
     from robot_dynamics.simulation import ArmSimulation as ArmSimulation
     from robot_dynamics.simulation import ArmState as ArmState
     from robot_dynamics.trajectories import JointTrajectory as JointTrajectory
     from robot_dynamics.trajectories import make_trajectory as make_trajectory
 
 _NAMES = {
-    'analysis': ('analyze_recording',),
     'control': ('ControlLaw', 'Controller', 'ControllerOptions', 'make_gains'),
     'exceptions': ('RobotDynamicsError',),
-    'identification': ('identify',),
     'joints': ('make_actuators', 'make_friction'),
     'model': ('ArmDynamics', 'ArmModel', 'load_arm', 'make_payload', 'Payload'),
     'model_check': ('check_model',),
-    'recordings': ('Recording',),
     'simulation': ('ArmSimulation', 'ArmState'),
     'trajectories': ('JointTrajectory', 'make_trajectory'),
 }

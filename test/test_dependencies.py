@@ -99,7 +99,7 @@ def test_all_missing_libraries_are_named_with_one_command(monkeypatch):
 
 RECORDED = ['rosbags', 'PyYAML', 'scipy', 'matplotlib']
 TOOLS = {
-    'analyze_bag': (['BAG', '--output', 'out'], RECORDED),
+    'analyze': (['BAG', '--output', 'out'], RECORDED),
     'identify': (['BAG', '--urdf', 'arm.urdf'], RECORDED),
     'animate': ([], ['matplotlib', 'Pillow']),
     'animate BAG': (['BAG'], ['Pillow', *RECORDED]),

@@ -12,7 +12,7 @@ import sys
 import time
 
 import rclpy
-from robot_dynamics.recordings import Recording
+from robot_dynamics_tools.recordings import Recording
 from sensor_msgs.msg import JointState
 
 APPROACH = 3.0

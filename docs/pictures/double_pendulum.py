@@ -6,7 +6,7 @@
 from pathlib import Path
 import sys
 
-from robot_dynamics.tools.animate import main as animate
+from robot_dynamics_tools.commands.animate import main as animate
 
 
 def main(directory: Path) -> int:

@@ -27,7 +27,7 @@ from robot_dynamics.reporting.figures import (
     styled_figure,
     VERMILION,
 )
-from robot_dynamics.tools.demo.processes import choose_domain
+from robot_dynamics_tools.demo.processes import choose_domain
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import stick_slip as run  # noqa: E402

@@ -6,7 +6,7 @@
 from pathlib import Path
 import sys
 
-from robot_dynamics.tools.torque_map import main as torque_map
+from robot_dynamics_tools.commands.torque_map import main as torque_map
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 from robots import robot_path  # noqa: E402

@@ -27,10 +27,10 @@ from rclpy.node import Node
 from robot_dynamics.ros.dynamics.node import DynamicsNode
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
-from robot_dynamics.ros.simulated_arm.mujoco_arm import MujocoArmNode
-from robot_dynamics.ros.simulated_arm.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics_tools.mujoco.mujoco_arm import MujocoArmNode
+from robot_dynamics_tools.mujoco.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

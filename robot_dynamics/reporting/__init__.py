@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Presentation of results: figures in one style, HTML pages, text tables, progress."""
+"""Presentation of results: figures in one style, text tables."""
 
 from robot_dynamics.reporting.figures import joint_figure, save_figure
 

@@ -58,11 +58,12 @@ def arm_of(
 
 
 def node(
-    arm: ArmArguments, name: str, remappings: Sequence[tuple[str, str]] = (), **parameters: Any,
+    arm: ArmArguments, name: str, remappings: Sequence[tuple[str, str]] = (),
+    package: str = 'robot_dynamics', **parameters: Any,
 ) -> Node:
-    """Return the node `dynamics`, `simulated_arm` or `mujoco_arm` of an arm."""
+    """Return the node `dynamics` or `simulated_arm` of an arm, or one of another package."""
     return Node(
-        package='robot_dynamics', executable='dynamics_node' if name == 'dynamics' else name,
+        package=package, executable='dynamics_node' if name == 'dynamics' else name,
         namespace=arm.namespace, parameters=arm.parameter_files(name, **parameters),
         remappings=list(remappings), ros_arguments=['--log-level', arm.log_level])
 

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.reporting.yaml_text import load_yaml
 from robot_dynamics.ros.parameters.parameter_file import ParameterFile, write_parameter_file
 from robot_dynamics.ros.parameters.robot_description import (
     description_from_parameters,
     embedded_description,
 )
 from robot_dynamics.urdf.description_file import read_description_file
+from robot_dynamics.yaml_text import load_yaml
 
 ARGUMENTS = {
     'robot': (

@@ -3,7 +3,8 @@
 
 """A simulated robot with the interface of its controller: brakes, efforts, and noisy sensors."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -11,10 +12,9 @@ from robot_dynamics.joints.effort_convention import EffortConvention, measured_f
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
-from robot_dynamics.simulation.arm_simulation import ArmSimulation, ArmState
+from robot_dynamics.simulation.arm_simulation import ArmState
 from robot_dynamics.simulation.command_timeout import CommandTimeout
 from robot_dynamics.simulation.drive_loop import DRIVE_PERIOD, DriveLoop
-from robot_dynamics.simulation.mujoco_simulation import DirectDrives, MujocoSimulation
 
 
 class InnerController:
@@ -79,10 +79,64 @@ class Measured(NamedTuple):
     motors: ArmState
 
 
-Simulation = ArmSimulation | MujocoSimulation
-"""A simulated arm with brakes."""
-Drives = InnerController | DirectDrives
-"""The drives of a robot."""
+class Simulation(Protocol):
+    """A simulated arm with brakes: an `ArmSimulation`, or that of another engine."""
+
+    braked: bool
+    effort: FloatArray
+
+    @property
+    def arm(self) -> Any:
+        """Return the arm, with its `joint_names`, `effort_limit` and `gravity`."""
+
+    @property
+    def state(self) -> ArmState:
+        """Return positions and velocities of the joints."""
+
+    @property
+    def motor_state(self) -> ArmState:
+        """Return positions and velocities of the motors, divided by the gear ratios."""
+
+    def reset(self) -> None:
+        """Return to the start, with engaged brakes."""
+
+    def release(self) -> None:
+        """Release the brakes."""
+
+    def brake(self) -> None:
+        """Engage the brakes."""
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Use another gravity (3,) [m/s²]."""
+
+    def step(
+        self, tau: FloatArray, duration: float, wrenches: Sequence[ExternalWrench] = (),
+    ) -> ArmState:
+        """Return the state after `duration` [s] under the constant effort tau."""
+
+    def wait(self, duration: float, wrenches: Sequence[ExternalWrench] = ()) -> None:
+        """Let time pass with engaged brakes."""
+
+
+class Drives(Protocol):
+    """The drives of a robot: an `InnerController`, or drives with its interface."""
+
+    @property
+    def idle_effort(self) -> FloatArray:
+        """Return the commanded effort (n,) at which the drives deliver no torque."""
+
+    def set_gravity(self, gravity: FloatArray) -> None:
+        """Use another gravity (3,) [m/s²]."""
+
+    def with_own_compensation(
+        self, effort: FloatArray, q: FloatArray, v: FloatArray,
+    ) -> FloatArray:
+        """Return the torque at the joints for a commanded effort at the state (q, v)."""
+
+    def measured(
+        self, effort: FloatArray, q: FloatArray, v: FloatArray, braked: bool,
+    ) -> FloatArray:
+        """Return the effort that the robot reports."""
 
 
 class SimulatedRobot:

@@ -2,41 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What the executables share: parser, exit statuses, errors in one line, and common options.
+What the executables share: parser, exit statuses, errors in one line, and output files.
 
 Nothing here loads the library at import: the verbs of `ros2 dynamics` start without it.
 """
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-import json
-import math
 import os
 from pathlib import Path
 import sys
-import textwrap
 from typing import Any, NoReturn, TYPE_CHECKING
-import warnings
 
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 
 if TYPE_CHECKING:
-    from robot_dynamics.analysis.arm_recording import AnalysisSettings
-    from robot_dynamics.reporting.html_page import Origin
+    from robot_dynamics.html_page import Origin
 
 DONE, FAILED, MISTAKE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
-KEPT = 'results'
-"""Directory below the output that keeps results, from which an interrupted run resumes."""
-COMMAND = 'command.json'
-"""File in KEPT with the arguments of the run that made the output."""
 ROBOT_HELP = ('URDF or .xacro file of the robot: a path, package://PACKAGE/PATH, or the name of a '
               'sample robot, such as ur10')
-LONGEST_LIST = 20
-"""Number of printed lines of a list; the others are only counted."""
-_WIDTH = 110
-_WITHOUT_EFFECT = ('dask', 'force', 'jobs')
-"""Arguments that do not change the results."""
 
 
 class ToolError(RobotDynamicsError):
@@ -100,30 +86,6 @@ def writing(path: Path) -> Iterator[None]:
         raise ToolError(f'cannot write {path}: {error.strerror or error}') from None
 
 
-def print_list(title: str, lines: Sequence[str]) -> None:
-    """Print a title and indented lines; nothing without lines."""
-    if not lines:
-        return
-    print(f'\n{title}')
-    for line in lines[:LONGEST_LIST]:
-        print(textwrap.fill(
-            line, _WIDTH, initial_indent='  ', subsequent_indent='    ',
-            break_long_words=False, break_on_hyphens=False))
-    if len(lines) > LONGEST_LIST:
-        print(f'  and {len(lines) - LONGEST_LIST} more')
-
-
-def print_failures(prog: str, failed: Sequence[tuple[object, str]]) -> None:
-    """Print the recordings that failed, with the reasons, to stderr."""
-    if not failed:
-        return
-    print(f'{prog}: recordings that could not be used: {len(failed)}', file=sys.stderr)
-    for name, error in failed[:LONGEST_LIST]:
-        print(f'  {name}: {" ".join(error.split())}', file=sys.stderr)
-    if len(failed) > LONGEST_LIST:
-        print(f'  and {len(failed) - LONGEST_LIST} more', file=sys.stderr)
-
-
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Add --force."""
     parser.add_argument(
@@ -161,165 +123,12 @@ def write_output(path: Path | None, text: str, force: bool) -> None:
         write_file(path, text)
 
 
-def prepare_directory(
-    directory: Path, outputs: Iterable[Path], arguments: argparse.Namespace,
-) -> Path:
-    """
-    Return the directory KEPT below an output directory; both exist then.
-
-    The same command may use the directory again, also to resume. Raises InvalidInputError if one
-    of the `outputs` exists and is of another command, unless `arguments.force`.
-    """
-    kept = directory / KEPT
-    command = kept / COMMAND
-    wanted = json.dumps({
-        name: value for name, value in sorted(vars(arguments).items())
-        if name not in _WITHOUT_EFFECT}, default=str, indent=2) + '\n'
-    existing = next((path for path in outputs if path.exists()), None)
-    is_same = command.is_file() and command.read_text(encoding='utf-8') == wanted
-    if existing is not None and not is_same and not arguments.force:
-        raise InvalidInputError(
-            f'output {str(existing)!r} exists and is not of the same command, expected another '
-            '--output, or --force to replace it')
-    kept.mkdir(parents=True, exist_ok=True)
-    command.write_text(wanted, encoding='utf-8')
-    return kept
-
-
-def add_recordings(
-    parser: argparse.ArgumentParser, urdf_default: str | None, required: bool = True,
-) -> None:
-    """Add BAG…, --urdf, which are `required` (--urdf without a default), --topic and --map."""
-    parser.add_argument(
-        'bags', nargs='+' if required else '*', type=Path, metavar='BAG',
-        help='A rosbag2 directory, a .mcap or .db3 file, or a folder that contains any of these')
-    add_robot(
-        parser, '--urdf', urdf_default, 'FILE_OR_PACKAGE', required and urdf_default is None)
-    parser.add_argument(
-        '--topic', metavar='NAME_OR_TYPE',
-        help='Topic of the joint states, or the type sensor_msgs/msg/JointState if only one topic '
-             'has it (default: /joint_states, or the only topic of this type)')
-    parser.add_argument(
-        '--map', action='append', default=[], type=_pair, metavar='A=B', dest='joint_map',
-        help='Two names of one joint, in the recording and in the URDF, in any order; may be '
-             'repeated')
-
-
-def add_robot(
-    parser: argparse.ArgumentParser, option: str, default: str | None, metavar: str,
-    required: bool | None = None,
-) -> None:
-    """Add the option that names the robot, by default required without a default."""
-    parser.add_argument(
-        option, required=default is None if required is None else required, metavar=metavar,
-        help=ROBOT_HELP
-             + (f' (default: {default})' if default is not None else ''))
-
-
-def add_cutoff(parser: argparse.ArgumentParser) -> None:
-    """Add --cutoff."""
-    parser.add_argument(
-        '--cutoff', type=float, metavar='HZ',
-        help='Cut-off frequency of the low-pass filter [Hz] (default: chosen from the data, and '
-             'printed)')
-
-
-def add_parameters(parser: argparse.ArgumentParser, used: str) -> None:
-    """Add --parameters; `used` names the parameters that have an effect."""
-    parser.add_argument(
-        '--parameters', type=Path, metavar='FILE',
-        help=f'Parameter file of dynamics_node; used: {used}')
-
-
-def add_workers(parser: argparse.ArgumentParser) -> None:
-    """Add --jobs and --dask."""
-    parser.add_argument(
-        '--jobs', type=_count, metavar='N', help='Number of processes (default: one per core)')
-    parser.add_argument(
-        '--dask', metavar='SCHEDULER',
-        help='Address of a Dask scheduler whose workers process the recordings, such as '
-             'tcp://host:8786 (extra: dask)')
-
-
-def read_settings(arguments: argparse.Namespace) -> 'AnalysisSettings':
-    """
-    Return the settings of the options for recordings.
-
-    Raises ModelError or InvalidInputError if the URDF or the parameters cannot be read.
-    """
-    from robot_dynamics.analysis.arm_recording import AnalysisSettings
-    from robot_dynamics.urdf.editing import with_continuous_joints
-    parameters, urdf = read_parameters(arguments.parameters), ''
-    if arguments.urdf is not None:
-        urdf, changed = with_continuous_joints(read_robot(arguments.urdf))
-        for name in changed:
-            print(f'Warning: joint {name!r} is revolute and has no <limit>, it is used as '
-                  'continuous, the type of a joint without limits', file=sys.stderr)
-    return AnalysisSettings(
-        urdf, arguments.topic, tuple(arguments.joint_map), arguments.cutoff, parameters)
-
-
-def read_parameters(path: Path | None) -> Mapping[str, Any]:
-    """Return the parameters in a file, if there is one; raise InvalidInputError."""
-    from robot_dynamics.model.arm_parameters import read_parameter_file
-    if path is None:
-        return {}
-    with warnings.catch_warnings(record=True) as former:
-        warnings.simplefilter('always')
-        parameters = read_parameter_file(path)
-    for warning in former:
-        print(f'Warning: {warning.message}', file=sys.stderr)
-    return parameters
-
-
-def read_robot(text: str | None, option: str = '--urdf') -> str:
-    """
-    Return the URDF of a path, or of file:// or package://; the default arm for None.
-
-    xacro is expanded. Raises ModelError, which names `option`, if there is no URDF.
-    """
-    if text is None:
-        from robot_dynamics.planar.urdf import default_arm_urdf
-        return default_arm_urdf()
-    from robot_dynamics.urdf.description_file import read_description_file
-    return read_description_file(text, option)
-
-
 def origin_of(
     prog: str, argv: Sequence[str] | None, urdf: str | Path | None, default: str,
 ) -> 'Origin':
     """Return the origin of a report; `default` describes the URDF if none was given."""
     from robot_dynamics import __version__
-    from robot_dynamics.reporting.html_page import command_line, Origin
+    from robot_dynamics.html_page import command_line, Origin
     return Origin(
         default if urdf is None else str(urdf),
         command_line(prog, sys.argv[1:] if argv is None else argv), __version__)
-
-
-def _pair(text: str) -> tuple[str, str]:
-    first, separator, second = text.partition('=')
-    if not (first and separator and second):
-        raise argparse.ArgumentTypeError(
-            f'{text!r}, expected two names such as fer_joint1=panda_joint1')
-    return first, second
-
-
-def number_in(low: float, high: float) -> Callable[[str], float]:
-    """Return the type of an option whose number is in a range."""
-    def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(
-                f'{text!r}, expected a number in [{low:g}, {high:g}]')
-        return value
-
-    return number
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f'{text!r}, expected a number of at least 1')
-    return int(text)

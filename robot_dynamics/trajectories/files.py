@@ -16,13 +16,13 @@ from typing import Any
 from robot_dynamics.arrays import NANOSECONDS_PER_SECOND
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import InvalidInputError, TrajectoryError
-from robot_dynamics.reporting.yaml_text import load_yaml
 from robot_dynamics.trajectories.joint_trajectory import (
     JointTrajectory,
     make_trajectory,
     nanoseconds,
     TrajectoryPoint,
 )
+from robot_dynamics.yaml_text import load_yaml
 
 DECIMALS = 12
 """Decimal places of every number: accelerations between points 1 ms apart are exact to 1e-5."""

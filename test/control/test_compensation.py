@@ -9,10 +9,10 @@ import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.excitation.demo_motion import make_reference_motion
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.excitation.demo_motion import make_reference_motion
 from simulated_arms import released
 
 PERIOD = 2e-3

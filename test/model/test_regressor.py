@@ -6,9 +6,6 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.identification.joint_excitation import JointExcitation
-from robot_dynamics.identification.pipeline import base_parameters_of
-from robot_dynamics.identification.qr_information import merge, reduce_rows
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.base_parameters import find_base_parameters
@@ -22,6 +19,9 @@ from robot_dynamics.model.regressor import (
     TorqueRegressor,
 )
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.identification.joint_excitation import JointExcitation
+from robot_dynamics_tools.identification.pipeline import base_parameters_of
+from robot_dynamics_tools.identification.qr_information import merge, reduce_rows
 from robots import robot_urdf
 
 

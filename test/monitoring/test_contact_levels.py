@@ -27,7 +27,7 @@ from robot_dynamics.monitoring.contact_levels import (
 )
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools.ros2_dynamics.verbs import make_parser, run
+from robot_dynamics_tools.ros2_dynamics.verbs import make_parser, run
 from robots import arm_without_gripper
 from scipy import stats
 from scipy.signal import lfilter

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from one_joint_arm import arm_of
 import pytest
-from robot_dynamics.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
@@ -19,7 +18,8 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.tools.identify import main as identify
+from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
+from robot_dynamics_tools.commands.identify import main as identify
 from robots import robot_urdf
 from wrong_arms import ARMS, model_arm, RATE, WrongModel
 

@@ -16,7 +16,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import Type
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-from robot_dynamics.tools.command_line import read_parameters
+from robot_dynamics_tools.options import read_parameters
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, wait_until
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics

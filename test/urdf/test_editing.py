@@ -6,7 +6,6 @@
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import ModelError
-from robot_dynamics.identification.identified_arm import identified_urdf, kept_fractions
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.pseudo_inertia import from_coordinates, pseudo_inertia_matrix
 from robot_dynamics.model.regressor import inertial_parameters
@@ -14,6 +13,7 @@ from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.urdf.editing import with_elements
 from robot_dynamics.urdf.inertials import read_bodies
+from robot_dynamics_tools.identification.identified_arm import identified_urdf, kept_fractions
 from robots import robot_urdf
 
 URDF = """<?xml version="1.0" encoding="latin-1"?>

@@ -35,9 +35,7 @@ from robot_dynamics.validation import check_choice, check_scalar
 Type = Parameter.Type
 Values = Mapping[str, Any]
 
-NODES = (
-    'robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node',
-    'robot_dynamics.ros.simulated_arm.mujoco_arm')
+NODES = ('robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node')
 """Modules whose SPECS are those of the nodes, which may share a parameter file."""
 
 

@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Self-contained HTML reports: first the verdicts, then the origin, tables, lists and figures.
+
+Every report begins with a verdict and a next step per row (a joint, or a part of the model). The
+origin names the URDF, the tool with its version, the command and the date. On a screen, a
+report shows figures with zoom (`interactive`) if there are any; in print, and without JavaScript,
+it shows their static counterparts.
+"""
+
+from base64 import b64encode
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from enum import Enum
+from html import escape
+from io import BytesIO
+import re
+import shlex
+from typing import NamedTuple, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 1rem auto; padding: 0 1rem;
+  color: #1a1a1a; background: #fff; }
+h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; max-width: 100%; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #ddd;
+  vertical-align: top; }
+th:first-child, td:first-child, .text td, .text th { text-align: left; }
+td:not(:last-child) { white-space: nowrap; }
+.text td { overflow-wrap: break-word; white-space: normal; }
+.text td:last-child, .long td:last-child { overflow-wrap: anywhere; white-space: normal; }
+.long td:last-child, .long th:last-child { text-align: left; }
+th { border-bottom: 2px solid #888; }
+ul { overflow-wrap: anywhere; }
+.loss { border-left: 4px solid #d55e00; padding-left: .8rem; list-style-position: inside; }
+.verdicts td:nth-child(-n+2) { white-space: nowrap; overflow-wrap: normal; }
+.summary { font-size: 1.1rem; }
+.mark { display: inline-block; width: .8em; height: .8em; border-radius: 50%; }
+img { max-width: 100%; height: auto; }
+@media screen { .wide { overflow-x: auto; } }
+@media screen and (max-width: 48rem) {
+  .wide img, .wide > div { max-width: none; width: 48rem; }
+  .text td:last-child, .long td:last-child, .verdicts td:nth-child(3) { min-width: 11rem;
+    overflow-wrap: break-word; } }
+@media screen { .zoomable .static { display: none; } }
+@media print { .zoomable .interactive { display: none; } .zoomable .static { display: block; }
+  body { max-width: none; font-size: 10pt; } tr, img { break-inside: avoid; } }
+"""
+_NO_SCRIPT = (
+    '<noscript><style>.zoomable .interactive { display: none; } '
+    '.zoomable .static { display: block !important; }</style></noscript>')
+
+
+class Grade(Enum):
+    """The grade of a verdict: a word, and the colour of its mark, as in the figures."""
+
+    GOOD = ('good', '#009E73')
+    CHECK = ('check', '#E69F00')
+    BAD = ('bad', '#D55E00')
+    UNKNOWN = ('unknown', '#666666')
+
+
+class Verdict(NamedTuple):
+    """The verdict on a joint, a link or a whole model: one sentence, and the next step."""
+
+    name: str
+    grade: Grade
+    text: str
+    next_step: str
+
+
+class Origin(NamedTuple):
+    """
+    What a report is about, and the command that made it.
+
+    `subject` names the URDF or its source, `command` is the command line, `version` that of the
+    package.
+    """
+
+    subject: str
+    command: str
+    version: str
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return the origin in rows of names and values, with the version and the date of now."""
+        tool = self.command.partition(' ')[0]
+        return [
+            ('URDF', self.subject),
+            ('tool', f'{tool}, robot_dynamics {self.version}'),
+            ('command', self.command),
+            ('date', datetime.now().astimezone().strftime('%Y-%m-%d %H:%M %z')),
+        ]
+
+
+def command_line(prog: str, arguments: Sequence[str]) -> str:
+    """Return the command line of a tool, quoted for a shell."""
+    return shlex.join([prog, *arguments])
+
+
+class Page:
+    """
+    A report that is written from top to bottom: verdicts and origin first, then sections.
+
+    Texts are escaped; parts between backticks become code.
+    """
+
+    def __init__(
+        self, title: str, verdicts: Sequence[Verdict], rule: str, origin: Origin,
+        subject: str = 'joints',
+    ) -> None:
+        """Begin with the verdicts on `subject`, and with the `rule` that derived them."""
+        self._title, self._scripts = title, ''
+        self._body = [
+            f'<h1>{escape(title)}</h1>',
+            f'<p class="summary">{escape(summary(verdicts, subject))}</p>',
+            _verdict_table(verdicts)]
+        self.text(rule)
+        self.section('Origin')
+        self.table(origin.rows(), has_head=False, kind='text')
+
+    def section(self, title: str) -> None:
+        """Begin a section."""
+        self.add(f'<h2>{escape(title)}</h2>')
+
+    def text(self, text: str) -> None:
+        """Add a paragraph."""
+        self.add(f'<p>{_prose(text)}</p>')
+
+    def table(
+        self, rows: Sequence[Sequence[str]], has_head: bool = True, kind: str = '',
+    ) -> None:
+        """
+        Add a table; the first row may be its head.
+
+        `kind` is 'text' for cells of text, 'long' if the last column has long text.
+        """
+        head = _row(rows[0], 'th') if has_head else ''
+        body = ''.join(_row(row, 'td') for row in rows[has_head:])
+        self.add(f'<div class="wide"><table class="{kind}">{head}{body}</table></div>')
+
+    def items(self, lines: Iterable[str], kind: str = '') -> None:
+        """Add a list of lines; `kind` is its class."""
+        self.add(f'<ul class="{kind}">' + ''.join(
+            f'<li>{escape(line)}</li>' for line in lines) + '</ul>')
+
+    def figure(self, figure: 'Figure', what: str) -> None:
+        """Add a figure of matplotlib."""
+        self.add(image(png(figure), what))
+
+    def add(self, html: str, scripts: str = '') -> None:
+        """Add an element, and the scripts that it needs."""
+        self._body.append(html)
+        self._scripts += scripts
+
+    def html(self) -> str:
+        """Return the report."""
+        return (
+            '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+            '<meta name="viewport" content="width=device-width">'
+            f'<title>{escape(self._title)}</title><style>{_STYLE}</style>{_NO_SCRIPT}'
+            f'{self._scripts}</head>\n<body>\n' + '\n'.join(self._body) + '\n</body></html>\n')
+
+
+def summary(verdicts: Sequence[Verdict], subject: str) -> str:
+    """Return the number of verdicts of each grade in one line; `subject` is what they are on."""
+    counts = {grade: sum(verdict.grade is grade for verdict in verdicts) for grade in Grade}
+    words = {Grade.CHECK: 'to check'}
+    return f'Verdict on {len(verdicts)} {subject}: ' + ', '.join(
+        f'{count} {words.get(grade, grade.value[0])}'
+        for grade, count in counts.items() if count) + '.'
+
+
+def _verdict_table(verdicts: Sequence[Verdict]) -> str:
+    head = _row(('', 'grade', 'verdict', 'next step'), 'th')
+    rows = ''.join(
+        f'<tr><td>{escape(name)}</td><td><span class="mark" style="background: {grade.value[1]}">'
+        f'</span> {grade.value[0]}</td><td>{_prose(text)}</td><td>{_prose(step)}</td></tr>'
+        for name, grade, text, step in verdicts)
+    return f'<div class="wide"><table class="verdicts text">{head}{rows}</table></div>'
+
+
+def _prose(text: str) -> str:
+    """Return escaped text; parts between backticks are code."""
+    return re.sub('`([^`]+)`', r'<code>\1</code>', escape(text))
+
+
+def _row(cells: Sequence[str], tag: str) -> str:
+    return '<tr>' + ''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells) + '</tr>'
+
+
+def image(png: bytes, what: str) -> str:
+    """Return an image that is embedded in the page."""
+    encoded = b64encode(png).decode('ascii')
+    return (f'<div class="static wide"><img alt="{escape(what)}" '
+            f'src="data:image/png;base64,{encoded}"></div>')
+
+
+def png(figure: 'Figure') -> bytes:
+    """Return a figure of matplotlib as PNG."""
+    data = BytesIO()
+    figure.savefig(data, format='png')
+    return data.getvalue()

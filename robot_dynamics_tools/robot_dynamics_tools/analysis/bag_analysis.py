@@ -1,0 +1,152 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Comparison of a recording with the model: motion, effort by term, residual, use of the limits.
+
+The measured motion and effort pass the same zero-phase filter (`motion_filter`); the modelled
+effort is that of inverse dynamics at the filtered motion (`residual`). Samples near gaps and ends,
+where the filter extrapolates, are returned but excluded from the statistics.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.joints.effort_convention import joint_effort_at_rest, MOTOR_SIDE
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms, RigidBody, TermSeries
+from robot_dynamics.model.arm_parameters import convention_from_parameters
+from robot_dynamics_tools.analysis.arm_recording import (
+    AnalysisSettings,
+    read_for_arm,
+    ReadRecording,
+)
+from robot_dynamics_tools.analysis.contradictions import corrected
+from robot_dynamics_tools.analysis.motion_filter import filter_motion, FilteredMotion
+from robot_dynamics_tools.analysis.residual import residual_statistics, ResidualStatistics
+
+
+@dataclass(frozen=True, eq=False)
+class LimitUse:
+    """
+    The largest use of the limits, each (n,), NaN for joints without a limit.
+
+    `effort` (measured, or modelled if it was not measured) and `velocity` are fractions of the
+    limit; `position` is the smallest distance to a position limit [rad] or [m], negative beyond.
+    """
+
+    effort: FloatArray
+    velocity: FloatArray
+    position: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class BagAnalysis:
+    """
+    A recording compared with the model.
+
+    `measured` (m, n) [N·m] or [N] is None if no effort was recorded, and so are `residual` and
+    `statistics`, which are computed from the samples that `motion.usable` marks.
+    """
+
+    recording: ReadRecording
+    motion: FilteredMotion
+    terms: TermSeries
+    measured: FloatArray | None
+    statistics: ResidualStatistics | None
+    limit_use: LimitUse
+
+    @property
+    def arm(self) -> ArmModel:
+        return self.recording.arm
+
+    @property
+    def residual(self) -> FloatArray | None:
+        """Measured − model effort, (m, n)."""
+        return None if self.measured is None else np.asarray(self.measured - self.terms.effort)
+
+
+STEPS = ('read', 'filtered', 'compared')
+"""The steps that `analyze_recording` reports, in this order."""
+
+
+def analyze_recording(
+    path: Path, settings: AnalysisSettings, on_step: Callable[[str], None] = lambda _: None,
+) -> BagAnalysis:
+    """
+    Return a recording compared with the model.
+
+    `on_step` is called with each of STEPS when it is done. Raises RecordingError, ModelError, or
+    InvalidInputError if recording and model do not match.
+    """
+    read = read_for_arm(path, settings)
+    on_step('read')
+    motion = filter_motion(read.series, settings.cutoff_hz)
+    on_step('filtered')
+    terms = model_terms(
+        ArmDynamics(read.arm), motion.position, motion.velocity, motion.acceleration)
+    measured, remark = joint_effort(motion, terms.gravity, read.arm, settings.parameters)
+    usable = motion.usable
+    if not usable.any():
+        raise RecordingError(
+            f'recording {str(path)!r} has only samples near gaps and ends, expected others too')
+    causes = () if measured is None else corrected(
+        read.arm, replace(motion, effort=measured))[1]
+    read = replace(read, remarks=(*read.remarks, *filter(None, (
+        remark, *(f'likely cause of the residual: {cause}' for cause in causes)))))
+    statistics = None if measured is None else residual_statistics(
+        measured[usable], terms.effort[usable], read.arm.joint_names)
+    use = _limit_use(read.arm, motion, terms.effort if measured is None else measured)
+    on_step('compared')
+    return BagAnalysis(read, motion, terms, measured, statistics, use)
+
+
+def joint_effort(
+    motion: FilteredMotion, gravity: FloatArray, arm: ArmModel, parameters: Mapping[str, object],
+) -> tuple[FloatArray | None, str]:
+    """Return the measured effort on the joint side, with gravity, and a remark on the method."""
+    convention = convention_from_parameters(parameters)
+    kind = convention.measured_effort
+    if motion.effort is None or kind == 'none':
+        return None, '' if motion.effort is None else (
+            "measured_effort is 'none': the recorded effort is not compared")
+    effort, remarks = joint_effort_at_rest(kind, motion.effort, arm.actuators), []
+    if kind in MOTOR_SIDE:
+        remarks.append(f'measured_effort is {kind!r}: converted by torque constant and gear ratio')
+    if convention.lacks_gravity:
+        effort = effort + gravity
+        remarks.append(f"measured_effort is {kind!r}: the model's gravity is added")
+    if arm.drive is not None:
+        effort = arm.drive.torque(effort)
+        remarks.append('the measured effort is converted by effort.scale and effort.offset')
+    return effort, '; '.join(remarks)
+
+
+def with_joint_effort(
+    motion: FilteredMotion, arm: ArmModel, parameters: Mapping[str, object],
+) -> tuple[FilteredMotion, str]:
+    """Return a motion with `joint_effort`, and a remark; raise RecordingError without effort."""
+    gravity = RigidBody(arm).gravity_batch(motion.position)
+    effort, remark = joint_effort(motion, gravity, arm, parameters)
+    if effort is None:
+        raise RecordingError('the recording has no effort, expected the measured effort')
+    return replace(motion, effort=effort), remark
+
+
+def _limit_use(arm: ArmModel, motion: FilteredMotion, effort: FloatArray) -> LimitUse:
+    limits = arm.limits
+
+    def ratio(values: FloatArray, limit: FloatArray) -> FloatArray:
+        is_limit = np.isfinite(limit) & (limit > 0.0)
+        largest = np.abs(values).max(axis=0)
+        return np.where(is_limit, largest / np.where(is_limit, limit, 1.0), np.nan)
+
+    distance = np.minimum(
+        motion.position.min(axis=0) - limits.lower, limits.upper - motion.position.max(axis=0))
+    return LimitUse(
+        ratio(effort, limits.effort), ratio(motion.velocity, limits.velocity),
+        np.where(np.isfinite(distance), distance, np.nan))

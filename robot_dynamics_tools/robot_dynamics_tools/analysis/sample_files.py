@@ -1,0 +1,125 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The samples of an analysis as files: a table (CSV or Parquet) and a recording of the terms."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import optional
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis
+from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
+from robot_dynamics_tools.recordings.bag_files import METADATA
+from robot_dynamics_tools.recordings.message_encoding import (
+    dynamics_terms_messages,
+    joint_state_messages,
+)
+from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
+from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, DYNAMICS_TERMS_TEXT
+
+TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
+_ROWS = 1000
+"""Number of lines that are formatted at a time."""
+
+
+def sample_columns(analysis: BagAnalysis) -> dict[str, FloatArray]:
+    """
+    Return the samples by the names of their columns, (m,) each, units in the names.
+
+    A joint's columns begin with its name: `shoulder_pan_joint.position [rad]`.
+    """
+    columns = motion_columns(analysis.arm, analysis.motion, {
+        'measured': analysis.measured, 'model': analysis.terms.effort,
+        'residual': analysis.residual, **analysis.terms.by_name})
+    columns['kinetic_energy [J]'] = analysis.terms.kinetic_energy
+    columns['potential_energy [J]'] = analysis.terms.potential_energy
+    return columns
+
+
+def motion_columns(
+    arm: ArmModel, motion: FilteredMotion, efforts: Mapping[str, FloatArray | None],
+) -> dict[str, FloatArray]:
+    """Return time, motion and the efforts (m, n) that are not None, as `sample_columns`."""
+    columns: dict[str, FloatArray] = {'time [s]': motion.times}
+    for j, (name, kind) in enumerate(zip(arm.joint_names, arm.joint_kinds)):
+        unit, effort_unit = ('m', 'N') if kind == 'prismatic' else ('rad', 'N m')
+        columns[f'{name}.position [{unit}]'] = motion.position[:, j]
+        columns[f'{name}.velocity [{unit}/s]'] = motion.velocity[:, j]
+        columns[f'{name}.acceleration [{unit}/s^2]'] = motion.acceleration[:, j]
+        for what, values in efforts.items():
+            if values is not None:
+                columns[f'{name}.{what} [{effort_unit}]'] = values[:, j]
+    return columns
+
+
+def write_csv(analysis: BagAnalysis, path: Path) -> None:
+    """Write one line per sample: stamp [ns], whether it is used, and values; raise OSError."""
+    columns = sample_columns(analysis)
+    line = '%d,%d' + len(columns) * ',%.10g' + '\n'
+    names = ('stamp [ns]', 'counts', *columns)
+    with path.open('w', encoding='utf-8', newline='') as file:
+        file.write(','.join(_quoted(name) for name in names) + '\n')
+        motion, values = analysis.motion, list(columns.values())
+        for at in range(0, len(motion.stamps_ns), _ROWS):
+            part = slice(at, at + _ROWS)
+            numbers = np.column_stack([column[part] for column in values]).tolist()
+            file.writelines(
+                line % (stamp, counts, *row) for stamp, counts, row in zip(
+                    motion.stamps_ns[part].tolist(), motion.usable[part].tolist(), numbers))
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if set(name) & set(',"\n') else name
+
+
+def write_parquet(analysis: BagAnalysis, path: Path) -> None:
+    """Write the samples as Parquet; raise OSError, MissingDependencyError without pyarrow."""
+    pyarrow, parquet = optional('pyarrow', 'Parquet'), optional('pyarrow.parquet', 'Parquet')
+    motion = analysis.motion
+    parquet.write_table(pyarrow.table({
+        'stamp [ns]': motion.stamps_ns, 'counts': motion.usable, **sample_columns(analysis)}),
+        path)
+
+
+def require_parquet() -> None:
+    """Raise MissingDependencyError if Parquet cannot be written."""
+    optional('pyarrow', 'Parquet')
+
+
+def write_terms(analysis: BagAnalysis, directory: Path) -> None:
+    """
+    Write a recording of the model's terms, and of the residual, on the original stamps.
+
+    Topics are those of `dynamics_node`. A recording of this name that this function wrote before
+    is replaced. Raises RecordingError if the directory contains anything else.
+    """
+    _remove_recording(directory)
+    with RecordingWriter(directory, {DYNAMICS_TERMS: DYNAMICS_TERMS_TEXT}) as writer:
+        stamps = analysis.motion.stamps_ns.tolist()
+        for topic, kind, messages in _messages(analysis):
+            writer.add_topic(topic, kind)
+            for stamp, message in zip(stamps, messages):
+                writer.write(topic, stamp, message)
+
+
+def _remove_recording(directory: Path) -> None:
+    names = {METADATA, f'{directory.name}.mcap'}
+    if directory.is_dir() and {entry.name for entry in directory.iterdir()} <= names:
+        for name in names:
+            (directory / name).unlink(missing_ok=True)
+        directory.rmdir()
+
+
+def _messages(analysis: BagAnalysis) -> Iterator[tuple[str, str, list[bytes]]]:
+    motion, terms, names = analysis.motion, analysis.terms, analysis.arm.joint_names
+    yield TERMS_TOPIC, DYNAMICS_TERMS, dynamics_terms_messages(
+        motion.stamps_ns, names,
+        (terms.inertial, terms.coriolis, terms.gravity, terms.friction,
+         np.zeros_like(terms.gravity), terms.effort),
+        terms.kinetic_energy, terms.potential_energy)
+    if analysis.residual is not None:
+        yield RESIDUAL_TOPIC, JOINT_STATE, joint_state_messages(
+            motion.stamps_ns, names, effort=analysis.residual)

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The analysis of one recording as a task, which writes files and returns figures.
+
+The result contains only arrays and plain values. It can be stored (`result_store`), sent from
+another process, and combined with the results of other recordings.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.html_page import Origin
+from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
+from robot_dynamics_tools.analysis.bag_analysis import analyze_recording, LimitUse
+from robot_dynamics_tools.analysis.report import facts, write_report
+from robot_dynamics_tools.analysis.residual import ResidualStatistics
+from robot_dynamics_tools.analysis.sample_files import write_csv, write_parquet, write_terms
+
+REPORT, PICTURE, TABLE, PARQUET, TERMS = (
+    'report.html', 'report.png', 'samples.csv', 'samples.parquet', 'terms')
+_WRITERS = {TABLE: write_csv, PARQUET: write_parquet, TERMS: write_terms}
+OUTPUTS = (REPORT, *_WRITERS)
+"""The file names of the possible outputs; PICTURE is written together with the report."""
+
+
+@dataclass(frozen=True)
+class AnalysisTask:
+    """
+    The settings of an analysis, and the `outputs` (see OUTPUTS) to write to `directory`.
+
+    `origin` is what the report names; a stored result remains valid if it changes.
+    """
+
+    settings: AnalysisSettings
+    outputs: tuple[str, ...] = ()
+    directory: str = ''
+    origin: Origin = field(default=Origin('', '', ''), compare=False)
+
+
+@dataclass(frozen=True, eq=False)
+class AnalysisResult:
+    """
+    The figures of the analysis of one recording.
+
+    `facts` are rows of names and values, `counted` is the number of samples in the figures,
+    `written` lists the paths of the outputs. `statistics` is None if no effort was measured.
+    """
+
+    facts: tuple[tuple[str, ...], ...]
+    losses: tuple[str, ...]
+    remarks: tuple[str, ...]
+    written: tuple[str, ...]
+    arm: str
+    joint_names: tuple[str, ...]
+    joint_kinds: tuple[str, ...]
+    counted: int
+    limit_use: LimitUse
+    statistics: ResidualStatistics | None
+
+
+def analyze_task(
+    bag: Path, task: AnalysisTask, on_step: Callable[[str], None] = lambda _: None,
+) -> AnalysisResult:
+    """
+    Analyse a recording, and write the outputs of the task.
+
+    `on_step` is called with the STEPS of `bag_analysis` and of each output when it is done.
+    Raises the errors of `analyze_recording`, and OSError.
+    """
+    analysis = analyze_recording(bag, task.settings, on_step)
+    directory = Path(task.directory)
+    written: list[str] = []
+    for name in task.outputs:
+        directory.mkdir(parents=True, exist_ok=True)
+        if name == REPORT:
+            write_report(analysis, directory / name, task.origin)
+        else:
+            _WRITERS[name](analysis, directory / name)
+        written += [str(directory / each) for each in (
+            (REPORT, PICTURE) if name == REPORT else (name,))]
+        on_step(name)
+    arm, recording = analysis.arm, analysis.recording
+    return AnalysisResult(
+        tuple(facts(analysis)), recording.losses, recording.remarks, tuple(written), arm.name,
+        arm.joint_names, arm.joint_kinds, int(analysis.motion.usable.sum()), analysis.limit_use,
+        analysis.statistics)
+
+
+def outputs_exist(bag: Path, result: AnalysisResult) -> bool:
+    """Return whether all files that a stored result wrote still exist."""
+    return all(Path(path).exists() for path in result.written)
+
+
+def merged_limit_use(parts: Sequence[LimitUse]) -> LimitUse:
+    """Return the use of the limits in several recordings of the same joints together."""
+    return LimitUse(
+        np.max([part.effort for part in parts], axis=0),
+        np.max([part.velocity for part in parts], axis=0),
+        np.min([part.position for part in parts], axis=0))

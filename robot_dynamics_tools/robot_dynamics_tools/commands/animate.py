@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Draw an animation of a planar chain: forces, moments, energies, and the passes of the recursion.
+
+Exit status: 0 drawn; 1 the animation cannot be written; 2 a mistake in the arguments, or a file
+that cannot be used.
+"""
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+import sys
+
+import numpy as np
+from robot_dynamics.dependencies import require
+from robot_dynamics.exceptions import InvalidInputError, RecordingError
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
+from robot_dynamics.tools import command_line
+from robot_dynamics.validation import check_scalar
+from robot_dynamics_tools import options
+from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
+from robot_dynamics_tools.animation.arm_motion import (
+    ArmMotion,
+    LIFT_FRACTION,
+    motion_of,
+    simulate_motion,
+)
+from robot_dynamics_tools.animation.chain_animation import chain_frames, frame_count
+from robot_dynamics_tools.animation.video import check_format, Frame, write_video
+from robot_dynamics_tools.pictures.planar_view import PlanarView
+from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.reporting.progress import Progress
+
+DEFAULT_DURATION = 5.0
+LONGEST_DURATION = 600.0
+DEFAULT_RATE = 12.0
+SIMULATED_SPEED, RECORDED_SPEED = 0.5, 1.0
+CUTOFF = 5.0
+"""Cut-off frequency [Hz] of the filter of recorded motions."""
+STILL = 0.1
+"""Largest motion [rad] or [m] of a joint in a recording that is drawn as locked."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool, and return its exit status."""
+    arguments = _parser().parse_args(argv)
+    return command_line.run_tool('animate', partial(_run, arguments))
+
+
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
+        prog='animate',
+        description='Draw an animation of a planar chain: links, the force and the moment at each '
+                    'joint,\nenergies, efforts by term, and at pauses of the motion both passes '
+                    'of the Newton-Euler\nrecursion. Without arguments: a double pendulum that '
+                    'is lifted by its motors and released.',
+        epilog='exit status: 0 drawn, 1 the animation cannot be written, 2 a mistake in the '
+               'arguments, or a file\nthat cannot be used')
+    parser.add_argument(
+        'bag', nargs='?', type=Path, metavar='BAG',
+        help='Recording with joint states of the chain, drawn instead of a simulation')
+    parser.add_argument(
+        '--topic', metavar='NAME', help='Topic of the joint states in the recording')
+    options.add_robot(
+        parser, '--urdf', 'the description in the recording, or else the planar two-link arm',
+        'FILE')
+    parser.add_argument(
+        '--joints', nargs='+', default=[], metavar='JOINT',
+        help='Joints with parallel axes (default: all); the other joints are locked')
+    parser.add_argument(
+        '--from', type=float, default=0.0, metavar='S', dest='start',
+        help='Start time in the recording [s]')
+    parser.add_argument(
+        '--duration', type=float, default=DEFAULT_DURATION, metavar='S',
+        help='Duration of the motion [s] (default: %(default)g)')
+    parser.add_argument(
+        '--speed', type=float, metavar='X',
+        help='Playback speed as a multiple of real time (default: '
+             f'{SIMULATED_SPEED:g}, for a recording {RECORDED_SPEED:g})')
+    parser.add_argument(
+        '--rate', type=float, default=DEFAULT_RATE, metavar='HZ',
+        help='Frame rate [Hz] (default: %(default)g)')
+    parser.add_argument(
+        '--stop', type=float, nargs='*', metavar='S',
+        help='Times of the pauses that show the passes of the recursion [s]; no pause without a '
+             'value (default: one pause)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE',
+        help='Output file: .gif, or .mp4 if ffmpeg is installed (default: out/<name of the '
+             'arm>.gif)')
+    command_line.add_force(parser)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    duration = check_scalar('--duration', arguments.duration, 0.1, LONGEST_DURATION)
+    rate = check_scalar('--rate', arguments.rate, 1.0, 50.0)
+    recorded = arguments.bag is not None
+    speed = arguments.speed if arguments.speed is not None else (
+        RECORDED_SPEED if recorded else SIMULATED_SPEED)
+    speed = check_scalar('--speed', speed, 0.01, 100.0)
+    if arguments.topic is not None and not recorded:
+        raise InvalidInputError(
+            '--topic is given without a recording; it is a topic of the recording')
+    stops = arguments.stop if arguments.stop is not None else [0.6 * LIFT_FRACTION * duration]
+    for stop in stops:
+        check_scalar('--stop', stop, 0.0, duration)
+    output = arguments.output or Path('arm.gif')
+    require('the tool', 'matplotlib', *(['PIL'] if output.suffix.lower() == '.gif' else []),
+            *(['rosbags', 'yaml', 'scipy'] if recorded else []))
+    check_format(output)
+    arm, series = _read_recording(arguments) if recorded else (
+        arm_from_urdf(options.read_robot(arguments.urdf), arguments.joints), None)
+    PlanarView(arm)  # before the work, because it may reject the arm
+    output = arguments.output or Path('out', f'{arm.name}.gif')
+    command_line.prepare_file(output, arguments.force)
+    if series is not None:
+        motion = _recorded_motion(arm, series, arguments, duration, rate / speed)
+    else:
+        motion = _simulated_motion(arm, duration, rate / speed)
+    title = 'Double pendulum' if not recorded and arguments.urdf is None else motion.arm.name
+    print(f'Drawing {len(motion.times)} instants of {arm.name} ...', flush=True)
+    frames = chain_frames(motion, stops, speed, title)
+    with Progress(frame_count(motion, stops), 'frames') as progress, command_line.writing(output):
+        count = write_video(output, _counted(frames, progress))
+    print(f'{output.resolve()}: {count} frames, {output.stat().st_size / 1e6:.2f} MB')
+    return command_line.DONE
+
+
+def _counted(frames: Iterable[Frame], progress: Progress) -> Iterator[Frame]:
+    for frame in frames:
+        progress.advance()
+        yield frame
+
+
+def _simulated_motion(arm: ArmModel, duration: float, rate: float) -> ArmMotion:
+    print(f'Simulating {duration:g} s of {arm.name} ...', flush=True)
+    with Progress(duration, 's') as progress:
+        return simulate_motion(arm, duration, rate, progress.update)
+
+
+def _read_recording(arguments: argparse.Namespace) -> tuple[ArmModel, JointSeries]:
+    with Recording(arguments.bag) as recording:
+        topic = arguments.topic or recording.joint_state_topic()
+        series = recording.joint_series(topic)
+        recorded = recording.description() if arguments.urdf is None else None
+    urdf = recorded or options.read_robot(arguments.urdf)
+    return arm_from_urdf(urdf, arguments.joints), series
+
+
+def _recorded_motion(
+    arm: ArmModel, series: JointSeries, arguments: argparse.Namespace, duration: float,
+    rate: float,
+) -> ArmMotion:
+    _check_joints(arm, series, arguments.bag)
+    series = series.of_joints(arm.joint_names).unwrapped(arm.is_continuous)
+    measured = filter_motion_below(series, CUTOFF)
+    last = measured.times[-1]
+    start = check_scalar('--from', arguments.start, 0.0, last)
+    shown = (measured.times >= start) & (measured.times <= start + duration)
+    motion = motion_of(
+        arm, measured.times[shown] - start, measured.position[shown], measured.velocity[shown],
+        measured.acceleration[shown],
+        measured.effort[shown] if measured.effort is not None else None,
+        np.ones(int(shown.sum()), dtype=bool))
+    return motion.at(np.arange(0.0, motion.times[-1] + 0.5 / rate, 1.0 / rate))
+
+
+def _check_joints(arm: ArmModel, series: JointSeries, path: Path) -> None:
+    """Raise RecordingError if joints are missing, or if joints move that are drawn as locked."""
+    missing = [name for name in arm.joint_names if name not in series.joint_names]
+    if missing:
+        raise RecordingError(
+            f'recording {str(path)!r} has the joints {list(series.joint_names)}, expected '
+            f'{missing} of {arm.name!r} too, or other names in --joints or another --urdf')
+    if series.position is None:
+        return  # locked joints cannot be checked
+    for name, value in arm.locked_joints.items():
+        if name in series.joint_names:
+            away = np.abs(series.position[:, series.joint_names.index(name)] - value).max()
+            if away > STILL:
+                raise RecordingError(
+                    f'recording {str(path)!r} moves the joint {name!r} up to {away:.2f} away '
+                    f'from {value:g}, where it is locked: the animation would be wrong; '
+                    'expected a joint at rest, or its name in --joints')
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Estimate what is attached to a link: `estimate_payload BAG… --urdf URDF --link NAME`.
+
+Exit status: 0 done; 1 mass or first moments are not observable or implausible, or some recordings
+failed; 2 a mistake in the arguments, or no recording can be used; 130 interrupted.
+"""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+import json
+import sys
+
+from robot_dynamics.payload_estimation import summary
+from robot_dynamics.reporting.text_table import text_table
+from robot_dynamics.tools import command_line
+from robot_dynamics_tools import options
+from robot_dynamics_tools.payload_estimation.recordings import estimate_from_bags, RecordedPayload
+from robot_dynamics_tools.recordings.bag_files import find_recordings
+from robot_dynamics_tools.recordings.sample_faults import counted
+from robot_dynamics_tools.reporting.progress import Progress
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    return command_line.run_tool('estimate_payload', partial(_run, arguments))
+
+
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
+        prog='estimate_payload',
+        description='Estimate mass, first moments and inertia of what is attached to a link, from '
+                    'recorded joint\nstates with effort: static holds in several poses, or a '
+                    'motion.',
+        epilog='exit status: 0 done, 1 mass or first moments are not observable or implausible, '
+               'or some\nrecordings failed, 2 a mistake in the arguments or no recording can be '
+               'used, 130 interrupted')
+    options.add_recordings(parser, None)
+    parser.add_argument(
+        '--link', required=True, metavar='NAME',
+        help='Link to which the unknown body is attached; the URDF must not contain the body')
+    parser.add_argument(
+        '--cutoff', type=float, metavar='HZ',
+        help='Cut-off frequency of the low-pass filter [Hz] (default: 5, or less for slow joint '
+             'states)')
+    options.add_parameters(parser, 'joints, gravity, friction, motors, measured_effort')
+    parser.add_argument(
+        '--json', action='store_true', help='Print the result as JSON instead of text')
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    bags = find_recordings(arguments.bags)
+    settings = options.read_settings(arguments)
+    with Progress(len(bags), 'recordings') as progress:
+        found = estimate_from_bags(bags, arguments.link, settings, progress.advance)
+    if arguments.json:
+        print(json.dumps({
+            **summary.as_dictionary(found.estimate),
+            'recordings': [str(bag) for bag in found.bags],
+            'failed': {str(bag): error for bag, error in found.failed}}, indent=2))
+    else:
+        print_payload(found)
+    options.print_failures('estimate_payload', found.failed)
+    estimate = found.estimate
+    is_good = estimate.is_observable and not estimate.implausible and not found.failed
+    return command_line.DONE if is_good else command_line.FAILED
+
+
+def print_payload(found: RecordedPayload) -> None:
+    """Print the estimate, its verdicts, and the advice."""
+    estimate = found.estimate
+    rows = summary.parameter_rows(
+        estimate.values, estimate.deviations, estimate.per_percent, estimate.verdicts)
+    print(summary.headline(estimate))
+    print(f'{counted(len(found.bags), "recording")}, {summary.data_text(estimate)}')
+    print(f'{summary.fit_text(estimate)}\n')
+    print(text_table(rows[0], rows[1:], left_columns=1))
+    for title, lines in (
+            ('Implausible:', estimate.implausible),
+            ('To make parameters observable:', estimate.advice),
+            ('Dry friction at rest:', (estimate.friction,)),
+            ('Remarks:', (*estimate.remarks, *found.remarks))):
+        options.print_list(title, lines)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Write an arm, for example an identified one, as a model of MuJoCo (MJCF)."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+import sys
+
+from robot_dynamics.model.arm_parameters import arm_from_parameters
+from robot_dynamics.tools import command_line
+from robot_dynamics_tools import options
+from robot_dynamics_tools.mujoco.mjcf import arm_to_mjcf
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """
+    Run the tool, and return its exit status.
+
+    0: written; 1: the file cannot be written; 2: the arguments are invalid, or MuJoCo has no such
+    arm. For status 1 and 2, one line on stderr has the reason.
+    """
+    arguments = _parser().parse_args(argv)
+    return command_line.run_tool('export_mjcf', partial(_run, arguments))
+
+
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
+        prog='export_mjcf', formatter_class=argparse.HelpFormatter,
+        description='Write an arm as a model of MuJoCo (MJCF): inertials, joints with limits, '
+                    'rotors and friction, motors, gravity. Geometry is not written.')
+    options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE_OR_PACKAGE')
+    options.add_parameters(
+        parser, 'joints, gravity, friction, motors, effort.scale, effort.offset')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE', help='Output file (default: stdout)')
+    command_line.add_force(parser)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    arm = arm_from_parameters(
+        options.read_robot(arguments.urdf),
+        options.read_parameters(arguments.parameters))
+    command_line.write_output(arguments.output, arm_to_mjcf(arm), arguments.force)
+    omitted = arm.friction.omitted
+    if omitted:
+        print(f'export_mjcf: MuJoCo has no counterpart of {", ".join(omitted)}', file=sys.stderr)
+    return command_line.DONE
+
+
+if __name__ == '__main__':
+    sys.exit(main())

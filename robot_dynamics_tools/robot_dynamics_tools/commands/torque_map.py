@@ -1,0 +1,199 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Draw efforts or inertias of an arm over two joints, or where its effort limits are too small.
+
+Exit status: 0 drawn; 1 the figure cannot be written; 2 a mistake in the arguments, or a file that
+cannot be used.
+"""
+
+import argparse
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+import sys
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.dependencies import require
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.html_page import Verdict
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics.reporting.figures import save_figure
+from robot_dynamics.tools import command_line
+from robot_dynamics.validation import check_scalar
+from robot_dynamics_tools import options
+from robot_dynamics_tools.pictures import torque_grid
+from robot_dynamics_tools.pictures.map_report import map_page, panel_verdict, workspace_verdicts
+from robot_dynamics_tools.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
+from robot_dynamics_tools.pictures.workspace_map import map_gravity, workspace_figure
+from robot_dynamics_tools.reporting.progress import Progress
+
+GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'
+PAGE = '.html'
+FORMATS = ('.png', '.pdf', '.svg', PAGE)
+MOST_SAMPLES = 1001
+DEFAULT_ARM = 'the planar two-link arm of this package'
+STEPS = 3
+"""Steps of the progress display: computed, drawn, written."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool, and return its exit status."""
+    arguments = _parser().parse_args(argv)
+    return command_line.run_tool('torque_map', partial(_run, arguments, argv))
+
+
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
+        prog='torque_map',
+        description='Draw over the positions of two joints, with the arm in some poses:\n'
+                    '  gravity    the gravity-compensation torque g(q), and where it exceeds the '
+                    'limits\n'
+                    '  inertia    the diagonal of the mass matrix, M_ii(q)\n'
+                    '  motion     the effort of --velocity and --acceleration\n'
+                    'or over the whole workspace:\n'
+                    '  workspace  positions at which gravity exceeds the effort limits',
+        epilog='exit status: 0 drawn, 1 the figure cannot be written, 2 a mistake in the '
+               'arguments, or a file\nthat cannot be used')
+    parser.add_argument(
+        'what', nargs='?', default=GRAVITY, choices=(GRAVITY, INERTIA, MOTION, WORKSPACE),
+        help='Drawn quantity (default: %(default)s)')
+    options.add_robot(parser, '--urdf', 'the planar two-link arm', 'FILE')
+    parser.add_argument(
+        '--joints', nargs=2, default=[], metavar='JOINT',
+        help='Joints along the axes (default: the two joints with the largest gravity torque)')
+    parser.add_argument(
+        '--at', nargs='+', default=[], metavar='JOINT',
+        help='Joints whose effort or inertia is drawn (default: the joints along the axes)')
+    parser.add_argument(
+        '--position', nargs='+', type=float, default=[], metavar='X',
+        help='Positions of all joints [rad] or [m], for the joints that are not along an axis '
+             '(default: 0, or the nearest limit)')
+    for flag, unit in (('--velocity', '[rad/s] or [m/s]'), (
+            '--acceleration', '[rad/s²] or [m/s²]')):
+        parser.add_argument(
+            flag, nargs='+', type=float, default=[], metavar='X',
+            help=f'{flag[2:].capitalize()} of all joints {unit}, for motion (default: 0)')
+    parser.add_argument(
+        '--payload', type=float, default=0.0, metavar='KG',
+        help='Mass at the origin of --link [kg] (default: none)')
+    parser.add_argument(
+        '--link', metavar='NAME',
+        help='Link that carries the payload and whose workspace is drawn (default: the last link)')
+    parser.add_argument(
+        '--pose', nargs=2, type=float, action='append', metavar='X',
+        help='Positions along the axes at which the arm is drawn; may be repeated (default: '
+             f'{POSES} × {POSES} evenly spaced poses)')
+    parser.add_argument(
+        '--samples', type=int, default=torque_grid.SAMPLES, metavar='N',
+        help='Number of positions of each of the two joints (default: %(default)d)')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE',
+        help=f'Output file: {", ".join(FORMATS)}; {PAGE} is a report with a verdict per joint '
+             '(default: out/<name of the arm>_<what>.png)')
+    command_line.add_force(parser)
+    return parser
+
+
+def _run(arguments: argparse.Namespace, argv: Sequence[str] | None) -> int:
+    if arguments.output is not None and arguments.output.suffix.lower() not in FORMATS:
+        raise InvalidInputError(
+            f'the figure is {str(arguments.output)!r}, expected a name that ends in one of '
+            f'{list(FORMATS)}')
+    if arguments.what != MOTION and (arguments.velocity or arguments.acceleration):
+        raise InvalidInputError(
+            f'--velocity and --acceleration are given with {arguments.what!r}, expected '
+            f'{MOTION!r}')
+    require('the tool', 'matplotlib')
+    arm = arm_from_urdf(options.read_robot(arguments.urdf))
+    link = arguments.link or tool_link(arm)
+    arm.link_frame(link, '--link')
+    load = f', {arguments.payload:g} kg on {link}' if arguments.payload else ''
+    arm = arm.with_payloads([make_payload(link, arguments.payload)])
+    output = arguments.output or Path('out', f'{arm.name}_{arguments.what}.png')
+    command_line.prepare_file(output, arguments.force)
+    with Progress(STEPS, 'steps') as progress:
+        draw = _workspace if arguments.what == WORKSPACE else _map
+        figure, said, verdicts = draw(arguments, arm, load, progress.advance)
+        progress.advance()
+        with command_line.writing(output):
+            if output.suffix.lower() == PAGE:
+                origin = command_line.origin_of('torque_map', argv, arguments.urdf, DEFAULT_ARM)
+                output.write_text(map_page(
+                    f'{arm.name}{load}: {arguments.what}', verdicts, figure, origin),
+                    encoding='utf-8')
+            else:
+                save_figure(figure, output)
+        progress.advance()
+    print(f'{output.resolve()}: {said}')
+    return command_line.DONE
+
+
+def _workspace(
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over the workspace, its summary, and the verdicts."""
+    link = arguments.link or tool_link(arm)
+    found = map_gravity(arm, link)
+    on_computed()
+    figure = workspace_figure(
+        f'{arm.name}{load}: gravity as a share of the effort limits, at the positions of {link}',
+        arm, link, found)
+    said = f'{100.0 * found.held:.1f} % of the positions tried can be held'
+    return figure, said, workspace_verdicts(arm, found)
+
+
+def _map(
+    arguments: argparse.Namespace, arm: ArmModel, load: str, on_computed: Callable[[], object],
+) -> tuple[Any, str, list[Verdict]]:
+    """Return the figure of a map over two joints, its summary, and the verdicts."""
+    samples = int(check_scalar('--samples', arguments.samples, 3, MOST_SAMPLES))
+    grid = torque_grid.make_grid(arm, arguments.joints, arguments.position, samples)
+    named = [torque_grid.joint_index(arm, '--at', name) for name in arguments.at]
+    shown = named or list(grid.joints)
+    values, title = _values(arguments, arm, grid)
+    on_computed()
+    panels = [_panel(arguments.what, arm, joint, values[..., joint]) for joint in shown]
+    poses = even_poses(grid, POSES) if arguments.pose is None else np.array(arguments.pose)
+    figure = map_figure(f'{arm.name}{load}: {title}', arm, grid, panels, poses)
+    said = ', '.join(
+        f'{panel.title} from {panel.values.min():.4g} to {panel.values.max():.4g} {panel.unit}'
+        for panel in panels)
+    return figure, said, [panel_verdict(panel) for panel in panels]
+
+
+def _values(
+    arguments: argparse.Namespace, arm: ArmModel, grid: torque_grid.PositionGrid,
+) -> tuple[FloatArray, str]:
+    """Return the drawn values of all joints (l, k, n), and their name."""
+    if arguments.what == GRAVITY:
+        return torque_grid.gravity_efforts(arm, grid), 'gravity-compensation torque g(q)'
+    if arguments.what == INERTIA:
+        return torque_grid.inertia_diagonal(arm, grid), 'diagonal of the mass matrix, M(q)'
+    zero = np.zeros(arm.joint_count)
+    v = arguments.velocity or zero
+    a = arguments.acceleration or zero
+    efforts = torque_grid.motion_efforts(arm, grid, v, a)
+    return efforts, f'effort τ at the velocity {_list(v)} and the acceleration {_list(a)}'
+
+
+def _panel(what: str, arm: ArmModel, joint: int, values: FloatArray) -> MapPanel:
+    name, slides = arm.joint_names[joint], arm.joint_kinds[joint] == 'prismatic'
+    if what == INERTIA:
+        return MapPanel(f'Inertia at {name}', values, 'kg' if slides else 'kg·m²', False)
+    return MapPanel(
+        f'Effort at {name}', values, 'N' if slides else 'N·m', True,
+        float(arm.limits.effort[joint]))
+
+
+def _list(values: Any) -> str:
+    return '(' + ', '.join(f'{value:g}' for value in values).replace('-', '−') + ')'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Playback of a recording to `dynamics`, and comparison of the played states with the model."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+import time
+
+from rclpy.qos import QoSProfile
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
+from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
+from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings
+from robot_dynamics_tools.demo.processes import DemoError, DYNAMICS
+from robot_dynamics_tools.demo.session import (
+    DESCRIPTION,
+    GRAVITY,
+    JOINT_STATES,
+    recording_session,
+    Session,
+)
+from robot_dynamics_tools.recordings.reader import JointSeries, Recording
+from robot_dynamics_tools.reporting.progress import Progress
+from sensor_msgs.msg import JointState
+
+RESEND_PERIOD = 0.5
+"""[s] after which a state is retransmitted: subscriptions to joint states are best effort."""
+MOST_RESENT = 20
+"""Transmissions without a response after which the playback ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """The played data: all joints of a topic, and the URDF in the recording, if any."""
+
+    series: JointSeries
+    urdf: str | None
+
+
+def read_recording(path: Path, topic: str | None, seconds: float | None) -> Recorded:
+    """Return the joint states of a recording; raise RecordingError."""
+    print(f'Reading {path} ...', flush=True)
+    with Recording(path) as recording:
+        name = topic or recording.joint_state_topic()
+        series = recording.joint_series(name)
+        urdf = recording.description()
+        for line in [*recording.notes, *(
+                loss.words(int(series.stamps_ns[0])) for loss in recording.losses)]:
+            print(f'  {line}')
+    for line in series.faults.words():
+        print(f'  {line}')
+    if seconds is not None:
+        series = series.first(seconds)
+    measured = ' and '.join(
+        field for field in ('position', 'velocity', 'effort')
+        if getattr(series, field) is not None)
+    print(f'  {name}: {len(series.stamps_ns)} states of {len(series.joint_names)} joints, '
+          f'{series.times[-1]:.2f} s, with {measured or "nothing"}'
+          + (f'; {series.passed_over} messages skipped' if series.passed_over else ''))
+    return Recorded(series, urdf)
+
+
+def play_recording(
+    recorded: Recorded, urdf: str, rate: float | None, directory: Path,
+) -> AnalysisSettings:
+    """
+    Play the recorded states to the node, and record all topics.
+
+    Returns the settings for the analysis of this recording. Raises RobotDynamicsError if arm and
+    recording do not match, DemoError if the node fails.
+    """
+    arm = _recorded_arm(urdf, recorded.series)
+    joints = list(arm.joint_names)
+    series = recorded.series.of_joints(arm.joint_names)
+    print(f'Starting dynamics_node ({arm.name}, {arm.joint_count} joints) ...', flush=True)
+    now = {'ns': int(series.stamps_ns[0])}
+    with recording_session(directory, urdf, time_ns=lambda: now['ns']) as session:
+        session.processes.start('dynamics', DYNAMICS, {
+            'robot_description_file': str((directory / DESCRIPTION).resolve()),
+            'joints': joints,
+            'command': 'gravity_compensation',  # a recorded arm cannot be held
+            'state_max_age': 0.0,  # a recording may have any age
+            'effort_check': False})  # no command of this node held the recorded arm
+        playback = Playback(session, series)
+        session.wait_for(lambda: playback.found, f'a subscriber of {JOINT_STATES}')
+        print('Playing the recorded states, each after the response to the state before ...',
+              flush=True)
+        with Progress(len(series.stamps_ns), 'states') as progress:
+            def on_progress(done: int) -> None:
+                now['ns'] = int(series.stamps_ns[done - 1])
+                progress.update(done)
+
+            played = playback.play(rate, on_progress)
+        lost = sum(count.lost for count in session.recorder.counts.values())
+    print(f'\n{played}; {lost} messages dropped by the recorder\n')
+    return AnalysisSettings(urdf, JOINT_STATES, parameters={'joints': joints})
+
+
+class Playback:
+    """Publishes the samples of a series as a robot does, with their recorded stamps."""
+
+    def __init__(self, session: Session, series: JointSeries) -> None:
+        """Take a session that records GRAVITY, whose stamps are those of the answered states."""
+        self._session, self._series = session, series
+        self._publisher = session.node.create_publisher(
+            JointState, JOINT_STATES, QoSProfile(depth=1))
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a subscriber in addition to the recorder."""
+        return bool(self._publisher.get_subscription_count() >= 2)
+
+    def play(self, rate: float | None, on_progress: Callable[[int], None]) -> str:
+        """
+        Play all samples, at most at `rate` [Hz] (None: as fast as the node responds).
+
+        Returns what was played, in a line. `on_progress` receives the number of played samples.
+        Raises DemoError if a state gets no response, or the node ends.
+        """
+        start, resent = time.monotonic(), 0
+        for i in range(len(self._series.stamps_ns)):
+            if rate is not None:
+                self._receive_until(start + i / rate)
+            resent += self._ask(i)
+            on_progress(i + 1)
+        count, seconds = len(self._series.stamps_ns), time.monotonic() - start
+        return f'{count} states played in {seconds:.1f} s, all answered ({resent} retransmitted)'
+
+    def _receive_until(self, deadline: float, stamp: int | None = None) -> bool:
+        """Record until the deadline; return early and True at the answer with this stamp."""
+        recorder = self._session.recorder
+        while (remaining := deadline - time.monotonic()) > 0.0:
+            recorder.wait(GRAVITY, remaining)
+            self._session.on_turn()
+            if recorder.counts[GRAVITY].stamp_ns == stamp:
+                return True
+        return False
+
+    def _ask(self, i: int) -> int:
+        """Publish a state until it is answered; return the number of retransmissions."""
+        stamp, state = int(self._series.stamps_ns[i]), self._message(i)
+        for resent in range(MOST_RESENT):
+            self._publisher.publish(state)
+            if self._receive_until(time.monotonic() + RESEND_PERIOD, stamp):
+                return resent
+        raise DemoError(
+            f'the state of stamp {stamp} ns got no answer on {GRAVITY} in '
+            f'{MOST_RESENT * RESEND_PERIOD:g} s.\n{self._session.processes.logs()}')
+
+    def _message(self, i: int) -> JointState:
+        series = self._series
+        message = JointState(name=list(series.joint_names))
+        message.header.stamp = stamp_to_ros(int(series.stamps_ns[i]))
+        for field in ('position', 'velocity', 'effort'):
+            values = getattr(series, field)
+            if values is not None:
+                setattr(message, field, floats_to_ros(values[i]))
+        return message
+
+
+def _recorded_arm(urdf: str, series: JointSeries) -> ArmModel:
+    """Return the arm with those of its joints that were recorded; the others are locked."""
+    arm = arm_from_urdf(urdf)
+    joints = [name for name in arm.joint_names if name in series.joint_names]
+    if not joints:
+        raise InvalidInputError(
+            f'the recording has the joints {list(series.joint_names)}, but the arm '
+            f'{arm.name!r} has {list(arm.joint_names)}: give its description with --robot')
+    return arm if len(joints) == arm.joint_count else arm_from_urdf(urdf, joints)

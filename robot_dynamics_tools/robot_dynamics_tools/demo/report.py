@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The evaluation of a recording of the closed loop: errors, rates, figure and HTML report."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.joints.units import units_of
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.reporting.figures import (
+    effort_panel,
+    error_panel,
+    joint_figure,
+    Panel,
+    position_panel,
+    save_figure,
+)
+from robot_dynamics.reporting.text_table import quantity_table
+from robot_dynamics_tools.demo.loop import LoopRun
+from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
+from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
+from robot_dynamics_tools.reporting.interactive import zoomable_figures
+
+LARGEST_RMS = 0.01
+"""Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""
+FEW_ANSWERS = 0.8
+"""Fraction of answered states below which the report suggests a lower rate."""
+AT_LIMIT = 0.98
+"""Fraction of an effort limit from which the effort is at its limit."""
+RULE = (f'Rule: good if the RMS of the tracking error is below {1e3 * LARGEST_RMS:g} mrad or mm, '
+        'bad otherwise.')
+FASTER = ('raise `gains.natural_frequency` in steps of 20 %, or check friction and masses in '
+          '`--parameters`')
+TERM_NAMES = ('gravity', 'inertial', 'coriolis', 'friction', 'effort')
+
+
+@dataclass(frozen=True, eq=False)
+class LoopReport:
+    """
+    Result of the motion, at the stamps of its measured states.
+
+    `times` (m,) [s] from its start; `reference` and `measured` (m, n) [rad or m], and `error`,
+    their difference: the shortest angular distance for continuous joints. `term_times` and
+    `terms` are the command by term [N·m or N]. `answered` is the fraction of the states with a
+    command; `efforts_per_second` and `wall_seconds` are measured on the wall clock.
+    """
+
+    joint_names: tuple[str, ...]
+    joint_kinds: tuple[str, ...]
+    times: FloatArray
+    reference: FloatArray
+    measured: FloatArray
+    error: FloatArray
+    term_times: FloatArray
+    terms: dict[str, FloatArray]
+    answered: float
+    efforts_per_second: float
+    wall_seconds: float
+
+    @property
+    def rms(self) -> FloatArray:
+        """RMS of the error, (n,)."""
+        return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
+
+    @property
+    def largest(self) -> FloatArray:
+        """Largest absolute error, (n,)."""
+        return np.asarray(np.abs(self.error).max(axis=0))
+
+    @property
+    def missed(self) -> list[str]:
+        """The joints that did not track."""
+        return [name for name, rms in zip(self.joint_names, self.rms) if not rms < LARGEST_RMS]
+
+
+def loop_report(recording_path: Path, arm: ArmModel, run: LoopRun) -> LoopReport:
+    """Read a recording of `run`; raise RecordingError if it has no state of the motion."""
+    with Recording(recording_path) as recording:
+        states = recording.joint_series(JOINT_STATES, arm.joint_names)
+        commands = recording.joint_series(EFFORT_COMMAND, arm.joint_names)
+        term_stamps, terms = stack(recording.messages(TERMS), TERM_NAMES)
+        arrivals = [time_ns for time_ns, message in recording.messages(EFFORT_COMMAND)
+                    if run.start_ns <= stamp_ns(message.header) <= run.end_ns]
+    during = (states.stamps_ns >= run.start_ns) & (states.stamps_ns <= run.end_ns)
+    stamps = states.stamps_ns[during]
+    if states.position is None or len(stamps) < 2 or len(arrivals) < 2 or run.start_ns == 0:
+        raise RecordingError('no state of the motion was recorded, or no effort for one')
+    wall_seconds = 1e-9 * (arrivals[-1] - arrivals[0])
+    times = _seconds(stamps - run.start_ns)
+    measured = states.position[during]
+    reference = sample_trajectory(run.motion.trajectory, times).position
+    error = reference - measured
+    error[:, arm.is_continuous] = wrap_to_pi(error[:, arm.is_continuous])
+    commanded = np.isin(stamps, commands.stamps_ns)
+    term_during = (term_stamps >= run.start_ns) & (term_stamps <= run.end_ns)
+    return LoopReport(
+        arm.joint_names, arm.joint_kinds, times, reference, measured, error,
+        _seconds(term_stamps[term_during] - run.start_ns),
+        {name: values[term_during] for name, values in terms.items()},
+        float(commanded.mean()), (len(arrivals) - 1) / wall_seconds, wall_seconds)
+
+
+def print_report(report: LoopReport, run: LoopRun) -> None:
+    """Print errors per joint, and rates."""
+    print()
+    print(quantity_table(error_rows(report)))
+    print()
+    print('\n'.join(rate_lines(report, run)))
+
+
+def error_rows(report: LoopReport) -> list[tuple[str, ...]]:
+    """Return the errors of each joint, after a row of titles."""
+    rows: list[tuple[str, ...]] = [('joint', 'RMS error', 'largest error', 'limit of RMS')]
+    for name, kind, rms, largest in zip(
+            report.joint_names, report.joint_kinds, report.rms, report.largest):
+        text = units_of(kind).error_text
+        rows.append((name, text(rms), text(largest), text(LARGEST_RMS)))
+    return rows
+
+
+def rate_lines(report: LoopReport, run: LoopRun) -> list[str]:
+    """Return lines about the rates, the losses and the planned effort."""
+    lines = [
+        f'Control          {100.0 * report.answered:.2f} % of the states were answered: '
+        f'{run.rate:g} per second of motion, {report.efforts_per_second:.1f} per second',
+        f'Time             {report.times[-1] - report.times[0]:.2f} s of motion in '
+        f'{report.wall_seconds:.2f} s; {run.lost} of {run.received + run.lost} messages dropped '
+        'by the recorder']
+    if run.lost:
+        lines.append('                 The recording is incomplete: try a lower --rate, or a '
+                     'lower real_time_factor of simulated_arm in --parameters.')
+    if report.answered < FEW_ANSWERS:
+        lines.append('                 This machine is too slow for the rate: errors may be '
+                     'larger; try a lower --rate.')
+    return [*lines, f'Largest effort   {100.0 * run.motion.effort_ratio:.0f} % of its limit at '
+            f'{run.motion.worst_joint} (planned)']
+
+
+def loop_panels(report: LoopReport, arm: ArmModel) -> tuple[Panel, ...]:
+    """Return the panels of positions, errors, and the effort by term."""
+    lines = {name: values for name, values in report.terms.items()
+             if name != 'friction' or arm.friction.viscous.any() or arm.friction.coulomb.any()}
+    return (
+        position_panel(report.times, report.reference, report.measured),
+        error_panel(report.times, report.error),
+        effort_panel('Effort by term', report.term_times, lines))
+
+
+def save_picture(report: LoopReport, arm: ArmModel, path: Path) -> None:
+    """Write the figure of `loop_panels`; raise OSError."""
+    title = f'{arm.name}: reference and measured position, and the commanded effort by term'
+    save_figure(joint_figure(
+        title, report.joint_names, report.joint_kinds, loop_panels(report, arm)), path)
+
+
+def write_loop_page(
+    report: LoopReport, run: LoopRun, arm: ArmModel, picture: Path, path: Path, origin: Origin,
+) -> None:
+    """Write the report of a closed loop, with the figure in `picture`; raise OSError."""
+    page = Page(f'{arm.name}: closed loop', loop_verdicts(report, arm), RULE, origin)
+    page.section('Tracking error')
+    page.table(error_rows(report))
+    page.section('Rates')
+    page.items(' '.join(line.split()) for line in rate_lines(report, run))
+    page.section('Position, tracking error and effort over time')
+    figures = zoomable_figures(
+        report.joint_names, report.joint_kinds, loop_panels(report, arm), None,
+        picture.read_bytes(), 'Position, tracking error and effort by term')
+    page.add(figures.figures, figures.head)
+    path.write_text(page.html(), encoding='utf-8')
+
+
+def loop_verdicts(report: LoopReport, arm: ArmModel) -> list[Verdict]:
+    """Return the verdict on the tracking of each joint."""
+    efforts = np.abs(report.terms['effort']).max(axis=0, initial=0.0)
+    return [
+        tracking_verdict(name, kind, rms, effort / limit, report.answered)
+        for name, kind, rms, effort, limit in zip(
+            report.joint_names, report.joint_kinds, report.rms.tolist(), efforts.tolist(),
+            arm.limits.effort.tolist())]
+
+
+def tracking_verdict(
+    name: str, kind: str, rms: float, effort_ratio: float, answered: float,
+) -> Verdict:
+    """Return the verdict on one joint from its RMS error [rad] or [m] and its effort / limit."""
+    text = units_of(kind).error_text
+    size = f'RMS error {text(rms)}, limit {text(LARGEST_RMS)}'
+    if rms < LARGEST_RMS:
+        return Verdict(name, Grade.GOOD, f'the joint tracks: {size}', 'no change needed')
+    if effort_ratio > AT_LIMIT:
+        return Verdict(name, Grade.BAD, f'the effort reaches its limit: {size}',
+                       'use a slower trajectory (`--duration`) or a smaller payload')
+    if answered < FEW_ANSWERS:
+        return Verdict(
+            name, Grade.BAD, f'{100.0 * answered:.0f} % of the states were answered: {size}',
+            'use a lower `--rate`')
+    return Verdict(name, Grade.BAD, f'the joint does not track: {size}', FASTER)
+
+
+def _seconds(nanoseconds: IntArray) -> FloatArray:
+    return np.asarray(nanoseconds * 1e-9)

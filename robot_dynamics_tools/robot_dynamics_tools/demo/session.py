@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Code of both kinds of demo: the topics, the nodes, a recorder, and an orderly shutdown."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import InertiaStamped
+from robot_dynamics_interfaces.msg import DynamicsTerms
+from robot_dynamics_tools.demo.processes import DemoError, Nodes
+from robot_dynamics_tools.recordings.reader import RecordingWriter, TopicQos
+from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.recorder import (
+    interface_definitions,
+    Recorder,
+    TopicSpec,
+    write_description,
+)
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
+
+RECORDING = 'recording'
+DESCRIPTION = 'robot.urdf'
+PICTURE = 'demo.png'
+REPORT = 'report.html'
+
+JOINT_STATES = '/joint_states'
+EFFORT_COMMAND = '/effort_command'
+GRAVITY = '/dynamics/gravity_compensation'
+COMPUTED_TORQUE = '/dynamics/computed_torque'
+TERMS = '/dynamics/terms'
+TRAJECTORY = '/dynamics/joint_trajectory'
+
+TOPICS = (
+    TopicSpec(JOINT_STATES, JointState, stamped=True),
+    TopicSpec(EFFORT_COMMAND, JointState, stamped=True),
+    TopicSpec(GRAVITY, JointState, stamped=True),
+    TopicSpec(COMPUTED_TORQUE, JointState, stamped=True),
+    TopicSpec('/dynamics/commands', Float64MultiArray),
+    TopicSpec(TERMS, DynamicsTerms, stamped=True),
+    TopicSpec('/dynamics/payload', InertiaStamped, qos=TopicQos(transient_local=True)),
+    TopicSpec(TRAJECTORY, JointTrajectory),
+    TopicSpec('/diagnostics', DiagnosticArray, qos=TopicQos(depth=10)),
+)
+"""The recorded topics: commands of `dynamics`, and the joint states for them."""
+CLOCK = TopicSpec('/clock', Clock, qos=TopicQos(depth=10))
+
+START_TIMEOUT = 60.0
+"""[s] for the start of the nodes, and between two efforts on a busy machine."""
+DRAIN_PERIOD = 0.01
+"""[s]"""
+
+
+class Session(DynamicsClient):
+    """A client of the nodes of the demo, which records all topics while it waits."""
+
+    def __init__(
+        self, writer: RecordingWriter, topics: Sequence[TopicSpec],
+        time_ns: Callable[[], int] | None, processes: Nodes,
+    ) -> None:
+        """Record to `writer`, under the time `time_ns` of a playback; `processes` start later."""
+        super().__init__('dynamics', START_TIMEOUT)
+        self.processes, self.recorder = processes, Recorder(self.node, writer, topics, time_ns)
+
+    def __exit__(self, *error: object) -> None:
+        """Stop the nodes, then record what they have sent."""
+        try:
+            self.processes.stop()
+        finally:
+            self.recorder.close()
+            super().__exit__(*error)
+
+    def on_turn(self) -> None:
+        """Record the waiting messages; raise DemoError if a node has ended."""
+        self.processes.check()
+        self.recorder.drain()
+
+    def wait_for(self, condition: Callable[[], object], what: str) -> None:
+        """Record until `condition` holds; raise DemoError at START_TIMEOUT or if a node ends."""
+        if not self.wait(condition):
+            raise DemoError(f'{START_TIMEOUT:g} s passed without {what}.\n{self.processes.logs()}')
+
+    def call(self, service_type: type, name: str, request: object) -> Any:
+        """Return the response of a service; raise DemoError without one."""
+        try:
+            return super().call(service_type, name, request)
+        except NoAnswerError as error:
+            raise DemoError(f'{error}.\n{self.processes.logs()}') from None
+
+    def record(self, seconds: float) -> None:
+        """Record for some seconds; raise DemoError if a node has ended."""
+        self.wait(lambda: False, seconds)
+
+
+@contextmanager
+def recording_session(
+    directory: Path, urdf: str, topics: Sequence[TopicSpec] = TOPICS,
+    time_ns: Callable[[], int] | None = None,
+) -> Iterator[Session]:
+    """
+    Yield a session that records to `directory`/recording; the nodes stop before it is closed.
+
+    The recording begins with the URDF, as any viewer and `--replay` expect it.
+    """
+    definitions = interface_definitions('robot_dynamics_interfaces', ['DynamicsTerms'])
+    with (RecordingWriter(directory / RECORDING, definitions) as writer,
+          Session(writer, topics, time_ns, Nodes(directory)) as session):
+        write_description(
+            writer, ROBOT_DESCRIPTION, urdf, time.time_ns() if time_ns is None else time_ns())
+        yield session

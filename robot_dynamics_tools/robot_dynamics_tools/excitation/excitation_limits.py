@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The part of an arm's limits that an excitation motion may use, and the resulting amplitude.
+
+Position, velocity and acceleration of a joint are linear in its amplitude, so that the largest
+amplitude follows directly. Efforts are not linear in the amplitude; they are checked.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.validation import check_scalar, check_vector
+from robot_dynamics_tools.excitation.demo_motion import start_pose
+
+LARGEST_SWING = np.pi
+"""Largest distance [rad] or [m] from the start, for joints without position limits."""
+DEFAULT_ACCELERATION = 6.0
+"""Largest acceleration [rad/s²] or [m/s²]."""
+
+
+@dataclass(frozen=True)
+class LimitFractions:
+    """
+    The fractions of the limits that a motion may use.
+
+    `position_margin` is the fraction of a joint's range that is kept free at each end, `velocity`
+    and `effort` are the fractions of those limits. `acceleration` [rad/s²] or [m/s²] is the limit
+    itself, because a URDF has no acceleration limit.
+    """
+
+    position_margin: float = 0.05
+    velocity: float = 0.6
+    effort: float = 0.8
+    acceleration: float = DEFAULT_ACCELERATION
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationLimits:
+    """
+    The limits of a motion from `start`, each (n,), infinite for no limit.
+
+    `below` and `above` are the largest distances of the positions from the start [rad or m], > 0.
+    """
+
+    start: FloatArray
+    below: FloatArray
+    above: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    effort: FloatArray
+
+    def largest_scale(self, x: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the largest factors (n,) of a motion x = q − start; x, v and a are (m, n)."""
+        n = len(self.start)
+        scale = np.full(n, np.inf)
+        for used, limit in (
+                (x.max(axis=0), self.above), (-x.min(axis=0), self.below),
+                (np.abs(v).max(axis=0), self.velocity),
+                (np.abs(a).max(axis=0), self.acceleration)):
+            moves = used > 0.0
+            scale[moves] = np.minimum(scale, limit / np.where(moves, used, 1.0))[moves]
+        return np.where(np.isfinite(scale), scale, 0.0)
+
+    def effort_ratio(self, efforts: FloatArray) -> float:
+        """Return the largest ratio of efforts (m, n) to the allowed effort."""
+        return float(np.max(np.abs(efforts) / self.effort, initial=0.0))
+
+
+def motion_limits(
+    dynamics: ArmDynamics, fractions: LimitFractions, start: FloatArray | None = None,
+) -> ExcitationLimits:
+    """
+    Return the limits of a motion from `start` (n,), or from a default pose without `start`.
+
+    Raises InvalidInputError for a fraction outside (0, 1], for a start at which a joint cannot
+    move within its limits, and if the gravity torque at the start exceeds the allowed effort.
+    """
+    arm = dynamics.arm
+    margin = check_scalar('position_margin', fractions.position_margin, 0.0, 0.49)
+    velocity = check_scalar('velocity_scale', fractions.velocity, 0.0, 1.0, exclusive_minimum=True)
+    effort = check_scalar('effort_scale', fractions.effort, 0.0, 1.0, exclusive_minimum=True)
+    acceleration = check_scalar(
+        'acceleration', fractions.acceleration, 0.0, exclusive_minimum=True)
+    limits, n = arm.limits, arm.joint_count
+    q0 = start_pose(dynamics) if start is None else check_vector(
+        'start', start, n, arm.joint_names)
+    span = limits.upper - limits.lower
+    kept = margin * np.where(np.isfinite(span), span, 0.0)
+    for name, q, low, high in zip(
+            arm.joint_names, q0, limits.lower + kept, limits.upper - kept):
+        if not low < q < high:
+            raise InvalidInputError(
+                f'start of {name!r} is {q:g}, expected a position between {low:g} and {high:g}, '
+                'where it can move, or a list of joints without this joint')
+    allowed = effort * limits.effort
+    holding = np.abs(dynamics.gravity(q0))
+    if (holding >= allowed).any():
+        j = int(np.argmax(holding / allowed))
+        raise InvalidInputError(
+            f'joint {arm.joint_names[j]!r} needs {holding[j]:.4g} to hold the arm at the start, '
+            f'expected less than the allowed effort of {allowed[j]:.4g}: another start, or a '
+            'larger effort_scale')
+    return ExcitationLimits(
+        q0, np.minimum(q0 - limits.lower - kept, LARGEST_SWING),
+        np.minimum(limits.upper - kept - q0, LARGEST_SWING),
+        velocity * limits.velocity, np.full(n, acceleration), allowed)

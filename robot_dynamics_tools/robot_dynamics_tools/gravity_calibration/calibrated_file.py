@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameter file of a calibration: the given file, with effort scale and offset."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from robot_dynamics.validation import lower_triangle
+from robot_dynamics.yaml_text import dump_yaml, load_yaml
+from robot_dynamics_tools.gravity_calibration.calibration import Calibration
+from robot_dynamics_tools.gravity_calibration.recorded_holds import RecordedCalibration
+
+SECTIONS = '/**', '/**/dynamics', 'dynamics', '/dynamics'
+"""Sections of the node in a parameter file; a later one overrides an earlier one."""
+CALIBRATED = 'effort.scale', 'effort.offset', 'effort.covariance'
+"""The parameters that a calibration determines."""
+_DIGITS, _COVARIANCE_DIGITS = 6, 10
+
+
+def calibrated_file(given: str, found: Calibration, comments: Sequence[str] = ()) -> str:
+    """
+    Return a parameter file of ROS 2 with scale, offset and covariance of the efforts.
+
+    `given` is the text of the previous file, or ''. Its other parameters, also those of other
+    nodes, are kept, its comments are not. The new parameters are in the last section that applies
+    to `dynamics`, and have one value for each of the parameter `joints`, which is added if the
+    file does not set it. Joints that were not recorded keep their values, which count as exact.
+    """
+    document = load_yaml(given, 'a parameter file') or {}
+    present = [name for name in SECTIONS if isinstance(document.get(name), dict)] or ['/**']
+    joints = list(found.arm.joint_names)
+    before: dict[str, Any] = {}
+    has_joints = False
+    for name in present:
+        values = document.setdefault(name, {}).setdefault('ros__parameters', {})
+        before |= _taken_out(values)
+        joints = list(values.get('joints') or joints)
+        has_joints |= bool(values.get('joints'))
+    values = document[present[-1]]['ros__parameters']
+    if not has_joints:
+        values['joints'] = joints
+    values['effort'] = {
+        **values.get('effort', {}), 'scale': _in_order(found, joints, before, 'scale', 1.0),
+        'offset': _in_order(found, joints, before, 'offset', 0.0),
+        'covariance': _covariance(found, joints)}
+    return dump_yaml(document, comments, 'a parameter file')
+
+
+def _taken_out(values: dict[str, Any]) -> dict[str, Any]:
+    """Remove the calibrated parameters of a section, and return them by their full names."""
+    found = {name: values.pop(name) for name in CALIBRATED if name in values}
+    group = values.get('effort')
+    if isinstance(group, dict):
+        found |= {name: group.pop(name.partition('.')[2]) for name in CALIBRATED
+                  if name.partition('.')[2] in group}
+    return found
+
+
+def _in_order(
+    found: Calibration, joints: Sequence[str], before: Mapping[str, Any], name: str,
+    default: float,
+) -> list[float]:
+    """Return one value for each joint, that of the previous file if it is not calibrated."""
+    old = np.asarray(before.get(f'effort.{name}') or [default], dtype=np.float64)
+    values = dict(zip(joints, np.broadcast_to(old, len(joints)).tolist()))
+    for joint, value in zip(found.arm.joint_names, getattr(found, name)):
+        values[joint] = float(f'{value:.{_DIGITS}g}')
+    return [values[joint] for joint in joints]
+
+
+def _covariance(found: Calibration, joints: Sequence[str]) -> list[float]:
+    """Return the lower triangle of the covariance of all scales, then all offsets."""
+    n, recorded = len(joints), found.arm.joint_names
+    places = [(joints.index(joint), j) for j, joint in enumerate(recorded) if joint in joints]
+    to, source = np.array(places, dtype=np.int64).reshape(-1, 2).T
+    to, source = np.concatenate([to, n + to]), np.concatenate([source, len(recorded) + source])
+    C = np.zeros((2 * n, 2 * n))
+    C[np.ix_(to, to)] = found.covariance[np.ix_(source, source)]
+    return [float(f'{value:.{_COVARIANCE_DIGITS}g}') for value in lower_triangle(C)]
+
+
+def header(found: RecordedCalibration, path: Path) -> list[str]:
+    """Return the comments of a parameter file with this path."""
+    names = ', '.join(bag.name for one in found.recorded for bag in one.bags)
+    return [
+        f'Effort scale and offset by `calibrate_gravity` from {names}.',
+        found.calibration.reference.value,
+        '',
+        f'  ros2 run robot_dynamics dynamics_node --ros-args --params-file {path.name}',
+    ]

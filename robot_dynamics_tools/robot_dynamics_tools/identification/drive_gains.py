@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The gain of a drive whose effort is a current, or another quantity proportional to torque.
+
+τ = K i: the gain K [N·m/A] is identifiable if the joint bears a known load, such as that of the
+URDF or of a weighed payload: i = (1/K) τ_URDF + I a / K + friction, by least squares for each
+joint separately. If the load is small compared with friction, as at the last wrist joint, K is not
+identifiable.
+Source: M. Gautier, S. Briot, "Global identification of joint drive gains and dynamic parameters of
+robots", J. Dynamic Systems, Measurement, and Control 136(5), 2014.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, column_scale, FloatArray
+from robot_dynamics_tools.identification.friction_regressor import PAYLOAD, structure
+from robot_dynamics_tools.identification.qr_information import QrInformation
+from robot_dynamics_tools.identification.regularized_fit import Prior
+
+LEAST_CERTAINTY = 5.0
+"""Smallest ratio of 1/K to its standard deviation with which K counts as known."""
+LEAST_JOINTS = 3
+LARGEST_RATIO = 2.0
+"""Factor by which half of the gains may differ from their median."""
+MASS_ERROR = 0.2
+"""Assumed relative error of the masses and inertias of the URDF."""
+LEAST_TOTAL_CERTAINTY = 2.0
+"""Smallest ratio of K to its standard deviation with errors of the masses."""
+CONFOUNDED = 2.0
+"""Ratio of both deviations above which a gain is confounded with the masses of the URDF."""
+_ITERATIONS = 3
+_FRICTION = structure('sigmoid 0.03').columns
+
+
+class GainEstimate(NamedTuple):
+    """
+    Gains K (n,) and their standard deviations (n,), in joint effort per unit of recorded effort.
+
+    `deviation` includes errors of the masses of the URDF, `noise` (n,) does not. `is_known` (n,)
+    is false for joints whose K is not identifiable from the recorded motion.
+    """
+
+    gain: FloatArray
+    deviation: FloatArray
+    is_known: BoolArray
+    noise: FloatArray
+
+    @property
+    def is_confounded(self) -> BoolArray:
+        """Marks the gains (n,) whose deviation is mostly that of the masses of the URDF."""
+        return np.asarray(self.deviation > CONFOUNDED * self.noise)
+
+    @property
+    def scale(self) -> FloatArray:
+        """The gains (n,), 1 for a joint whose gain is not known."""
+        return np.where(self.is_known, self.gain, 1.0)
+
+    @property
+    def differ(self) -> bool:
+        """
+        Return whether the gains of most joints differ, so that efforts cannot have a common unit.
+
+        Wrong masses in the URDF at one or two joints, or a common factor of all masses, do not
+        have this effect.
+        """
+        sizes = np.log(self.gain[self.is_known])
+        if len(sizes) < LEAST_JOINTS:
+            return False
+        return bool(np.median(np.abs(sizes - np.median(sizes))) > np.log(LARGEST_RATIO))
+
+
+def drive_gains(information: QrInformation, prior: Prior) -> GainEstimate:
+    """
+    Return the gains for which the efforts fit the bodies of the URDF and the known payloads.
+
+    The masses of the URDF have errors of `MASS_ERROR`, which are a part of the deviations. If the
+    effort of a payload is a column of the information, the masses are estimated with the gain, and
+    the URDF is their prior: recordings with and without a payload determine the gain by its mass.
+    """
+    factors = information.together()
+    n, p = len(information.joint_names), prior.count
+    rows = max(float(information.rows.sum()), 1.0)
+    samples = information.samples_per_independent_sample
+    spread = MASS_ERROR * np.linalg.inv(prior.rows)
+    gain, deviation, noise = np.full(n, np.nan), np.full(n, np.inf), np.full(n, np.inf)
+    for j in np.flatnonzero(information.is_measured).tolist():
+        R = factors[j]
+        load = R[:, :p] @ prior.parameters + R[:, p + PAYLOAD]
+        if np.linalg.norm(load) <= 1e-9 * np.linalg.norm(R[:, -1]):
+            continue
+        X, masses = np.column_stack([load, R[:, p + np.array(_FRICTION)]]), R[:, :p] @ spread
+        plain = _first_value(X, masses, R[:, -1], rows, samples[j])
+        inverse, error = plain.value, float(np.hypot(plain.noise, plain.by_masses))
+        noise[j] = plain.noise / inverse**2 if inverse else np.inf
+        if R[:, p + PAYLOAD].any():
+            # the errors of the masses times 1/K, in units of their standard deviations
+            wide = np.column_stack([X, inverse * masses])
+            both = _first_value(wide, masses, R[:, -1], rows, samples[j], p)
+            if both.noise < error:
+                inverse, error = both.value, both.noise
+        if inverse:
+            gain[j], deviation[j] = 1.0 / inverse, error / inverse**2
+    known = (gain > LEAST_CERTAINTY * noise) & (gain > LEAST_TOTAL_CERTAINTY * deviation)
+    return GainEstimate(gain, deviation, known, noise)
+
+
+class _Estimate(NamedTuple):
+    """A parameter, and its deviations by the noise and by the errors of the masses."""
+
+    value: float
+    noise: float
+    by_masses: float
+
+
+def _first_value(
+    X: FloatArray, masses: FloatArray, y: FloatArray, rows: float, samples: float,
+    unit_count: int = 0,
+) -> _Estimate:
+    """
+    Return the first parameter of a least-squares fit of y (k,) by X (k, c).
+
+    `masses` (k, p) are the changes of the load by the errors of the masses. The last `unit_count`
+    parameters have a standard deviation of 1 around 0.
+    """
+    k = X.shape[1]
+    target = np.append(y, np.zeros(unit_count))
+    sigma = float(np.linalg.norm(y)) * np.sqrt(samples / rows)
+    value, noise, by_masses = 0.0, np.inf, np.inf
+    for _ in range(_ITERATIONS):
+        A = np.vstack([X, sigma * np.eye(k)[k - unit_count:]])
+        scale = column_scale(A)
+        inverse = np.linalg.pinv(A * scale, rcond=1e-10)
+        x = scale * (inverse @ target)
+        value, noise = float(x[0]), sigma * float(np.linalg.norm(inverse[0]) * scale[0])
+        by_masses = abs(value) * scale[0] * float(np.linalg.norm(inverse[0, :len(y)] @ masses))
+        sigma = float(np.linalg.norm(X @ x - y)) * np.sqrt(samples / rows) + 1e-300
+    return _Estimate(value, noise, by_masses)

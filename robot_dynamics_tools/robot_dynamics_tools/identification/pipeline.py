@@ -1,0 +1,221 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Identification of an arm from recordings: the sequence of all steps.
+
+`identify_recordings` runs the steps. Steps that process samples (`steps`) run on each recording
+separately, in memory (`identify`) or on files (`bag_identification`). The steps between them take
+one or two seconds for any number of recordings.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import RigidBody
+from robot_dynamics.model.base_parameters import BaseParameters, find_base_parameters
+from robot_dynamics.model.payload import Payload
+from robot_dynamics.model.regressor import (
+    inertial_parameters,
+    parameter_names,
+    random_states,
+    TorqueRegressor,
+)
+from robot_dynamics_tools.analysis.motion_filter import FilteredMotion
+from robot_dynamics_tools.identification import steps
+from robot_dynamics_tools.identification.drive_gains import drive_gains, GainEstimate
+from robot_dynamics_tools.identification.friction_regressor import FrictionStructure
+from robot_dynamics_tools.identification.model_selection import (
+    choose_model,
+    fit_models,
+    FittedModels,
+)
+from robot_dynamics_tools.identification.qr_information import merge, QrInformation
+from robot_dynamics_tools.identification.recording_agreement import (
+    contradicting_recordings,
+    difference_from_urdf,
+    far_from_urdf,
+    gravity_ratios,
+    USUAL_REGULARIZATION,
+)
+from robot_dynamics_tools.identification.regression import bare_arm
+from robot_dynamics_tools.identification.regularized_fit import grams_of, make_prior, Prior, solve
+from robot_dynamics_tools.identification.uncertainty import estimate_parameters, ParameterEstimate
+
+TRAIN_FRACTION = 0.6
+STAGES = ('information', 'model', 'information with the model', 'improved model', 'test')
+_STATES, _EVERY = 60, 10
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """
+    The result of an identification: the models, the base parameters, and their tests.
+
+    `gains` are the gains of the drives if the effort was interpreted as a current;
+    `seeming_gains` are the gains that would result from this interpretation. `recordings` are the
+    tested recordings. With `is_cross_validated`, no samples were left for the test, and `tests`
+    have the residual on the cross-validation folds. `difference` (b,) is that of the bodies
+    of the consistent set from the URDF (`recording_agreement`); `contradictions` are those of all
+    recordings.
+    """
+
+    arm: ArmModel
+    models: FittedModels
+    base: BaseParameters
+    estimate: ParameterEstimate
+    information: QrInformation
+    tests: dict[str, steps.ModelTest]
+    gains: GainEstimate | None
+    seeming_gains: GainEstimate
+    recordings: tuple[steps.EvaluatedRecording, ...]
+    difference: FloatArray
+    contradictions: tuple[str, ...] = ()
+    is_cross_validated: bool = False
+
+
+class Recordings(NamedTuple):
+    """
+    Recordings of one arm; the steps run on each recording separately.
+
+    `arm` returns the arm of these joints with its payloads, `reduce` the information in each
+    recording, and `evaluate` the tests of the models on each recording.
+    """
+
+    arm: Callable[[Sequence[str]], ArmModel]
+    reduce: Callable[[steps.Reduction], list[QrInformation]]
+    evaluate: Callable[[steps.Evaluation], list[steps.EvaluatedRecording]]
+
+
+def prior_of(arm: ArmModel) -> Prior:
+    """Return the prior model, from the arm's URDF."""
+    bare = bare_arm(arm)
+    body = RigidBody(bare)
+    inertia = np.mean([
+        np.diag(body.mass_matrix(q)) for q in random_states(bare, _STATES)[0]], axis=0)
+    return make_prior(inertial_parameters(bare), inertia, arm.limits.velocity)
+
+
+def base_parameters_of(
+    arm: ArmModel, gravities: Sequence[Sequence[float]] = (),
+) -> BaseParameters:
+    """
+    Return the base parameters of the arm's bodies and the reflected inertia of its rotors.
+
+    `gravities` (3,) [m/s²] are several vectors of gravity, empty for that of the arm.
+    """
+    q, v, a = random_states(arm, _STATES)
+    rotors = a[:, :, np.newaxis] * np.eye(arm.joint_count)
+    X = np.concatenate([
+        np.concatenate([TorqueRegressor(each)(q, v, a), rotors], axis=2)
+        for each in [arm.with_gravity(gravity) for gravity in gravities] or [arm]])
+    names = (*parameter_names(arm), *(f'Ia({joint})' for joint in arm.joint_names))
+    return find_base_parameters(X.reshape(-1, X.shape[2]), names)
+
+
+def fit_model(
+    arm: ArmModel, information: QrInformation,
+    first: Sequence[FrictionStructure] | None = None,
+) -> FittedModels:
+    """Return the models that are fitted to the information of all recordings."""
+    prior = prior_of(arm).for_effort(information)
+    choice = choose_model(information, prior, first)
+    return fit_models(
+        information.together(), choice, prior, inertial_parameters(bare_arm(arm)))
+
+
+def identify(
+    arm: ArmModel, motions: Sequence[FilteredMotion], train_fraction: float = TRAIN_FRACTION,
+    effort_is_current: bool | None = False, payloads: Sequence[Sequence[Payload]] = (),
+) -> Identification:
+    """
+    Return the identification of an arm from motions of its joints, in its order.
+
+    The first fraction of the samples of each motion is used for training, the rest for the test.
+    `payloads` are those of each motion, empty for those of the arm.
+    Raises RecordingError if a motion has no effort, InvalidInputError if it has too few samples,
+    and the errors of `identify_recordings`. Needs scipy.
+    """
+    arms = [arm.with_payloads(each) for each in payloads] or [arm] * len(motions)
+    recorded = [steps.prepared_motion(loaded, motion, train_fraction)
+                for loaded, motion in zip(arms, motions)]
+    return identify_recordings(Recordings(
+        lambda _: arm, lambda step: [steps.reduce_recording(each, step) for each in recorded],
+        lambda step: [steps.evaluate_recording(each, step) for each in recorded]),
+        effort_is_current)
+
+
+def identify_recordings(
+    recordings: Recordings, effort_is_current: bool | None,
+    on_stage: Callable[[str], None] = lambda _: None, keeps_samples: bool = False,
+) -> Identification:
+    """
+    Return the identification of an arm from recordings.
+
+    With `keeps_samples`, its recordings have the samples of the test part.
+
+    If `effort_is_current` is None, efforts are interpreted as currents if the gains of most joints
+    differ. `on_stage` is called with each of STAGES before it begins. Raises InvalidInputError if
+    the joints of recordings differ, or if no drive gain is identifiable.
+    """
+    on_stage(STAGES[0])
+    first, gains = _first_pass(recordings, effort_is_current)
+    arm = recordings.arm(first.joint_names)
+    scale = None if gains is None else gains.scale
+    on_stage(STAGES[1])
+    seeming = drive_gains(first, prior_of(arm))
+    begun = fit_model(arm, first)
+    on_stage(STAGES[2])
+    parts = recordings.reduce(steps.Reduction(begun.base, scale))
+    information, prior = merge(parts), prior_of(arm)
+    on_stage(STAGES[3])
+    models = fit_model(arm, information, begun.choice.structures)
+    base = base_parameters_of(bare_arm(arm))
+    estimate = estimate_parameters(information, base, prior, models.choice.structures)
+    prior = prior.for_effort(information)
+    odd = contradicting_recordings(
+        parts, models.choice.structures, models.choice.weights, prior)
+    on_stage(STAGES[4])
+    evaluated = recordings.evaluate(steps.Evaluation(
+        models.by_name, 'consistent', scale, keeps_samples))
+    for i, text in odd.items():
+        facts = evaluated[i].facts
+        evaluated[i] = replace(evaluated[i], facts=replace(
+            facts, contradictions=(*facts.contradictions, text)))
+    tests = {name: steps.merge_tests([recording.tests[name] for recording in evaluated])
+             for name in models.by_name}
+    is_cross_validated = tests['base'].samples[1] == 0
+    if is_cross_validated:
+        tests = steps.cross_validated_tests(information, prior, models, tests)
+    usual = solve(grams_of(information.together()), models.choice.structures,
+                  models.choice.weights, prior, USUAL_REGULARIZATION)
+    ratios = gravity_ratios(bare_arm(arm), usual, np.concatenate([
+        recording.shown.position[::_EVERY] for recording in evaluated]))
+    return Identification(
+        arm, models, base, estimate, information, tests, gains, seeming, tuple(evaluated),
+        difference_from_urdf(models.consistent, prior), far_from_urdf(arm.joint_names, ratios),
+        is_cross_validated)
+
+
+def _first_pass(
+    recordings: Recordings, effort_is_current: bool | None,
+) -> tuple[QrInformation, GainEstimate | None]:
+    """Return the information with the load of the URDF, and gains if the effort is a current."""
+    if not effort_is_current:
+        first = merge(recordings.reduce(steps.Reduction()))
+        arm = recordings.arm(first.joint_names)
+        if effort_is_current is False or not drive_gains(first, prior_of(arm)).differ:
+            return first, None
+    raw = merge(recordings.reduce(steps.Reduction(keeps_payload=True)))
+    arm = recordings.arm(raw.joint_names)
+    gains = drive_gains(raw, prior_of(arm))
+    if not gains.is_known.any():
+        raise InvalidInputError(
+            f'no drive gain of {list(arm.joint_names)} is identifiable from effort as current, '
+            'expected a motion in which the joints bear loads well above friction')
+    return merge(recordings.reduce(steps.Reduction(drive_gain=gains.scale))), gains

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Which recordings one model cannot describe together, and how far a model is from the URDF.
+
+Recordings of one arm with one load have a common model, whose residual is hardly larger than that
+of one model per recording (G. C. Chow, Econometrica 28(3), 1960). The recording without which the
+residual decreases most contradicts the others.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.pseudo_inertia import COUNT, pseudo_inertia_matrix
+from robot_dynamics.model.regressor import inertial_parameters, TorqueRegressor
+from robot_dynamics_tools.identification.friction_regressor import FrictionStructure
+from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
+from robot_dynamics_tools.identification.qr_information import QrInformation
+from robot_dynamics_tools.identification.regularized_fit import Fit, grams_of, Prior, solve
+
+LEAST_RATIO = 2.0
+"""Ratio of the residuals of a common model and of separate ones that is a contradiction."""
+LEAST_RESIDUAL = 0.01
+"""Residual relative to the effort, below which a difference does not count."""
+FAR = 2.0
+"""
+Ratio of the gravity torque at a joint to that of the URDF that suggests another arm.
+
+ln 2 is two standard deviations of a URDF whose masses are wrong by a third, all in one sense.
+"""
+USUAL_REGULARIZATION = 10.0
+"""κ of a URDF that is wrong by about a third."""
+_LEAST_SHARE = 0.1
+_LEAST_EIGENVALUE = 1e-9
+
+
+def contradicting_recordings(
+    parts: Sequence[QrInformation], structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior,
+) -> dict[int, str]:
+    """
+    Return the recordings that contradict the others, by number, with a sentence about each.
+
+    If the last two contradict each other, both are returned. `weights` (n,) are those of the
+    residuals; `structures` and `prior` are those of the common model.
+    """
+    grams = [grams_of(part.together()) for part in parts]
+    left, found = list(range(len(parts))), dict[int, str]()
+
+    def squares(chosen: Sequence[int]) -> FloatArray:
+        own = np.sum([grams[i] for i in chosen], axis=0)
+        return solve(own, structures, weights, prior, REGULARIZATIONS[0]).squares(own)
+
+    while len(left) > 1:
+        together = squares(left)
+        power = np.sum([grams[i][:, -1, -1] for i in left], axis=0)
+        least = np.maximum(LEAST_RESIDUAL**2 * power, 1e-300)
+        ratios = [np.sqrt(np.maximum(together, least) / np.maximum(
+            squares([i]) + squares([k for k in left if k != i]), least)) for i in left]
+        worst = int(np.argmax([np.log(ratio).sum() for ratio in ratios]))
+        joint, ratio = int(np.argmax(ratios[worst])), float(ratios[worst].max())
+        if ratio < LEAST_RATIO:
+            break
+        is_pair = len(left) == 2
+        text = (f'contradicts the other recording{"" if is_pair else "s"}: a common model has '
+                f'{ratio:.1f} times the residual of separate models at '
+                f'{parts[0].joint_names[joint]}: another arm, load, friction or unit')
+        odd = left if is_pair else [left[worst]]
+        found.update(dict.fromkeys(odd, text))
+        left = [i for i in left if i not in odd]
+    return found
+
+
+def difference_from_urdf(fit: Fit, prior: Prior) -> FloatArray:
+    """
+    Return how much each body of a consistent fit differs from that of the URDF, (b,).
+
+    This is the RMS of the logarithms of the eigenvalues of P₀⁻¹ P, with the pseudo-inertias P of
+    the fit and P₀ of the URDF: ln 2 for a body of twice the density. (T. Lee, F. C. Park, IEEE
+    Robotics and Automation Letters 3(3), 2018.)
+    """
+    differences = []
+    for phi, L in zip(fit.parameters.reshape(-1, COUNT), prior.roots):
+        inverse = np.linalg.inv(L)
+        ratios = np.linalg.eigvalsh(inverse @ pseudo_inertia_matrix(phi) @ inverse.T)
+        differences.append(np.sqrt(np.mean(np.log(np.maximum(ratios, _LEAST_EIGENVALUE))**2)))
+    return np.array(differences)
+
+
+def factor_of(difference: FloatArray) -> float:
+    """Return the typical factor between the bodies of these differences (b,) and the URDF."""
+    return float(np.exp(np.sqrt(np.mean(difference**2))))
+
+
+def gravity_ratios(arm: ArmModel, fit: Fit, q: FloatArray) -> FloatArray:
+    """
+    Return the RMS (n,) of the gravity torque of a fit by that of the URDF, at positions q (m, n).
+
+    It is 1 at joints with less than a tenth of the largest torque. `arm` has no payload.
+    """
+    rest = np.zeros_like(q)
+    Y = TorqueRegressor(arm)(q, rest, rest)
+    found, described = (np.sqrt(np.mean((Y @ phi)**2, axis=0))
+                        for phi in (fit.parameters, inertial_parameters(arm)))
+    bears = np.maximum(found, described)
+    counts = (bears > _LEAST_SHARE * bears.max()) & (np.minimum(found, described) > 0.0)
+    return np.asarray(np.divide(found, described, out=np.ones_like(found), where=counts))
+
+
+def far_from_urdf(names: Sequence[str], ratios: FloatArray) -> tuple[str, ...]:
+    """Return a sentence if a gravity ratio of the named joints is far from 1."""
+    worst = int(np.argmax(np.abs(np.log(ratios))))
+    if 1.0 / FAR <= ratios[worst] <= FAR:
+        return ()
+    return (f'the gravity torque at {names[worst]} is {ratios[worst]:.2g} times that of the URDF: '
+            'another arm, another URDF, or a load that is not given',)

@@ -1,0 +1,214 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The rows of a regression from a filtered motion, and their reduction to `QrInformation`.
+
+Each recording is reduced twice: first with the load of the URDF and equal weights of all samples;
+then with the load of the first model, and with lower weights for samples that this model does not
+explain (P. J. Huber, *Robust Statistics*, Wiley 1981), such as a contact.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.regressor import inertial_parameters, parameter_names, TorqueRegressor
+from robot_dynamics_tools.analysis.motion_filter import (
+    filter_like,
+    FilteredMotion,
+    samples_per_independent_sample,
+)
+from robot_dynamics_tools.identification.friction_regressor import (
+    COLUMN_NAMES,
+    INERTIA,
+    joint_columns,
+    PAYLOAD,
+    SHARP,
+)
+from robot_dynamics_tools.identification.joint_excitation import excitation_of
+from robot_dynamics_tools.identification.qr_information import QrInformation, reduce_rows
+from robot_dynamics_tools.identification.regularized_fit import Fit, without_memory
+
+HUBER = 4.0
+"""Standard deviations, from the median, beyond which a residual has a lower weight."""
+SAMPLES_A_PERIOD = 5.0
+"""Smallest number of samples that are kept per period of the cut-off frequency."""
+_PART = 2000
+_NORMAL = 1.4826
+_MOST_LAGS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class RegressionRows:
+    """
+    A regression: `X` (m, n, p + own) and `y` (m, n), with τ = X θ.
+
+    The first p columns are those of the bodies' parameters, the others are the joints' own
+    columns.
+    """
+
+    X: FloatArray
+    y: FloatArray
+    body_columns: int
+
+    def model(self, fit: Fit) -> FloatArray:
+        """Return the efforts (m, n) of a fit."""
+        n = self.X.shape[1]
+        theta = np.concatenate([
+            np.broadcast_to(fit.parameters, (n, self.body_columns)), fit.joint_values], axis=1)
+        return np.asarray(np.einsum('mjk,jk->mj', self.X, theta, optimize=True))
+
+
+def train_count(motion: FilteredMotion, train_fraction: float) -> int:
+    """Return the number of the first samples that are for training; the rest is for the test."""
+    return int(train_fraction * len(motion.stamps_ns))
+
+
+def regression_rows(
+    arm: ArmModel, motion: FilteredMotion, reference: Fit | None = None,
+    is_filtered: bool = False, step: int = 1, keeps_payload: bool = False,
+) -> RegressionRows:
+    """
+    Return the regression of a motion of the arm's joints, in its order, of every step-th sample.
+
+    `reference` is the model from which inverse dynamics computes the load of the gears, with its
+    rotors; None uses the arm. With `is_filtered`, sharp friction passes the same filter as the
+    measured effort, which avoids a bias of the estimates. The effort of a payload of the arm is
+    subtracted from y, or with `keeps_payload` is the column PAYLOAD. Raises RecordingError if no
+    effort was recorded.
+    """
+    efforts = motion.measured_effort
+    of_payload = _of_payload(arm, motion)
+    own = _own_columns(arm, motion, reference, of_payload)
+    if is_filtered:
+        own[:, :, SHARP] = filter_like(
+            motion, own[:, :, SHARP].reshape(len(own), -1)).reshape(own[:, :, SHARP].shape)
+    if keeps_payload:
+        own[:, :, PAYLOAD] = of_payload
+    else:
+        efforts = efforts - of_payload
+    Y = TorqueRegressor(arm)(
+        motion.position[::step], motion.velocity[::step], motion.acceleration[::step])
+    return RegressionRows(np.concatenate([Y, own[::step]], axis=2), efforts[::step], Y.shape[2])
+
+
+def model_effort(arm: ArmModel, motion: FilteredMotion, fit: Fit) -> tuple[
+        FloatArray, FloatArray]:
+    """
+    Return the efforts (m, n) of a fit along a motion, and for single states, with the payload.
+
+    The efforts for single states use the sign of velocity instead of the state of presliding.
+    """
+    of_payload = _of_payload(arm, motion)
+    own = _own_columns(arm, motion, fit, of_payload)
+    bodies = of_payload + _of_bodies(arm, motion, fit.parameters)
+    along, single = (
+        bodies + np.einsum('mjk,jk->mj', own, each.joint_values)
+        for each in (fit, without_memory(fit)))
+    return along, single
+
+
+def _own_columns(
+    arm: ArmModel, motion: FilteredMotion, reference: Fit | None, of_payload: FloatArray,
+) -> FloatArray:
+    q, v, a = motion.position, motion.velocity, motion.acceleration
+    if reference is None:
+        load = of_payload + _of_bodies(arm, motion, inertial_parameters(bare_arm(arm)))
+    else:
+        rotors = reference.joint_values[:, INERTIA] * a
+        load = of_payload + _of_bodies(arm, motion, reference.parameters) + rotors
+    starts = [0, *(np.flatnonzero(np.diff(motion.segment)) + 1).tolist()]
+    return joint_columns(arm.joint_kinds, q, v, a, load, starts)
+
+
+def _of_payload(arm: ArmModel, motion: FilteredMotion) -> FloatArray:
+    extra = inertial_parameters(arm) - inertial_parameters(bare_arm(arm))
+    return _of_bodies(arm, motion, extra) if extra.any() else np.zeros_like(motion.position)
+
+
+def _of_bodies(arm: ArmModel, motion: FilteredMotion, parameters: FloatArray) -> FloatArray:
+    """Return Y φ (m, n), computed in parts, because Y of a long motion exceeds the memory."""
+    regressor = TorqueRegressor(arm)
+    efforts = np.empty_like(motion.position)
+    for first in range(0, len(efforts), _PART):
+        part = slice(first, first + _PART)
+        efforts[part] = regressor(
+            motion.position[part], motion.velocity[part], motion.acceleration[part]) @ parameters
+    return efforts
+
+
+def decimation(motion: FilteredMotion) -> int:
+    """
+    Return the decimation step: every step-th sample contains the information of all samples.
+
+    The filter removes all frequencies beyond a few times its cut-off (Gautier's parallel
+    decimation).
+    """
+    return max(1, int(motion.sample_rate_hz / (SAMPLES_A_PERIOD * motion.cutoff_hz)))
+
+
+def bare_arm(arm: ArmModel) -> ArmModel:
+    """Return the arm without its payloads."""
+    return arm.with_payloads(())
+
+
+def reduce_motion(
+    arm: ArmModel, motion: FilteredMotion, train_fraction: float, reference: Fit | None = None,
+    keeps_payload: bool = False,
+) -> QrInformation:
+    """
+    Return the information in the training samples of one recording.
+
+    With a `reference`, the model of a first pass, the load of the gears is that of this model, and
+    samples with a large residual have lower weights. Raises RecordingError without effort,
+    InvalidInputError without samples.
+    """
+    step = decimation(motion)
+    rows = regression_rows(
+        arm, motion, reference, is_filtered=True, step=step, keeps_payload=keeps_payload)
+    count = train_count(motion, train_fraction)
+    usable = np.flatnonzero(motion.usable[:count:step])
+    X, y = rows.X[usable], rows.y[usable]
+    n = y.shape[1]
+    rate = motion.sample_rate_hz / step
+    independent = np.full(n, max(
+        1.0, samples_per_independent_sample(motion.cutoff_hz, motion.sample_rate_hz) / step))
+    if reference is not None:
+        residual = (rows.y - rows.model(reference))[usable]
+        independent = np.maximum(independent, [
+            correlation_time(residual[:, j]) for j in range(n)])
+        root = np.sqrt(huber_weights(residual))
+        X, y = X * root[:, :, np.newaxis], y * root
+    gap = int(np.ceil(rate / motion.cutoff_hz))
+    return reduce_rows(
+        arm.joint_names, (*parameter_names(arm), *COLUMN_NAMES), X, y, gap, independent,
+        excitation_of(motion, arm.joint_kinds, count), step)
+
+
+def huber_weights(residual: FloatArray) -> FloatArray:
+    """Return the weights (m, n) of residuals: 1, but lower beyond `HUBER` deviations."""
+    sigma = _NORMAL * np.median(np.abs(residual), axis=0)
+    size = np.abs(residual)
+    return np.asarray(np.minimum(1.0, HUBER * sigma / np.maximum(size, 1e-300)))
+
+
+def correlation_time(residual: FloatArray) -> float:
+    """
+    Return the number of samples of a residual (m,) that count as one: 1 + 2 Σ ρ_k.
+
+    The sum of autocorrelations ends where two neighbours add up to less than 0 (C. J. Geyer,
+    "Practical Markov chain Monte Carlo", Statistical Science 7(4), 1992).
+    """
+    x = residual - residual.mean()
+    m = len(x)
+    power = float(x @ x)
+    if power == 0.0:
+        return 1.0
+    spectrum = np.fft.rfft(x, 2 * m)
+    rho = np.fft.irfft(np.abs(spectrum)**2)[:min(m, _MOST_LAGS)] / power
+    pairs = rho[:len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs < 0.0)
+    last = int(ends[0]) if len(ends) else len(pairs)
+    return float(max(2.0 * pairs[:last].sum() - 1.0, 1.0))

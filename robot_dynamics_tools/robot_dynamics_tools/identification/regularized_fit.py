@@ -1,0 +1,315 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Least squares with regularization towards the prior model, which is the URDF.
+
+The cost function is
+½ Σ_j w_j |X_j θ_j − y_j|² + ½ κ Σ_b |W_b (φ_b − φ⁰_b)|² + ½ κ Σ_j (I_j / s_j)²
++ ½ Σ_j |F_j / f_j|². Its terms are the residuals of all joints, each with the weight
+w_j = 1 / (σ_j² × samples per independent sample); the entropic divergence of the bodies from the
+URDF, to second order (`pseudo_inertia`); the reflected inertia I_j relative to the inertia s_j at
+the joint; and the friction parameters F_j relative to f_j, the value with which each of them alone
+explains the largest measured effort of the joint. The last term does not depend on κ: it matters
+only if the data do not determine a parameter. Dry friction and the offset F_b are at most the
+largest measured effort. κ = 1 corresponds to a URDF that is wrong by about 100 %, κ = 10⁴ to one
+that is wrong by 1 %. Source of the regularization: T. Lee, F. C. Park, "A geometric algorithm for
+robust multibody inertial parameter identification", IEEE Robotics and Automation Letters 3(3),
+2018.
+
+`consistent_fit` has the same cost, but with the entropic divergence itself. Its variables are the
+relative log-Cholesky coordinates of each body (`pseudo_inertia`), which represent only physically
+consistent bodies: every body is a mass distribution. Friction and rotors are non-negative. The
+problem is solved by Gauss–Newton steps within a trust region, starting from the URDF.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray
+from robot_dynamics.dependencies import optional
+from robot_dynamics.joints.friction_terms import LARGEST_LOAD_FRACTION
+from robot_dynamics.model import pseudo_inertia
+from robot_dynamics_tools.identification.friction_regressor import (
+    COLUMN_COUNT,
+    COULOMB,
+    DRY,
+    FrictionStructure,
+    INERTIA,
+    LOAD,
+    OFFSET,
+    VISCOUS,
+)
+from robot_dynamics_tools.identification.qr_information import QrInformation
+
+URDF_REGULARIZATION = 1e12
+"""κ that leaves the bodies of the URDF unchanged."""
+MOST_EVALUATIONS = 100
+LEAST_REGULARIZATION = 1.0
+"""Smallest κ, which keeps the bodies away from the boundary of physical consistency."""
+_LEAST_ROTOR = 0.1
+"""
+Reflected inertia that is expected at every joint, as a fraction of the largest inertia at a joint:
+the rotor of a large reduction may have a larger reflected inertia than a wrist.
+"""
+_RIDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """
+    The prior: φ⁰ (p,), one Cholesky factor of P₀ per body (b, 4, 4), and s (n,).
+
+    `rows` (p, p) is W of all bodies; `inertia` s_j [kg·m²] or [kg]; `velocity` (n,) are the limits
+    of the velocity [rad/s] or [m/s]. `friction` (n, COLUMN_COUNT)
+    is 1 / f_j of each column, 0 without regularization, and `largest` (n, COLUMN_COUNT) its
+    upper bound.
+    """
+
+    parameters: FloatArray
+    roots: FloatArray
+    rows: FloatArray
+    inertia: FloatArray
+    velocity: FloatArray
+    friction: FloatArray
+    largest: FloatArray
+
+    @property
+    def count(self) -> int:
+        return len(self.parameters)
+
+    def for_effort(self, information: QrInformation) -> 'Prior':
+        """Return the prior with the scale and the bounds of friction from the measured effort."""
+        excitation, is_measured = information.excitation, information.is_measured
+        largest_effort = np.where(is_measured, excitation.largest_effort, np.inf)
+        rms_effort = np.where(is_measured, information.rms_effort, np.inf)
+        friction, largest = np.zeros_like(self.friction), np.full_like(self.largest, np.inf)
+        efforts = np.concatenate([OFFSET, DRY])
+        friction[:, efforts] = 1.0 / largest_effort[:, np.newaxis]
+        friction[:, LOAD] = is_measured[:, np.newaxis]
+        # if viscous friction is hardly separable, it must stay moderate at other velocities
+        is_vague = np.isfinite(self.velocity) & [
+            bool(excitation.left_out(joint)) for joint in range(len(self.velocity))]
+        friction[:, VISCOUS] = np.where(
+            is_vague, self.velocity / rms_effort, excitation.rms_velocity / largest_effort,
+        )[:, np.newaxis]
+        largest[:, efforts] = largest_effort[:, np.newaxis]
+        largest[:, LOAD] = LARGEST_LOAD_FRACTION
+        return replace(self, friction=friction, largest=largest)
+
+
+def make_prior(
+    parameters: FloatArray, joint_inertia: FloatArray, velocity_limit: FloatArray,
+) -> Prior:
+    """Return the prior of a URDF's φ⁰ (p,), inertia s and velocity limit (n,) of each joint."""
+    roots = pseudo_inertia.regularizing_roots(parameters)
+    rows = np.zeros((len(parameters), len(parameters)))
+    for i, root in enumerate(roots):
+        part = slice(pseudo_inertia.COUNT * i, pseudo_inertia.COUNT * (i + 1))
+        rows[part, part] = pseudo_inertia.relative_rows(root)
+    return Prior(
+        np.concatenate([pseudo_inertia.parameters_of(root @ root.T) for root in roots]), roots,
+        rows, np.maximum(joint_inertia, max(_LEAST_ROTOR * float(joint_inertia.max()), 1e-6)),
+        velocity_limit, np.zeros((len(joint_inertia), COLUMN_COUNT)),
+        np.full((len(joint_inertia), COLUMN_COUNT), np.inf))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """
+    Parameters of a model: φ (p,) of the bodies, and (n, COLUMN_COUNT) of the joints' own columns.
+
+    Columns that the structure of a joint does not use are 0.
+    """
+
+    parameters: FloatArray
+    joint_values: FloatArray
+    structures: tuple[FrictionStructure, ...]
+
+    def squares(self, grams: FloatArray) -> FloatArray:
+        """Return the sum of squared residuals of each joint, (n,); `grams` (n, k, k) is RᵀR."""
+        n = len(self.joint_values)
+        x = np.concatenate([
+            np.broadcast_to(self.parameters, (n, len(self.parameters))), self.joint_values,
+            np.full((n, 1), -1.0)], axis=1)
+        return np.asarray(np.maximum(np.einsum('ja,jab,jb->j', x, grams, x), 0.0))
+
+
+def without_memory(fit: Fit) -> Fit:
+    """Return the fit with the sign of velocity instead of the state of presliding."""
+    values = fit.joint_values.copy()
+    values[:, COULOMB] = 0.0
+    values[:, COULOMB[0]] = fit.joint_values[:, COULOMB].sum(axis=1)
+    return Fit(fit.parameters, values, fit.structures)
+
+
+def own_variables(
+    structures: Sequence[FrictionStructure], p: int,
+) -> list[tuple[IntArray, slice]]:
+    """
+    Return the columns of a factor that belong to each joint, and the place of their variables.
+
+    The variables of the joints follow the p variables of the bodies; the reflected inertia is the
+    first one of its joint.
+    """
+    ends = p + np.cumsum([0, *(len(structure.columns) for structure in structures)])
+    return [(np.array(structure.columns) + p, slice(first, last))
+            for structure, first, last in zip(structures, ends, ends[1:])]
+
+
+def grams_of(factors: FloatArray) -> FloatArray:
+    """Return RᵀR of factors R (..., k, k)."""
+    return np.asarray(np.swapaxes(factors, -1, -2) @ factors)
+
+
+def solve(
+    grams: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, regularization: float,
+) -> Fit:
+    """
+    Return the fit to RᵀR (n, k, k) of each joint, by the normal equations, without bounds.
+
+    `weights` are w (n,), `regularization` is κ. The solution is fast, for selecting models.
+    """
+    p = prior.count
+    own = own_variables(structures, p)
+    size = own[-1][1].stop
+    H, g = np.zeros((size, size)), np.zeros(size)
+    W = prior.rows.T @ prior.rows
+    H[:p, :p] = regularization * W
+    g[:p] = regularization * W @ prior.parameters
+    for j, (columns, part) in enumerate(own):
+        G = weights[j] * grams[j]
+        H[:p, :p] += G[:p, :p]
+        H[:p, part] = G[:p, columns]
+        H[part, :p] = H[:p, part].T
+        H[part, part] = G[np.ix_(columns, columns)] + np.diag(
+            prior.friction[j, columns - p]**2)
+        g[:p] += G[:p, -1]
+        g[part] = G[columns, -1]
+        H[part.start, part.start] += regularization / prior.inertia[j]**2
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+    x = scale * np.linalg.solve(
+        scale[:, np.newaxis] * H * scale + _RIDGE * np.eye(size), scale * g)
+    return fit_of(x, structures, p)
+
+
+def solve_bounded(
+    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, regularization: float,
+) -> Fit:
+    """
+    Return the same fit to factors R (n, k, k), with non-negative friction and rotors.
+
+    The method is least squares with bounds, which does not square the condition number.
+    """
+    lsq_linear = optional('scipy.optimize', 'identification').lsq_linear
+    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    scale = 1.0 / np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    found = lsq_linear(
+        A * scale, b, (low / scale, high / scale), method='bvls', tol=1e-12, max_iter=1000)
+    return fit_of(scale * found.x, structures, prior.count)
+
+
+def bounded_problem(
+    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, regularization: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return A, b of |A x − b|², and the bounds of x (`own_variables`)."""
+    n, k, _ = factors.shape
+    p = prior.count
+    own = own_variables(structures, p)
+    size = own[-1][1].stop
+    A, b = np.zeros((n * k + size, size)), np.zeros(n * k + size)
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    for j, (columns, part) in enumerate(own):
+        rows = slice(j * k, (j + 1) * k)
+        root = np.sqrt(weights[j]) * factors[j]
+        A[rows, :p], A[rows, part], b[rows] = root[:, :p], root[:, columns], root[:, -1]
+        A[n * k:, part][part] = np.diag(prior.friction[j, columns - p])
+        A[n * k + part.start, part.start] = np.sqrt(regularization) / prior.inertia[j]
+        # a joint may have two columns of dry friction, which together have the bound
+        count = max(structures[j].dry_count, 1)
+        high[part] = prior.largest[j, columns - p] / np.where(
+            np.isin(columns - p, DRY), count, 1)
+        low[part] = np.where(np.isin(columns - p, OFFSET), -high[part], 0.0)
+    A[n * k:n * k + p, :p] = np.sqrt(regularization) * prior.rows
+    b[n * k:n * k + p] = np.sqrt(regularization) * prior.rows @ prior.parameters
+    return A, b, low, high
+
+
+def is_physical(joint_values: FloatArray, largest: FloatArray) -> bool:
+    """
+    Return whether friction is not below 0, and dry friction and F_b are within `largest`.
+
+    Both are of one joint, (COLUMN_COUNT,), `largest` as in `Prior`; the rotor is not checked.
+    """
+    values = joint_values.copy()
+    values[INERTIA] = 0.0
+    values[OFFSET] = np.abs(values[OFFSET])
+    return bool((values >= 0.0).all() and (values <= largest).all()
+                and values[DRY].sum() <= largest[DRY[0]])
+
+
+def fit_of(x: FloatArray, structures: Sequence[FrictionStructure], p: int) -> Fit:
+    """Return the fit of the variables x: p of the bodies, then those of `own_variables`."""
+    values = np.zeros((len(structures), COLUMN_COUNT))
+    for j, (columns, part) in enumerate(own_variables(structures, p)):
+        values[j, columns - p] = x[part]
+    return Fit(x[:p], values, tuple(structures))
+
+
+def consistent_fit(
+    factors: FloatArray, structures: Sequence[FrictionStructure], weights: FloatArray,
+    prior: Prior, regularization: float, start: Fit,
+) -> Fit:
+    """
+    Return the physically consistent fit to factors R (n, k, k), with weights w (n,).
+
+    `regularization` is κ, `start` has the initial friction and rotors. Needs scipy.
+    """
+    least_squares = optional('scipy.optimize', 'identification').least_squares
+    p = prior.count
+    parts = [slice(i, i + pseudo_inertia.COUNT) for i in range(0, p, pseudo_inertia.COUNT)]
+    regularization = max(regularization, LEAST_REGULARIZATION)
+    A, b, low, high = bounded_problem(factors, structures, weights, prior, regularization)
+    n, k, _ = factors.shape
+    # the divergence replaces the regularization of φ itself
+    A[n * k:n * k + p], b[n * k:n * k + p] = 0.0, 0.0
+    R: FloatArray = np.asarray(np.linalg.qr(np.column_stack([A, b]), mode='r'))
+    A, b = np.vstack([R[:, :-1], np.zeros((p, len(low)))]), np.append(R[:, -1], np.zeros(p))
+    data = len(R)
+    root = np.sqrt(2.0 * regularization)
+
+    def bodies_of(x: FloatArray) -> FloatArray:
+        return np.concatenate([
+            pseudo_inertia.from_coordinates(L0, x[part]) for L0, part in zip(prior.roots, parts)])
+
+    def residuals(x: FloatArray) -> FloatArray:
+        r = A @ np.concatenate([bodies_of(x), x[p:]]) - b
+        for part in parts:
+            r[data:][part] = root * pseudo_inertia.divergence_residuals(x[part])[0]
+        return np.asarray(r)
+
+    def derivative(x: FloatArray) -> FloatArray:
+        J = A.copy()
+        for L0, part in zip(prior.roots, parts):
+            J[:, part] = A[:, part] @ pseudo_inertia.jacobian(L0, x[part])
+            J[data:][part, part] = root * np.diag(pseudo_inertia.divergence_residuals(x[part])[1])
+        return J
+
+    x0 = np.concatenate([np.zeros(p), *(
+        start.joint_values[j, columns - p]
+        for j, (columns, _) in enumerate(own_variables(structures, p)))])
+    low[:p], high[:p] = -np.inf, np.inf
+    x0 = np.clip(x0, low + 1e-9 * (low == 0.0), high)
+    found = least_squares(
+        residuals, x0, derivative, bounds=(low, high), x_scale='jac', method='trf',
+        max_nfev=MOST_EVALUATIONS, xtol=1e-9, ftol=1e-9, gtol=1e-9)
+    x = np.asarray(found.x)
+    fit = fit_of(x, structures, p)
+    # the solver stops just inside its bounds; without effort, parameters are undetermined
+    is_zero = (np.abs(fit.joint_values) < 1e-8) | (weights <= 0.0)[:, np.newaxis]
+    values = np.where(is_zero, 0.0, fit.joint_values)
+    return replace(fit, parameters=bodies_of(x), joint_values=values)

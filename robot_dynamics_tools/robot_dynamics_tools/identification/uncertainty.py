@@ -1,0 +1,145 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The uncertainty of each base parameter: its standard deviation, and whether it is excited.
+
+The method is weighted least squares over the base parameters and the joints' own columns, without
+regularization: the covariance is (Σ_j w_j X_jᵀ X_j)⁻¹ with w_j = 1 / (σ_j² s_j). Filtered samples
+are not independent: s_j samples count as one (`regression`). This is exact for noise that is white
+over the band of the regressor.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from robot_dynamics.arrays import column_scale, FloatArray
+from robot_dynamics.model.base_parameters import BaseParameters
+from robot_dynamics_tools.identification.friction_regressor import (
+    COLUMN_NAMES,
+    FrictionStructure,
+    INERTIA,
+)
+from robot_dynamics_tools.identification.qr_information import QrInformation
+from robot_dynamics_tools.identification.regularized_fit import Prior
+
+UNEXCITED = 1.0
+"""
+A base parameter is not excited if its deviation is above this fraction of the deviation that
+corresponds to a URDF that is wrong by about 100 %.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterEstimate:
+    """
+    Base parameters β and the joints' own parameters, k of them, by unregularized least squares.
+
+    `names`, `values`, `deviations` (standard), `prior` (of the URDF; own parameters 0) are (k,).
+    `base_count` of them are base parameters; `condition` is the condition number of their columns,
+    scaled to the same size; `excited` (k,) marks the parameters that the data determine better
+    than the scale of the URDF.
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    deviations: FloatArray
+    prior: FloatArray
+    base_count: int
+    condition: float
+    excited: FloatArray
+
+    @property
+    def relative_deviations(self) -> FloatArray:
+        """Return deviation / |value|, (k,), infinite if the value is 0."""
+        with np.errstate(divide='ignore'):
+            return np.asarray(self.deviations / np.abs(self.values))
+
+    @property
+    def unexcited(self) -> tuple[str, ...]:
+        return tuple(name for name, good in zip(self.names, self.excited) if not good)
+
+
+def estimate_parameters(
+    information: QrInformation, base: BaseParameters, prior: Prior,
+    structures: Sequence[FrictionStructure],
+) -> ParameterEstimate:
+    """
+    Return the base parameters of all samples, weighted by joint, with their deviations.
+
+    `base` are the base parameters of φ and the rotors' reflected inertia, which follow φ.
+    """
+    n, p = len(information.joint_names), prior.count
+    factors = information.together()
+    rows = float(information.rows.sum())
+    samples = information.samples_per_independent_sample
+    is_measured = information.is_measured
+    weights = np.where(is_measured, 1.0, 0.0)
+    sigma = np.ones(n)
+    blocks, names = _columns(information, base, structures, p)
+    r = base.rank
+    for _ in range(4):
+        A = np.concatenate([np.sqrt(weights[j]) * factors[j] @ blocks[j] for j in range(n)])
+        b = np.concatenate([np.sqrt(weights[j]) * factors[j][:, -1] for j in range(n)])
+        scale = column_scale(A)
+        U, s, Vt = np.linalg.svd(A * scale, full_matrices=False)
+        kept = s > 1e-10 * s[0]
+        x = scale * (Vt[kept].T @ ((U[:, kept].T @ b) / s[kept]))
+        squares = np.array([
+            float(np.sum((factors[j] @ (blocks[j] @ x) - factors[j][:, -1])**2))
+            for j in range(n)])
+        free = np.maximum(rows - samples * len(x) / n, 1.0)
+        sigma = np.sqrt(np.maximum(squares / free, 1e-30))
+        weights = np.where(is_measured, 1.0 / (sigma**2 * samples), 0.0)
+    inverse = np.where(kept, 1.0 / np.maximum(s, 1e-300), np.inf)
+    with np.errstate(invalid='ignore'):
+        variance = np.nansum((Vt.T * inverse)**2, axis=1)
+        deviations = np.where(scale > 0.0, scale * np.sqrt(variance), np.inf)
+    s_base = np.asarray(np.linalg.svd(A[:, :r] * scale[:r], compute_uv=False))
+    size = _scale_of(base, prior, n)
+    before = np.concatenate([
+        base.matrix @ np.concatenate([prior.parameters, np.zeros(n)]), np.zeros(len(x) - r)])
+    excited = np.concatenate([
+        deviations[:r] < UNEXCITED * size, np.isfinite(deviations[r:])])
+    return ParameterEstimate(
+        names, x, deviations, before, r, _condition(s_base), excited)
+
+
+def _columns(
+    information: QrInformation, base: BaseParameters, structures: Sequence[FrictionStructure],
+    p: int,
+) -> tuple[list[FloatArray], tuple[str, ...]]:
+    """Return for each joint the matrix that maps the estimate to the columns of its factor."""
+    r = base.rank
+    own = [[c for c in structure.columns if c != INERTIA] for structure in structures]
+    total = r + sum(len(columns) for columns in own)
+    names = list(base.labels)
+    blocks = []
+    first = r
+    for j, columns in enumerate(own):
+        block = np.zeros((len(information.columns) + 1, total))
+        for k, column in enumerate(base.columns):
+            if column < p:
+                block[column, k] = 1.0
+            elif column == p + j:
+                block[p + INERTIA, k] = 1.0
+        for i, column in enumerate(columns):
+            block[p + column, first + i] = 1.0
+            names.append(f'{COLUMN_NAMES[column]}({information.joint_names[j]})')
+        blocks.append(block)
+        first += len(columns)
+    return blocks, tuple(names)
+
+
+def _condition(singular: FloatArray) -> float:
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else float('inf')
+
+
+def _scale_of(base: BaseParameters, prior: Prior, n: int) -> FloatArray:
+    """Return the deviations (r,) that correspond to a URDF that is wrong by about 100 %."""
+    p = prior.count
+    spread = np.zeros((p + n, p + n))
+    spread[:p, :p] = np.linalg.inv(prior.rows)
+    spread[p:, p:] = np.diag(prior.inertia)
+    return np.asarray(np.linalg.norm(base.matrix @ spread, axis=1))

@@ -1,0 +1,146 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The uncertainty of an identified model, as parameters of the node (`model.effort_deviation`).
+
+The true parameters are assumed to be those of the regularized least squares (`regularized_fit`)
+with their covariance, without bounds and with κ of at most 1, which corresponds to a URDF that is
+wrong by about 100 %. The consistent set differs from them by d, because its κ is larger and it has
+bounds: the mean square of its error is this covariance plus d dᵀ. Parameters that the recordings
+determine have the deviations of the noise; the others have those of such a URDF.
+
+The noise is calibrated so that the interval ± 2 σ of covariance, friction and noise contains
+COVERAGE of the recorded samples of each joint, above and below its median speed (split conformal
+prediction: J. Lei et al., J. American Statistical Association 113(523), 2018). It is not an
+assumed distribution: the errors of friction are not normal. Samples for training count without the
+covariance, because the fit to them has not its error.
+
+The bodies and rotors are represented by their base parameters for any direction of gravity, so
+that the covariance is also valid for an arm with another mounting.
+"""
+
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arrays import column_scale, FloatArray
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
+from robot_dynamics.model.regressor import random_states
+from robot_dynamics.validation import lower_triangle
+from robot_dynamics_tools.analysis.motion_filter import noise_bandwidth
+from robot_dynamics_tools.identification.friction_regressor import FRICTION_COLUMNS
+from robot_dynamics_tools.identification.identified_arm import fitted_friction
+from robot_dynamics_tools.identification.pipeline import (
+    base_parameters_of,
+    Identification,
+    prior_of,
+)
+from robot_dynamics_tools.identification.regression import bare_arm
+from robot_dynamics_tools.identification.regularized_fit import bounded_problem, own_variables
+from robot_dynamics_tools.identification.steps import EffortSeries
+
+LARGEST_REGULARIZATION = 1.0
+POSES = 200
+COVERAGE = 0.9545
+"""Share of the recorded samples within 2 σ: that of a normal distribution."""
+GRAVITIES = ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (0.0, 9.81, 0.0), (0.0, 0.0, 9.81))
+"""The efforts are affine in gravity: these vectors have the parameters of any direction."""
+
+
+def uncertainty_values(identification: Identification) -> dict[str, Any]:
+    """Return the parameters `uncertainty.…` of `dynamics_node`, by name."""
+    names, covariance = parameter_covariance(identification)
+    fast, slow, middle, largest = recorded_deviations(identification)
+    return {
+        'uncertainty.parameters': list(names),
+        'uncertainty.covariance': lower_triangle(covariance),
+        'uncertainty.noise_deviation': fast.tolist(),
+        'uncertainty.friction_deviation': np.sqrt(np.maximum(slow**2 - fast**2, 0.0)).tolist(),
+        'uncertainty.friction_velocity': middle.tolist(),
+        'uncertainty.largest_velocity': largest.tolist(),
+        'uncertainty.noise_bandwidth': min(
+            noise_bandwidth(recording.facts.cutoff_hz, recording.facts.rate_hz)
+            for recording in identification.recordings),
+    }
+
+
+def holding_deviation(identification: Identification) -> FloatArray:
+    """
+    Return the deviation (n,) of the effort at rest by the covariance, RMS over random poses.
+
+    The poses are within the position limits, also where nothing was recorded.
+    """
+    q = random_states(bare_arm(identification.arm), POSES)[0]
+    rest = np.zeros_like(q)
+    errors = _model_deviation(identification).errors(q, rest, rest)
+    return np.asarray(np.sqrt((errors**2).sum(axis=2).mean(axis=0)))
+
+
+def recorded_deviations(
+    identification: Identification,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """
+    Return σ of fast and of slow samples, and the median and the largest speed, each (n,).
+
+    The residuals are those at single states, because the node knows no motion before a state.
+    """
+    deviation = _model_deviation(identification)
+    shown = [recording.shown for recording in identification.recordings]
+    variance = np.concatenate([
+        0.25 * (each.measured - each.single)**2 - _covariance_in_residual(deviation, each)
+        for each in shown])
+    speed = np.abs(np.concatenate([each.velocity for each in shown]))
+    middle = np.median(speed, axis=0)
+    slow, fast = (np.sqrt(np.maximum([
+        np.quantile(own[rows], COVERAGE) for own, rows in zip(variance.T, is_part.T)], 0.0))
+        for is_part in (speed <= middle, speed >= middle))
+    return fast, slow, middle, speed.max(axis=0)
+
+
+def _covariance_in_residual(deviation: EffortDeviation, series: EffortSeries) -> FloatArray:
+    """Return the variance (m, n) by the covariance, 0 at samples for training, which lack it."""
+    is_test = series.times >= series.test_from
+    variance = (deviation.errors(
+        series.position, series.velocity, series.acceleration)**2).sum(axis=2)
+    return np.asarray(np.where(is_test[:, np.newaxis], variance, 0.0))
+
+
+def _model_deviation(identification: Identification) -> EffortDeviation:
+    """Return the deviation by the covariance of the parameters."""
+    arm = bare_arm(identification.arm)
+    names, covariance = parameter_covariance(identification)
+    uncertainty = make_uncertainty(arm, names, lower_triangle(covariance))
+    assert uncertainty is not None  # there are names: those of the rotors
+    return EffortDeviation(ArmDynamics(arm.with_friction(
+        fitted_friction(arm, identification.models.consistent))), uncertainty)
+
+
+def parameter_covariance(identification: Identification) -> tuple[tuple[str, ...], FloatArray]:
+    """Return the names of k parameters of the consistent set, and their mean squares (k, k)."""
+    arm, information = bare_arm(identification.arm), identification.information
+    choice = identification.models.choice
+    prior = prior_of(arm).for_effort(information)
+    A, b, _, _ = bounded_problem(
+        information.together(), choice.structures, choice.weights, prior,
+        min(choice.regularization, LARGEST_REGULARIZATION))
+    base = base_parameters_of(arm, GRAVITIES)
+    p, r, size = prior.count, base.rank, A.shape[1]
+    names = [base.names[column] for column in base.columns]
+    T = np.zeros((r + size - p - arm.joint_count, size))
+    T[:r, :p] = base.matrix[:, :p]
+    own = own_variables(choice.structures, p)
+    for j, (columns, part) in enumerate(own):
+        T[:r, part.start] = base.matrix[:, p + j]  # the reflected inertia comes first
+        for place, column in enumerate(columns[1:].tolist(), start=part.start + 1):
+            T[len(names), place] = 1.0
+            parameter = FRICTION_COLUMNS[column - p - 1].parameter
+            names.append(f'{parameter.name}({arm.joint_names[j]})')
+    # the friction of a joint without effort has no information, and its written values are 0
+    scale = column_scale(A)
+    inverse = scale[:, np.newaxis] * np.linalg.pinv(A * scale, rcond=1e-12)
+    fit = identification.models.consistent
+    written = np.concatenate([fit.parameters, *(
+        values[columns - p] for values, (columns, _) in zip(fit.joint_values, own))])
+    root = T @ np.column_stack([inverse, written - inverse @ b])
+    return tuple(names), np.asarray(root @ root.T)

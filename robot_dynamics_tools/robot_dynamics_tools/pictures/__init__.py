@@ -1,0 +1,12 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Pictures of an arm: torque maps and the workspace."""
+
+from robot_dynamics_tools.pictures.torque_map import map_figure
+from robot_dynamics_tools.pictures.workspace_map import workspace_figure
+
+__all__ = [
+    'map_figure',
+    'workspace_figure',
+]

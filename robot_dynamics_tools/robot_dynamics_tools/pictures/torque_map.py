@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Heat maps over the positions of two joints, with the pose of the arm at selected points."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
+from robot_dynamics.reporting import figures
+from robot_dynamics_tools.pictures.planar_view import PlanarView
+from robot_dynamics_tools.pictures.torque_grid import PositionGrid
+
+PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.7
+"""[inch]"""
+POSES = 4
+"""Number of poses along each axis."""
+UPRIGHT = ' (q\xa0=\xa00:\xa0upright)'
+"""Part of the title, which is not wrapped within."""
+LIMIT_WIDTH = 2.4
+"""Width of the contour of the limit [points]."""
+CLEARANCE = 0.045
+"""Smallest distance of a label from lines and edges, as a fraction of the map."""
+_POSE_SIZE = 0.95
+"""Of the room that a pose has, when the arm is stretched."""
+
+
+class MapPanel(NamedTuple):
+    """
+    A map over a grid: `values` (l, k) in `unit`; signed values are white at zero.
+
+    The joint cannot produce values whose magnitude exceeds `limit`.
+    """
+
+    title: str
+    values: FloatArray
+    unit: str
+    signed: bool
+    limit: float = np.inf
+
+
+def map_figure(
+    title: str, arm: ArmModel, grid: PositionGrid, panels: Sequence[MapPanel],
+    poses: FloatArray | None = None,
+) -> Any:
+    """
+    Return a matplotlib figure with the panels next to one another.
+
+    `poses` (m, 2) are positions of the grid's joints at which the arm is drawn, by default an even
+    choice. If some panels vary, the constant ones become a line of text. Raises
+    MissingDependencyError without matplotlib.
+    """
+    if poses is None:
+        poses = even_poses(grid, POSES)
+    notes = [f'{panel.title}: {panel.values.flat[0]:.4g} {panel.unit} at all positions'
+             for panel in panels if not _varies(panel)]
+    if len(notes) < len(panels):
+        panels = [panel for panel in panels if _varies(panel)]
+    else:
+        notes = []
+    columns = min(len(panels), 3)
+    rows = -(-len(panels) // columns)
+    with figures.styled_figure(
+            PANEL_WIDTH * columns, PANEL_HEIGHT * rows + 0.45,
+            style={'hatch.color': figures.BLACK, 'hatch.linewidth': 0.5}) as figure:
+        figure.suptitle(figures.wrapped_title(
+            title + (UPRIGHT if _stands_upright(arm) else ''), PANEL_WIDTH * columns))
+        axes = figure.subplots(rows, columns, squeeze=False).ravel()
+        for one in axes[len(panels):]:
+            one.set_visible(False)
+        contours = []
+        for one, panel in zip(axes, panels):
+            contours.append(_draw_map(figure, one, grid, panel))
+            _label_axes(one, arm, grid)
+            _draw_poses(one, arm, grid, poses)
+        if notes:
+            figure.supxlabel('\n'.join(notes), fontsize=10)
+        figure.draw_without_rendering()  # determines the final places of the axes
+        for one, panel, lines in zip(axes, panels, contours):
+            if lines is not None:
+                _label_contours(one, grid, panel, lines)
+    return figure
+
+
+def _varies(panel: MapPanel) -> bool:
+    return bool(np.ptp(panel.values) > 1e-6 * max(float(np.abs(panel.values).max()), 1e-9))
+
+
+def even_poses(grid: PositionGrid, count: int) -> FloatArray:
+    """Return count × count points in the middle of as many equal fields of the grid, (m, 2)."""
+    fraction = (np.arange(count) + 0.5) / count
+    x = grid.x[0] + fraction * (grid.x[-1] - grid.x[0])
+    y = grid.y[0] + fraction * (grid.y[-1] - grid.y[0])
+    return np.array([(one, other) for other in y for one in x]).reshape(-1, 2)
+
+
+def _draw_map(figure: Any, axes: Any, grid: PositionGrid, panel: MapPanel) -> Any:
+    """Draw the values and the limit; return the contours of matplotlib, None of a flat map."""
+    values, largest = panel.values, max(float(np.abs(panel.values).max()), 1e-9)
+    low = -largest if panel.signed else 0.0
+    image = axes.pcolormesh(
+        grid.x, grid.y, values, vmin=low, vmax=largest, shading='gouraud', rasterized=True,
+        cmap=figures.colour_map(
+            figures.SIGNED_COLOURS if panel.signed else figures.POSITIVE_COLOURS))
+    bar = figure.colorbar(image, ax=axes, shrink=0.82, aspect=24, pad=0.02)
+    bar.set_label(f'[{panel.unit}]')
+    bar.outline.set_visible(False)
+    axes.grid(False)
+    lines = None if not _varies(panel) else axes.contour(
+        grid.x, grid.y, values, levels=7, colors=figures.BLACK, linewidths=0.7, alpha=0.6)
+    reached = largest > panel.limit
+    if reached:
+        size = np.abs(values)
+        axes.contourf(
+            grid.x, grid.y, size, levels=[panel.limit, 2.0 * largest], colors='none',
+            hatches=['//'])
+        for colour, width in (('white', LIMIT_WIDTH + 2.2), (figures.BLACK, LIMIT_WIDTH)):
+            axes.contour(
+                grid.x, grid.y, size, levels=[panel.limit], colors=colour, linewidths=width)
+            for end in (-panel.limit, panel.limit)[not panel.signed:]:
+                bar.ax.axhline(end, color=colour, linewidth=width)
+    note = '' if not np.isfinite(panel.limit) else (
+        f'hatched: beyond the limit, {panel.limit:g} {panel.unit}' if reached else
+        f'within the limit of {panel.limit:g} {panel.unit} everywhere')
+    figures.title_axes(axes, panel.title, note)
+    return lines
+
+
+def _label_contours(axes: Any, grid: PositionGrid, panel: MapPanel, lines: Any) -> None:
+    """Label each contour where it is far from other lines, the hatched area and the edges."""
+    to_axes = axes.transData - axes.transAxes
+    contours = [
+        to_axes.transform(line) for level in lines.allsegs for line in level if len(line)]
+    hatched = np.argwhere(np.abs(panel.values) > panel.limit)
+    obstacles = to_axes.transform(np.vstack([
+        np.column_stack([grid.x[hatched[:, 1]], grid.y[hatched[:, 0]]]),
+        *(_along(line.get_xydata()) for line in axes.lines)]))
+    places = []
+    for k, contour in enumerate(contours):
+        others = np.vstack([np.full((1, 2), -1.0), *contours[:k], *contours[k + 1:]])
+        apart = np.array([  # a label lies along its contour: neighbours may be nearer
+            min(2.0 * np.linalg.norm(others - point, axis=1).min(), point.min(),
+                np.linalg.norm(obstacles - point, axis=1).min(), 1.0 - point.max())
+            for point in contour])
+        if apart.max() > CLEARANCE:
+            places.append(to_axes.inverted().transform(contour[int(apart.argmax())]))
+    axes.clabel(lines, manual=places, colors=figures.BLACK, fontsize=9, zorder=2.5)
+
+
+def _along(points: FloatArray) -> FloatArray:
+    """Return ten points (10 (m - 1), 2) along each line between points (m, 2)."""
+    share = np.linspace(0.0, 1.0, 10)[:, None]
+    return np.vstack([np.zeros((0, 2)), *(
+        (1.0 - share) * start + share * end for start, end in zip(points, points[1:]))])
+
+
+def _label_axes(axes: Any, arm: ArmModel, grid: PositionGrid) -> None:
+    for joint, axis, values, set_label in (
+            (grid.joints[0], axes.xaxis, grid.x, axes.set_xlabel),
+            (grid.joints[1], axes.yaxis, grid.y, axes.set_ylabel)):
+        turns = arm.joint_kinds[joint] != 'prismatic'
+        set_label(f'position of {arm.joint_names[joint]} [{"rad" if turns else "m"}]')
+        if turns and np.ptp(values) > np.pi:
+            axis.set_ticks(*angle_ticks(float(values[0]), float(values[-1])))
+    axes.set_box_aspect(1.0)
+
+
+def angle_ticks(low: float, high: float) -> tuple[list[float], list[str]]:
+    """Return the multiples of π/2, or of π in a wide range, in [low, high], and their names."""
+    step = 1 if high - low <= 4.0 * np.pi + 1e-9 else 2
+    first = int(np.ceil(2.0 * low / np.pi - 1e-9))
+    last = int(np.floor(2.0 * high / np.pi + 1e-9))
+    counts = [count for count in range(first, last + 1) if count % step == 0]
+    return [0.5 * np.pi * count for count in counts], [_angle_name(count) for count in counts]
+
+
+def _angle_name(quarters: int) -> str:
+    if quarters == 0:
+        return '0'
+    sign = '−' if quarters < 0 else ''
+    size = abs(quarters)
+    number = size // 2 if size % 2 == 0 else size
+    return f'{sign}{"" if number == 1 else number}π' + ('' if size % 2 == 0 else '/2')
+
+
+def _draw_poses(axes: Any, arm: ArmModel, grid: PositionGrid, poses: FloatArray) -> None:
+    """Draw the arm at points of the grid: its base is at the point, up is up."""
+    if not len(poses):
+        return
+    figure = StickFigure(arm, tool_link(arm))
+    base = grid.positions[0, 0]
+    lines = []
+    for pose in poses:
+        q = base.copy()
+        q[list(grid.joints)] = pose
+        lines.append(figure.points(q))
+    view = side_view(arm, np.array(lines))
+    flat = [(points - points[0]) @ view.T for points in lines]
+    reach = max(float(np.linalg.norm(points, axis=1).max()) for points in flat)
+    if reach == 0.0:
+        return
+    each = 0.5 * _POSE_SIZE / max(round(len(poses) ** 0.5), POSES - 1)
+    scale = each / reach * np.array([np.ptp(grid.x), np.ptp(grid.y)])
+    for pose, points in zip(poses, flat):
+        line = pose + scale * points
+        for colour, width in (('white', 4.2), (figures.BLACK, 1.8)):
+            axes.plot(line[:, 0], line[:, 1], color=colour, linewidth=width, marker='o',
+                      markersize=width, solid_capstyle='round', clip_on=True)
+        axes.plot(*pose, 's', color=figures.BLACK, markerfacecolor='white', markersize=5.0)
+
+
+def _stands_upright(arm: ArmModel) -> bool:
+    try:
+        return PlanarView(arm).upright_at_zero
+    except ModelError:
+        return False

@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""A series of joint states: samples with increasing stamps, and the faults of the others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray, IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics.joints.angle_wrapping import unwrapped
+from robot_dynamics.validation import LARGEST_VALUE
+from robot_dynamics_tools.recordings.joint_state_decoding import (
+    DecodedJointStates,
+    FIELDS,
+    JointStateBlock,
+)
+from robot_dynamics_tools.recordings.sample_faults import (
+    advancing_and_repeated,
+    gaps_between,
+    SampleFaults,
+)
+
+BRAKES_LAST = 0.06
+"""[s] of zero effort between two samples with effort that are interpreted as brakes."""
+LONGEST_HOLE = 0.05
+"""Longest gap [s] that is bridged, unless `LONGEST_HOLE_SAMPLES` median periods are longer."""
+LONGEST_HOLE_SAMPLES = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class JointSeries:
+    """
+    The joint states, or efforts, of one topic: m samples of n joints, in the order of stamps.
+
+    `stamps_ns` (m,) are strictly increasing. `position`, `velocity` and `effort` are (m, n)
+    [rad or m, per second, N·m or N], or None if no message has the field. `passed_over` counts
+    the omitted messages: other joints, a repeated stamp or one out of order, or a field that is
+    missing, not finite or beyond LARGEST_VALUE while other messages have it; `faults` lists them.
+    """
+
+    joint_names: tuple[str, ...]
+    stamps_ns: IntArray
+    position: FloatArray | None
+    velocity: FloatArray | None
+    effort: FloatArray | None
+    passed_over: int
+    faults: SampleFaults = field(default_factory=SampleFaults)
+
+    @property
+    def times(self) -> FloatArray:
+        """Seconds since the first sample, (m,)."""
+        return np.asarray((self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS_PER_SECOND)
+
+    def first(self, seconds: float) -> 'JointSeries':
+        """Return the samples of the first `seconds` [s]."""
+        rows = np.arange(int(np.searchsorted(self.times, seconds, side='right')))
+        return self._chosen(rows, np.arange(len(self.joint_names)))
+
+    def stretches(self) -> list[IntArray]:
+        """Return the rows of each stretch of samples without a gap."""
+        periods = np.diff(self.times)
+        if not len(periods):
+            return [np.arange(len(self.stamps_ns))]
+        longest = max(LONGEST_HOLE, LONGEST_HOLE_SAMPLES * float(np.median(periods)))
+        return np.split(np.arange(len(self.stamps_ns)), np.flatnonzero(periods > longest) + 1)
+
+    def unwrapped(self, is_continuous: BoolArray) -> 'JointSeries':
+        """
+        Return the samples without steps of whole turns at continuous joints (`angle_wrapping`).
+
+        `is_continuous` is (n,). Each stretch without a gap begins at its recorded position,
+        because the turns during a gap are not known.
+        """
+        if self.position is None:
+            return self
+        return replace(self, position=np.concatenate([
+            unwrapped(self.position[rows], is_continuous) for rows in self.stretches()]))
+
+    def driven(self) -> 'JointSeries':
+        """
+        Return the samples without those in which brakes hold the arm.
+
+        Brakes are recognised by an effort of exactly zero at every joint: at the beginning, at the
+        end, or for BRAKES_LAST seconds in between. If no effort was measured, all are returned.
+        """
+        if self.effort is None or not self.effort.any():
+            return self
+        is_driven = np.asarray(self.effort.any(axis=1))
+        edges = np.flatnonzero(np.diff(is_driven)) + 1
+        runs = np.split(np.arange(len(is_driven)), edges)
+        kept = [
+            rows for rows in runs if is_driven[rows[0]] or (
+                rows[0] > 0 and rows[-1] < len(is_driven) - 1
+                and self.times[rows[-1] + 1] - self.times[rows[0] - 1] <= BRAKES_LAST)]
+        return self.at(np.concatenate(kept))
+
+    def at(self, rows: IntArray) -> 'JointSeries':
+        """Return the samples at these rows."""
+        return self._chosen(rows, np.arange(len(self.joint_names)))
+
+    def of_joints(self, joint_names: Sequence[str]) -> 'JointSeries':
+        """Return the samples of these joints, in this order."""
+        columns = np.array([self.joint_names.index(name) for name in joint_names], dtype=np.intp)
+        return self._chosen(np.arange(len(self.stamps_ns)), columns)
+
+    def _chosen(self, rows: IntArray, columns: IntArray) -> (
+            'JointSeries'):
+        def chosen(values: FloatArray | None) -> FloatArray | None:
+            return None if values is None else np.asarray(values[np.ix_(rows, columns)])
+
+        return replace(
+            self, joint_names=tuple(self.joint_names[i] for i in columns),
+            stamps_ns=self.stamps_ns[rows], position=chosen(self.position),
+            velocity=chosen(self.velocity), effort=chosen(self.effort))
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedJointStates:
+    """
+    All messages of a topic, before joints are chosen.
+
+    `times_ns` (m,) are the times at which the messages were recorded; `source` names topic and
+    recording in errors.
+    """
+
+    source: str
+    times_ns: IntArray
+    decoded: DecodedJointStates
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Every joint that a message names, in the order of their first mention."""
+        blocks = sorted(self.decoded.blocks, key=lambda block: int(block.rows[0]))
+        return tuple(dict.fromkeys(name for block in blocks for name in block.joint_names))
+
+    def together(self, joint_names: Sequence[str]) -> tuple[str, ...]:
+        """Return the largest set of these joints that one message contains, in this order."""
+        sets = [tuple(name for name in joint_names if name in block.joint_names)
+                for block in self.decoded.blocks]
+        return max(sets, key=len, default=())
+
+    def renamed(self, names: Mapping[str, str]) -> 'RecordedJointStates':
+        """Return the same with other names for some joints, {recorded: new}."""
+        blocks = tuple(
+            block._replace(joint_names=tuple(names.get(name, name) for name in block.joint_names))
+            for block in self.decoded.blocks)
+        return replace(self, decoded=self.decoded._replace(blocks=blocks))
+
+    def series(self, joint_names: Sequence[str] = ()) -> JointSeries:
+        """
+        Return the samples of these joints, in this order; empty means those of the first message.
+
+        Times are the header stamps, or the recording times if all stamps are zero. Raises
+        RecordingError if no message has these joints, or a complete sample of them.
+        """
+        blocks = sorted(self.decoded.blocks, key=lambda block: int(block.rows[0]))
+        names = tuple(joint_names or (blocks[0].joint_names if blocks else ()))
+        fitting = [block for block in blocks if names and set(names) <= set(block.joint_names)]
+        if not fitting:
+            raise RecordingError(
+                f'{self.source} has no message with all of the joints {list(names)}; '
+                f'it has {sorted(self.joint_names)}')
+        rows = np.concatenate([block.rows for block in fitting])
+        order = np.argsort(rows)
+        rows = rows[order]
+        stamps = np.concatenate([block.stamps_ns for block in fitting])[order]
+        arrival_times = not stamps.any()
+        if arrival_times:
+            stamps = self.times_ns[rows]
+        columns = {f: _column(fitting, f, names)[order] for f in FIELDS}
+        return self._kept(names, stamps, columns, arrival_times)
+
+    def _kept(
+        self, names: tuple[str, ...], stamps: IntArray, columns: Mapping[str, FloatArray],
+        arrival_times: bool,
+    ) -> JointSeries:
+        """Return the series of the finite samples with increasing stamps, and count the others."""
+        finite = {f: (np.abs(values) <= LARGEST_VALUE).all(axis=1)  # False for NaN
+                  for f, values in columns.items()}
+        fields = [f for f in FIELDS if finite[f].any()]
+        whole = np.logical_and.reduce([finite[f] for f in fields]) if fields else (
+            np.zeros(len(stamps), dtype=np.bool_))
+        if not whole.any():
+            raise RecordingError(
+                f'no message of {self.source} has all its fields finite at the joints '
+                f'{list(names)}')
+        places = np.flatnonzero(whole)
+        advancing, repeated = advancing_and_repeated(stamps[whole])
+        keep = places[advancing]
+        kept = stamps[keep]
+        count = len(self.times_ns)
+        periods = np.diff(kept)
+        period = int(np.median(periods)) if len(periods) else 0
+        faults = SampleFaults(
+            message_count=count, period_ns=period, gaps=gaps_between(kept, periods, period),
+            duplicated_ns=stamps[places[repeated]],
+            backward_ns=stamps[places[~advancing & ~repeated]],
+            other_joints=count - len(stamps) - len(self.decoded.unreadable),
+            incomplete=int((~whole).sum()),
+            unreadable=len(self.decoded.unreadable), arrival_times=arrival_times,
+            never_finite=tuple(
+                f'{field_name} of {name}' for field_name, values in columns.items()
+                if np.isfinite(values).any() for name, column in zip(names, values.T)
+                if not np.isfinite(column).any()),
+            start_ns=int(kept[0]))
+
+        def chosen(name: str) -> FloatArray | None:
+            return columns[name][keep] if name in fields else None
+
+        return JointSeries(
+            names, kept, chosen('position'), chosen('velocity'), chosen('effort'),
+            count - len(kept), faults)
+
+
+def _column(blocks: Sequence[JointStateBlock], name: str, joints: Sequence[str]) -> FloatArray:
+    """Return a field of the joints, (m, n), with NaN where messages do not have it."""
+    parts = []
+    for block in blocks:
+        values: FloatArray | None = getattr(block, name)
+        index = [block.joint_names.index(joint) for joint in joints]
+        parts.append(np.full((len(block.rows), len(joints)), np.nan) if values is None
+                     else values[:, index])
+    return np.concatenate(parts)

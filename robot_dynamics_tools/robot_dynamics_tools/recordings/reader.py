@@ -1,0 +1,243 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Reader of recordings of rosbag2 on disk, without ROS, based on the library `rosbags`.
+
+Supported are directories of rosbag2 and single files, sqlite3 and MCAP, compressed as a whole, per
+message or per chunk, split over several files, with or without metadata.yaml. The readable part of
+damaged files is returned, and `losses` lists what is missing: see `mcap_salvage` and
+`sqlite_salvage`. `writer` writes recordings.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray, IntArray, NANOSECONDS_PER_SECOND
+from robot_dynamics.dependencies import optional
+from robot_dynamics.exceptions import RecordingError
+from robot_dynamics_tools.recordings.bag_files import METADATA, recording_files
+from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
+from robot_dynamics_tools.recordings.joint_state_decoding import decode_joint_states
+from robot_dynamics_tools.recordings.loss import Loss
+from robot_dynamics_tools.recordings.storage import StoredFile
+from robot_dynamics_tools.recordings.topics import (
+    common_types,
+    JOINT_STATE,
+    RecordedTopic,
+    ROBOT_DESCRIPTION,
+    TopicQos,
+)
+from robot_dynamics_tools.recordings.writer import RecordingWriter
+
+__all__ = [
+    'JOINT_STATE', 'JointSeries', 'Loss', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
+    'stamp_ns', 'TopicQos',
+]
+
+
+class Recording(AbstractContextManager['Recording']):
+    """
+    A recording that is open for reading; for use in `with`.
+
+    `losses` lists the data that were missing so far; `notes` lists other anomalies.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """
+        Open a directory of rosbag2, or one file of MCAP or sqlite3.
+
+        Raises RecordingError if there is no recording or if no part of it can be read,
+        MissingDependencyError without `rosbags`.
+        """
+        self.path = path
+        about = recording_files(path)
+        self.losses: list[Loss] = list(about.losses)
+        self.notes: list[str] = list(about.notes)
+        self._stated, self._end_ns = about.stated, about.end_ns
+        self._stack = ExitStack()
+        self._files: list[StoredFile] = []
+        self._compared: set[str] = set()
+        try:
+            scratch = Path(self._stack.enter_context(TemporaryDirectory()))
+            for file in about.paths:
+                stored = StoredFile(file, scratch)
+                self._stack.callback(stored.close)
+                self._files.append(stored)
+        except OSError as error:
+            self._stack.close()
+            raise self._unreadable(str(error)) from error
+        except BaseException:
+            self._stack.close()
+            raise
+        self._gather()
+        if not any(stored.topics for stored in self._files):
+            self._stack.close()
+            raise self._unreadable('; '.join(loss.words() for loss in self.losses) or 'no topics')
+
+    def __repr__(self) -> str:
+        messages = sum(topic.message_count for topic in self.topics)
+        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages, '
+                f'{len(self.losses)} losses>')
+
+    def _unreadable(self, reason: str) -> RecordingError:
+        return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
+
+    def _gather(self) -> None:
+        """Collect the losses and notes of the files."""
+        for stored in self._files:
+            for mine, theirs in ((self.losses, stored.losses), (self.notes, stored.notes)):
+                mine += [entry for entry in theirs if entry not in mine]  # type: ignore
+
+    @property
+    def topics(self) -> tuple[RecordedTopic, ...]:
+        """All topics, by name."""
+        found: dict[str, RecordedTopic] = {}
+        for stored in self._files:
+            for topic in stored.topics:
+                before = found.get(topic.name)
+                found[topic.name] = topic if before is None else before._replace(
+                    message_count=before.message_count + topic.message_count)
+        return tuple(found[name] for name in sorted(found))
+
+    def topic(self, name: str) -> RecordedTopic:
+        """Return the topic of this name; raise RecordingError, which lists the existing topics."""
+        for topic in self.topics:
+            if topic.name == name:
+                return topic
+        raise RecordingError(
+            f'recording {str(self.path)!r} has no topic {name!r}, expected one of '
+            f'{[topic.name for topic in self.topics]}')
+
+    def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Yield time [ns] and bytes (CDR) of all messages of a topic; raise RecordingError."""
+        self.topic(topic)
+        count, newest = 0, None
+        for stored in self._files:
+            for time_ns, data in stored.messages(topic):
+                yield time_ns, data
+                count, newest = count + 1, time_ns
+            self._gather()
+        self._compare(topic, count, newest)
+
+    def _compare(self, topic: str, count: int, newest: int | None) -> None:
+        """Compare the number of messages with metadata.yaml."""
+        stated = self._stated.get(topic)
+        if topic in self._compared or stated is None or stated == count:
+            return
+        self._compared.add(topic)
+        if stated > count:
+            is_at_end = newest is not None and self._end_ns is not None and newest >= self._end_ns
+            self.losses.append(Loss(
+                METADATA, f'states {stated} messages of {topic}, of which {count} were found',
+                lost_messages=stated - count, start_ns=None if is_at_end else newest,
+                end_ns=None if is_at_end else self._end_ns))
+        else:
+            self.notes.append(
+                f'{METADATA} states {stated} messages of {topic}, but {count} were found')
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """
+        Yield the time [ns] and all messages of a topic.
+
+        Raises RecordingError if its type is not one of `common_types`, or if a message cannot be
+        decoded; `raw_messages` returns messages of any type.
+        """
+        kind, types = self.topic(topic).message_type, common_types()
+        if kind not in types.fielddefs:
+            raise RecordingError(
+                f'topic {topic!r} has type {kind!r}, expected a type of the common packages of '
+                'ROS 2 Jazzy, or DynamicsTerms')
+        serde_error = optional('rosbags.serde', 'a recording').SerdeError
+        for time_ns, data in self.raw_messages(topic):
+            try:
+                message = types.deserialize_cdr(data, kind)
+            except (serde_error, OverflowError) as error:  # OverflowError: an impossible length
+                raise self._unreadable(f'a message of {topic}: {error}') from error
+            yield time_ns, message
+
+    def description(self) -> str | None:
+        """Return the first URDF on ROBOT_DESCRIPTION, None without one."""
+        if not any(topic.name == ROBOT_DESCRIPTION and topic.message_count
+                   for topic in self.topics):
+            return None
+        return str(next(self.messages(ROBOT_DESCRIPTION))[1].data)
+
+    def joint_state_topic(self, wanted: str | None = None) -> str:
+        """
+        Return the topic of joint states: /joint_states, or the only one of that type.
+
+        `wanted` is a topic, or a type such as 'sensor_msgs/msg/JointState' that only one topic
+        has. Raises RecordingError if no topic or more than one topic matches.
+        """
+        kind = JOINT_STATE
+        if wanted is not None and wanted in [topic.name for topic in self.topics]:
+            return wanted
+        if wanted is not None:
+            if wanted.startswith('/') or wanted.count('/') not in (1, 2):
+                return self.topic(wanted).name
+            kind = '/'.join((wanted.split('/')[0], 'msg', wanted.split('/')[-1]))
+        names = [t.name for t in self.topics if t.message_type == kind and t.message_count]
+        if '/joint_states' in names and (wanted is None or len(names) == 1):
+            return '/joint_states'
+        if len(names) != 1:
+            given = f'has the topics {names} of that type' if names else 'has none: its topics ' \
+                f'are {[f"{t.name} ({t.message_type})" for t in self.topics]}'
+            raise RecordingError(
+                f'recording {str(self.path)!r}: expected one topic of type {kind} with '
+                f'messages, or one called /joint_states, but it {given}')
+        return names[0]
+
+    def joint_states(self, topic: str) -> RecordedJointStates:
+        """
+        Return all messages of a topic of sensor_msgs/msg/JointState.
+
+        Raises RecordingError if the topic is missing, is of another type, or has no message.
+        """
+        found = self.topic(topic)
+        if found.message_type != JOINT_STATE:
+            raise RecordingError(
+                f'topic {topic!r} has type {found.message_type!r}, expected {JOINT_STATE}')
+        messages = list(self.raw_messages(topic))
+        if not messages:
+            raise RecordingError(
+                f'recording {str(self.path)!r} has no message of {topic} that can be read'
+                + ''.join(f'; {loss.words()}' for loss in self.losses))
+        return RecordedJointStates(
+            f'topic {topic!r} of recording {str(self.path)!r}',
+            np.array([time_ns for time_ns, _ in messages], dtype=np.int64),
+            decode_joint_states([data for _, data in messages]))
+
+    def joint_series(self, topic: str, joint_names: Sequence[str] = ()) -> JointSeries:
+        """
+        Return the samples of a topic of sensor_msgs/msg/JointState.
+
+        `joint_names` choose joints and their order; empty means those of the first message.
+        Times are the header stamps, or the recording times if all stamps are zero. Raises
+        RecordingError for another type, unknown joints, or no samples.
+        """
+        return self.joint_states(topic).series(joint_names)
+
+    def close(self) -> None:
+        self._stack.close()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def stamp_ns(header: Any) -> int:
+    """Return the nanoseconds of a header's stamp."""
+    return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
+
+
+def stack(messages: Iterable[tuple[int, Any]], fields: Sequence[str]) -> (
+        tuple[IntArray, dict[str, FloatArray]]):
+    """Return the header stamps (m,) [ns] of messages, and some of their arrays, each (m, n)."""
+    kept = [message for _, message in messages]
+    return (
+        np.array([stamp_ns(message.header) for message in kept], dtype=np.int64),
+        {field: np.array([getattr(message, field) for message in kept]) for field in fields})

@@ -1,0 +1,388 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""`ros2 dynamics move`, `pose`: publish a goal, wait until it is reached, report the errors."""
+
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+import json
+import math
+import time
+from typing import Any, NoReturn
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import pinocchio as pin
+from rclpy.qos import qos_profile_sensor_data, QoSProfile
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, trajectory_to_ros
+from robot_dynamics.tools.command_line import INTERRUPTED, ToolError
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics.validation import check_scalar
+from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.ros2_dynamics.action_goal import action_goal
+from robot_dynamics_tools.ros2_dynamics.answers import Answer, Units
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+UNLIMITED_DURATION = 2.0
+"""[s] that the motion of a joint takes that has no velocity limit, or longer."""
+AT_GOAL = 1e-6
+"""[rad] or [m] within which the reference has reached the goal."""
+AT_REST_TIME = 0.5
+"""[s] of rest after which the reference has ended elsewhere."""
+_REFERENCE_TIME = 1.0
+"""[s] within which a reference that is held is received."""
+_EARLY = 'ended early: '
+_RESTS = ' from its goal, '
+"""A part of the status `reference` if a joint does not follow."""
+FAR = 0.01
+"""[rad] or [m] from the goal at which the reason is asked for."""
+_STATUS_TIME = 3.0
+"""[s] within which the node states the reason."""
+_RELIABLE = QoSProfile(depth=100)
+
+
+class MotionWatch:
+    """What a node publishes of its reference and of the arm, while `following` is entered."""
+
+    def __init__(
+        self, client: DynamicsClient, names: Sequence[str], turns: Sequence[bool],
+    ) -> None:
+        """Watch the joints `names` of the node; `turns` is true for continuous joints."""
+        self._client, self._names, self._turns = client, list(names), np.array(turns, dtype=bool)
+        self.position: dict[str, float] = {}
+        """Measured positions by name, and the stamp [ns] of the newest."""
+        self.position_ns = -1
+        self.reference: tuple[int, tuple[float, ...], tuple[float, ...]] | None = None
+        """Stamp [ns], positions and velocities of the newest reference."""
+        self.rejections: int | None = None
+        self.rejection = ''
+        self._accepted: tuple[int, list[float]] = (0, [])
+        """How many goals the node has accepted, and the newest of them."""
+        self._goal: Sequence[float] = []
+        """The goal that the node has accepted, empty before."""
+        self._statuses = self._early = 0
+        self._status = ''
+        self._last_reference = time.monotonic()
+
+    @contextmanager
+    def following(self) -> Iterator[None]:
+        """Receive in `with`."""
+        client = self._client
+        with client.subscribed(
+                (JointState, client.joint_state_topic(), self.on_state, qos_profile_sensor_data),
+                (JointState, client.resolve('~/reference'), self._on_reference, _RELIABLE),
+                (DiagnosticArray, '/diagnostics', self._on_diagnostics, _RELIABLE)):
+            yield
+
+    def on_state(self, message: JointState) -> None:
+        self.position |= {
+            name: value for name, value in zip(message.name, message.position)
+            if name in self._names}
+        self.position_ns = stamp_from_ros(message.header.stamp)
+
+    def _on_reference(self, message: JointState) -> None:
+        self._last_reference = time.monotonic()
+        order = [list(message.name).index(name) for name in self._names]
+        self.reference = (
+            stamp_from_ros(message.header.stamp), tuple(message.position[i] for i in order),
+            tuple(message.velocity[i] for i in order))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f'{self._client.name}: reference':
+                values = {pair.key: pair.value for pair in status.values}
+                self.rejections = int(values['refused'])
+                self.rejection = values['refusal of the latest']
+                self._accepted = int(values['accepted']), json.loads(values['goal of the latest'])
+                self._status = status.message
+                self._statuses += 1
+                self._early = self._early + 1 if status.message.startswith(_EARLY) else 0
+
+    # ------------------------------------------------------------------ waits
+
+    def wait_ready(self) -> None:
+        """Wait for the measured positions and for diagnostics; raise NoAnswerError."""
+        client = self._client
+        if not client.wait(lambda: len(self.position) == len(self._names)):
+            missing = ', '.join(name for name in self._names if name not in self.position)
+            raise NoAnswerError(
+                f'no joint states of {missing} on {client.joint_state_topic()} in '
+                f'{client.timeout:g} s')
+        if not client.wait(lambda: self.rejections is not None):
+            raise NoAnswerError(f'{client.name} sends no /diagnostics')
+        if self._status != 'none':
+            client.wait(lambda: self.reference is not None, _REFERENCE_TIME)
+
+    def wait_taken(
+        self, goal: Sequence[float] | None, publish: Callable[[], None],
+    ) -> Sequence[float]:
+        """
+        Publish a goal, wait until the node has accepted it, and return it.
+
+        Without a `goal` of the joints it is the one that the node has computed.
+
+        Raises ToolError with the reason of a rejection or if the node has accepted only another
+        goal, NoAnswerError.
+        """
+        known, (count, _) = self.rejections, self._accepted
+        self._goal = []
+        publish()
+
+        def is_taken() -> bool:
+            if self.rejections != known:
+                raise ToolError(f'{self._client.name} rejected the goal: {self.rejection}')
+            accepted, newest = self._accepted
+            return accepted > count and self.reference is not None and (
+                goal is None or self.is_at(goal, newest))
+
+        if not self._client.wait(is_taken, max(self._client.timeout, 3.0)):
+            if self._accepted[0] > count:
+                self._raise_replaced()
+            raise NoAnswerError(
+                f'{self._client.name} neither accepts nor rejects the goal; its status '
+                f'`reference` is: {self._status}')
+        self._goal = self._accepted[1] if goal is None else goal
+        return self._goal
+
+    def _raise_replaced(self) -> NoReturn:
+        raise ToolError(
+            f'another goal has replaced this one: {[round(q, 4) for q in self._accepted[1]]}')
+
+    def wait_end(self, goal: Sequence[float], on_progress: Callable[[float], None]) -> None:
+        """
+        Wait until the reference rests at `goal`; raise ToolError, NoAnswerError.
+
+        `on_progress` receives the time [s] since the call, by the stamps.
+        """
+        assert self.reference is not None
+        start_ns = moving_ns = self.reference[0]
+        self._early, self._last_reference = 0, time.monotonic()
+
+        def has_ended() -> bool:
+            nonlocal moving_ns
+            assert self.reference is not None
+            now_ns, position, velocity = self.reference
+            if any(velocity):
+                moving_ns = now_ns
+            on_progress(1e-9 * (now_ns - start_ns))
+            self.check_following()
+            rest = 0.0 if self.is_at(goal, position) else AT_REST_TIME
+            return now_ns - moving_ns > 1e9 * rest
+
+        self._client.wait(has_ended, math.inf)
+        while not self.is_at(goal, self.reference[1]):
+            self._check_other_end(self.reference[1])
+            self._client.wait(has_ended, math.inf)
+        end_ns = self.reference[0]
+        self._client.wait(lambda: self.position_ns >= end_ns)
+
+    def check_following(self) -> None:
+        """
+        Raise ToolError if the reference ended early or another goal replaced it.
+
+        Raises NoAnswerError without references.
+        """
+        if self._early > 1:  # the first status may be from before the goal
+            raise ToolError(
+                f'the motion ended early: {self._status.removeprefix(_EARLY)}')
+        if len(self._goal) and not self.is_at(self._goal, self._accepted[1]):
+            self._raise_replaced()
+        if time.monotonic() - self._last_reference > self._client.timeout:
+            raise NoAnswerError(
+                f'{self._client.name} has sent no ~/reference for {self._client.timeout:g} s; '
+                f'its status `reference` is: {self._status}')
+
+    def shortfall(self, goal: Sequence[float]) -> str:
+        """Return why a joint rests away from the goal, as the node states it, or nothing."""
+        if np.abs(self.error(goal, self.measured())).max() <= FAR:
+            return ''
+        self._client.wait(lambda: _RESTS in self._status, _STATUS_TIME)
+        return self._status if _RESTS in self._status else ''
+
+    def is_at(self, goal: Sequence[float], position: Sequence[float]) -> bool:
+        """Return whether a reference has reached a goal."""
+        return bool(np.abs(self.error(goal, position)).max() < AT_GOAL)
+
+    def _check_other_end(self, position: Sequence[float]) -> None:
+        """Raise ToolError if the reference stays at rest; it may be one from before the goal."""
+        assert self.reference is not None
+        self._statuses = 0
+        self._client.wait(lambda: self._statuses > 1)
+        self.check_following()
+        if self.reference[1] == position:
+            raise ToolError(
+                f'the reference ended at {[round(value, 4) for value in position]}, not at the '
+                'goal: another reference replaced it, or infeasible_trajectory is clip')
+
+    def error(self, goal: Sequence[float], position: Sequence[float]) -> 'np.ndarray[Any, Any]':
+        """Return goal minus position (n,); of continuous joints the shortest angle."""
+        error = np.subtract(goal, position)
+        return np.where(self._turns, np.remainder(error + np.pi, 2 * np.pi) - np.pi, error)
+
+    def measured(self) -> list[float]:
+        """Return the measured positions in the order of the node."""
+        return [self.position[name] for name in self._names]
+
+
+def answer_move(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Move the arm, and return the position that it reached."""
+    if arguments.velocity and arguments.duration is not None:
+        raise InvalidInputError('--duration is given with --velocity, expected one of the two')
+    names = client.joint_names()
+    joints = client.joints()
+    kinds = {name: joint.kind for name, joint in joints.items()}
+    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    with watch.following():
+        watch.wait_ready()
+        goal = joint_values('position', arguments.position, names, watch.position)
+        limits = {name: joint.velocity_limit for name, joint in joints.items()}
+        duration = _duration(
+            arguments, names, limits, watch.error(goal, watch.measured()))
+        with action_goal(client) as action:
+            try:
+                if action is not None:
+                    action.send(goal_message(client, names)(goal, duration))
+                    if not arguments.no_wait:
+                        with Progress(duration, 's') as progress:
+                            action.wait_end(progress.update)
+                else:
+                    _move_by_topic(client, watch, names, goal, duration, arguments.no_wait)
+            except KeyboardInterrupt:
+                report = client.call(Trigger, 'stop', Trigger.Request()).message
+                return Answer(
+                    {'node': client.name, 'interrupted': True, 'stop': report},
+                    f'{client.name}: interrupted, called ~/stop: {report}', INTERRUPTED)
+        data = {'node': client.name, 'joint_names': names, 'goal': goal, 'duration': duration}
+        if arguments.no_wait:
+            return Answer(data, f'{client.name} follows a motion of {duration:.2f} s')
+        return _reached(watch, data, f'the end of a motion of {duration:.2f} s', kinds)
+
+
+def answer_pose(client: DynamicsClient, arguments: Namespace) -> Answer:
+    """Move the frame of the node to a pose, and return the position that the joints reached."""
+    names, kinds = client.joint_names(), client.joint_kinds()
+    message = PoseStamped()
+    message.header.frame_id = arguments.frame_id or client.base_link()
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = arguments.translation
+    turn.x, turn.y, turn.z, turn.w = _quaternion(arguments.rpy) if arguments.rpy else [0.0] * 4
+    watch = MotionWatch(client, names, [kinds.get(name) == 'continuous' for name in names])
+    with watch.following(), publication(client, PoseStamped, '~/pose_reference') as publish:
+        watch.wait_ready()
+        goal = watch.wait_taken(None, lambda: publish(message))
+        data = {'node': client.name, 'joint_names': names, 'goal': list(goal)}
+        if arguments.no_wait:
+            return Answer(data, f'{client.name} moves to the pose')
+        watch.wait_end(goal, lambda _: None)
+        return _reached(watch, data, 'the pose', kinds)
+
+
+def _quaternion(rpy: Sequence[float]) -> list[float]:
+    """Return x y z w of R = R_z(yaw) R_y(pitch) R_x(roll), with angles [rad] as in a URDF."""
+    return list(pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs().tolist())
+
+
+def _reached(
+    watch: MotionWatch, data: dict[str, Any], what: str, kinds: Mapping[str, str],
+) -> Answer:
+    """Return the answer of a motion that has ended at data['goal']."""
+    names, goal, position = data['joint_names'], data['goal'], watch.measured()
+    error = watch.error(goal, position).tolist()
+    units, shortfall = Units.of(names, kinds), watch.shortfall(goal)
+    data |= {'shortfall': shortfall, 'position': position, 'error': error}
+    return Answer(
+        data, f'{data["node"]} reached {what}\n'
+        + units.table(names, {
+            f'goal [{units.position}]': goal, f'position [{units.position}]': position,
+            f'error [{units.error}]': [1e3 * each for each in error]})
+        + (f'\n{shortfall}' if shortfall else ''), 1 if shortfall else 0)
+
+
+def _move_by_topic(
+    client: DynamicsClient, watch: MotionWatch, names: Sequence[str], goal: Sequence[float],
+    duration: float, no_wait: bool,
+) -> None:
+    """Move without the action; raise ToolError, NoAnswerError."""
+    with goal_publication(client, names) as publish:
+        watch.wait_taken(goal, lambda: publish(goal, duration))
+        if not no_wait:
+            with Progress(duration, 's') as progress:
+                watch.wait_end(goal, progress.update)
+
+
+def _duration(
+    arguments: Namespace, names: Sequence[str], limits: Mapping[str, float],
+    distance: 'np.ndarray[Any, Any]',
+) -> float:
+    """Return the duration [s] of the motion, given or from the velocities of the joints."""
+    from robot_dynamics_tools.excitation.demo_motion import LIMIT_FRACTION, rest_to_rest_seconds
+    if arguments.duration is not None:
+        return check_scalar('--duration', arguments.duration, 0.0, exclusive_minimum=True)
+    limit = np.array([limits.get(name, math.inf) for name in names])
+    velocity = LIMIT_FRACTION * limit
+    if arguments.velocity:
+        given = joint_values(
+            'velocity', arguments.velocity, names, dict(zip(names, velocity.tolist())))
+        velocity = np.array([
+            check_scalar(f'velocity of {name}', value, 0.0, exclusive_minimum=True)
+            if math.isfinite(value) else value for name, value in zip(names, given)])
+    seconds = rest_to_rest_seconds(distance, velocity)
+    is_unlimited = bool((~np.isfinite(velocity) & (distance != 0.0)).any())
+    return max(seconds, UNLIMITED_DURATION) if is_unlimited else seconds
+
+
+def goal_message(
+    client: DynamicsClient, names: Sequence[str],
+) -> Callable[[Sequence[float], float], JointTrajectory]:
+    """Return a function that makes the message of a goal at rest and a duration [s]."""
+    # Without conditioning a point without velocities is approached with a constant velocity.
+    is_conditioned = client.parameters(['condition_references'])['condition_references']
+    rest = [] if is_conditioned else [[0.0] * len(names)]
+    return lambda goal, duration: trajectory_to_ros(
+        make_trajectory(names, [duration], [goal], rest, rest))
+
+
+@contextmanager
+def goal_publication(
+    client: DynamicsClient, names: Sequence[str],
+) -> Iterator[Callable[[Sequence[float], float], None]]:
+    """
+    Yield a function that publishes a goal, once the node and all others have subscribed.
+
+    It takes the goal and the duration [s] of the motion. The goal is one point, so that the node
+    plans the motion from its present reference. Raises NoAnswerError without a subscription of
+    the node.
+    """
+    message = goal_message(client, names)
+    with publication(client, JointTrajectory, '~/joint_trajectory') as publish:
+        yield lambda goal, duration: publish(message(goal, duration))
+
+
+@contextmanager
+def publication(
+    client: DynamicsClient, message_type: type, topic: str,
+) -> Iterator[Callable[[Any], None]]:
+    """Yield a function that publishes, once the node and all others have subscribed."""
+    topic, node = client.resolve(topic), client.node
+    publisher = node.create_publisher(message_type, topic, _RELIABLE)
+
+    def has_subscriber() -> bool:
+        subscriptions = node.get_subscriptions_info_by_topic(topic)
+        return client.name in [
+            f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in subscriptions
+        ] and publisher.get_subscription_count() >= len(subscriptions)
+
+    try:
+        if not client.wait(has_subscriber):
+            raise NoAnswerError(
+                f'{client.name} does not subscribe to {topic} in {client.timeout:g} s')
+        yield publisher.publish
+    finally:
+        node.destroy_publisher(publisher)

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Actions of the controls of the viewer: references, pushes, loads, a reset."""
+
+import time
+from typing import NamedTuple
+
+from geometry_msgs.msg import InertiaStamped
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics_tools.viewer.node import ViewerNode
+from robot_dynamics_tools.viewer.panel import ArmPanel
+from robot_dynamics_tools.viewer.requests import ball, force_on, motion_time, reference_to
+from robot_dynamics_tools.viewer.scene import ArmScene
+from trajectory_msgs.msg import JointTrajectory
+
+SEND_PERIOD = 0.1
+"""[s] between two references while a slider is moved."""
+LOAD_TIME = 0.5
+"""Transition time [s] of a load: the arm hardly moves if one node gets it later."""
+
+
+class Shown(NamedTuple):
+    """An arm on the page."""
+
+    xml: str
+    arm: ArmModel
+    scene: ArmScene
+    panel: ArmPanel
+
+
+class _Push(NamedTuple):
+    force: FloatArray
+    link: str
+    until: float
+
+
+class PageActions:
+    """Performs the actions of the panel of one arm in each cycle; `close` ends active actions."""
+
+    def __init__(self, node: ViewerNode, shown: Shown) -> None:
+        self._node, self._shown = node, shown
+        self._sender = f'viewer-{id(self):x}'
+        self._push: _Push | None = None
+        self._q: FloatArray | None = None
+        self.is_wished = False
+        """Whether a slider was moved and the reference for it is not published yet."""
+        self.is_own = False
+        """Whether the newest reference is from this page."""
+        self.sent_time = -np.inf
+        """Time [s] of the last published reference on the monotonic clock."""
+        self.answer = ''
+        """Text about the result of the newest action."""
+        panel = shown.panel
+        panel.on_reference, panel.on_hold = self._wish, self._hold
+        panel.on_push, panel.on_reset = self._begin_push, self._reset
+        panel.on_attach, panel.on_detach = self._attach, self._detach
+
+    def turn(self, q: FloatArray | None, v: FloatArray | None) -> None:
+        """Continue the active actions; the arm is at q, v (n,), None if unknown."""
+        now, self._q = time.monotonic(), q
+        if self.is_wished and now - self.sent_time >= SEND_PERIOD:
+            self._send_reference(q, v)
+        if self._push is not None:
+            self._go_on_pushing(self._push, now)
+
+    def close(self) -> None:
+        """End all actions on the arm."""
+        if self._push is not None:
+            self._node.push(force_on(self._push.link, np.zeros(3), np.eye(3)))
+            self._push = None
+
+    # ------------------------------------------------------------------ references
+
+    def receive(self, trajectory: JointTrajectory) -> None:
+        """Note a published reference, from this page or from others."""
+        self.is_own = trajectory.header.frame_id == self._sender
+
+    def _wish(self) -> None:
+        self.is_wished = True
+
+    def _hold(self) -> None:
+        if self._q is not None:
+            self._shown.panel.follow(self._q)
+        self._wish()
+
+    def _send_reference(self, q: FloatArray | None, v: FloatArray | None) -> None:
+        self.is_wished = False
+        arm, panel = self._shown.arm, self._shown.panel
+        goal = panel.take_goal()
+        if q is None:
+            self.answer = 'no joint states: the start of the reference is unknown'
+            return
+        seconds = motion_time(arm, q, goal, panel.speed, v)
+        self._node.send_trajectory(reference_to(arm, goal, seconds, self._sender))
+        self.sent_time, self.is_own = time.monotonic(), True
+        self.answer = f'reference sent: {seconds:.1f} s'
+
+    # ------------------------------------------------------------------ the simulated arm
+
+    def _begin_push(self) -> None:
+        if not self._node.has_simulated_arm:
+            self.answer = f'node {self._node.simulated_arm} not found; push a real arm by hand'
+            return
+        force, link, seconds = self._shown.panel.push
+        self.close()
+        self._push = _Push(force, link, time.monotonic() + seconds)
+
+    def _go_on_pushing(self, push: _Push, now: float) -> None:
+        if now >= push.until:
+            self.close()
+            return
+        self._node.push(force_on(push.link, push.force, self._shown.scene.rotation(push.link)))
+
+    def _reset(self) -> None:
+        self.close()
+        self.is_own = self.is_wished = False
+        self._node.reset_simulated_arm(self._take_answer)
+
+    # ------------------------------------------------------------------ loads
+
+    def _attach(self) -> None:
+        mass, link = self._shown.panel.load
+        self._set_load(ball(link, mass))
+
+    def _detach(self) -> None:
+        self._set_load(ball(self._shown.panel.load[1], 0.0))
+
+    def _set_load(self, load: InertiaStamped) -> None:
+        is_for_controller, is_carried = self._shown.panel.load_is_for
+        for is_for, name in ((is_for_controller, self._node.dynamics),
+                             (is_carried, self._node.simulated_arm)):
+            if is_for:
+                self._node.set_payload(name, load, LOAD_TIME, self._take_answer)
+
+    def _take_answer(self, words: str) -> None:
+        self.answer = words

@@ -1,0 +1,262 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The viewer: a page of one arm, updated from the topics of its nodes, and the actions of the page.
+
+One thread does all of this, once per PERIOD. The threads of the page only put requests into a
+queue.
+"""
+
+from collections.abc import Callable, Sequence
+from html import escape
+import math
+from pathlib import Path
+import queue
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import RobotDynamicsError
+from robot_dynamics.model.arm import arm_from_urdf, ArmModel
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros
+from robot_dynamics_tools.recordings.sample_faults import counted
+from robot_dynamics_tools.viewer.actions import PageActions, Shown
+from robot_dynamics_tools.viewer.framing import Cameras
+from robot_dynamics_tools.viewer.node import Received, ViewerNode, worst_words
+from robot_dynamics_tools.viewer.panel import ArmPanel
+from robot_dynamics_tools.viewer.scene import ArmScene
+from robot_dynamics_tools.viewer.source import ArmSource, Description
+from sensor_msgs.msg import JointState
+
+if TYPE_CHECKING:
+    import viser
+
+PERIOD = 0.05
+"""[s] between two updates of the arm."""
+PLOT_PERIOD = 0.2
+"""[s] between two updates of the plots and the text."""
+SILENCE = 1.0
+"""[s] without a message after which its content is outdated."""
+LARGEST_LAG = 0.01
+"""Longest time [s] between a reference and the compared state; it is extrapolated."""
+TEXT_STYLE = 'height: 130px; overflow-y: auto; font-size: 13px; padding: 2px 10px'
+"""Of the text above the controls: a fixed height, so that no button moves under a pointer."""
+
+
+class Viewer:
+    """A page on a viser server, for the nodes to which `node` subscribes."""
+
+    def __init__(
+        self, server: 'viser.ViserServer', node: ViewerNode, robot: str | None = None,
+        mesh_paths: Sequence[Path] = (),
+    ) -> None:
+        """
+        Show the arm of the URDF in the file `robot`, or else of `dynamics` or of a topic.
+
+        `mesh_paths` are directories in which meshes of a URDF from a topic may be opened.
+        """
+        self._server, self._node, self._cameras = server, node, Cameras(server)
+        # (SimpleQueue.get would wait indefinitely after a signal at the end of its timeout)
+        self._asked: queue.Queue[Callable[[], None]] = queue.Queue()
+        self._words = server.gui.add_html(text_box(['Waiting for an arm …']))
+        self._shown: Shown | None = None
+        self._actions: PageActions | None = None
+        self._arm_problem = self._state_problem = ''
+        self._q: FloatArray | None = None
+        self._v: FloatArray | None = None
+        self._state_time = self._reference_time = -SILENCE
+        self._plot_time = -SILENCE
+        self._newest_stamp = self._marks_stamp = 0.0
+        self._load = ''
+        self._warnings: list[str] = []
+        self._source = ArmSource(node, robot)
+        self._mesh_paths = mesh_paths
+
+    def run(self, is_over: Callable[[], bool]) -> None:
+        """Update the page until the end."""
+        while not is_over():
+            due = time.monotonic() + PERIOD
+            self._take(self._node.receive())
+            self._turn()
+            self._perform_requests(due)
+
+    def _perform_requests(self, due: float) -> None:
+        """Perform the requests of the page that wait, and those until `due` [s]."""
+        while True:
+            try:
+                asked = self._asked.get(timeout=max(due - time.monotonic(), 0.0))
+            except queue.Empty:
+                return
+            try:
+                asked()
+            except RobotDynamicsError as error:
+                self._arm_problem = str(error)
+
+    def close(self) -> None:
+        """End all actions on the arm."""
+        if self._actions is not None:
+            self._actions.close()
+
+    # ------------------------------------------------------------------ the arm
+
+    def _use(self, description: Description) -> None:
+        """Show this arm; if that fails, keep the arm before and show the reason."""
+        xml, directory, joints = description
+        try:
+            arm = arm_from_urdf(xml, joints)
+        except RobotDynamicsError as error:
+            self._arm_problem = str(error)
+            return
+        self._arm_problem = ''
+        if self._shown is not None:
+            if (xml, arm.joint_names) == (self._shown.xml, self._shown.arm.joint_names):
+                return
+            self.close()
+            self._shown.scene.close()
+            self._shown.panel.close()
+        self._words.content = text_box([f'Drawing {arm.name} …'])
+        scene = ArmScene(self._server, arm, xml, directory, self._mesh_paths)
+        panel = ArmPanel(self._server.gui, arm, self._asked.put)
+        self._shown, self._q, self._state_problem = Shown(xml, arm, scene, panel), None, ''
+        self._actions = PageActions(self._node, self._shown)
+        scene.move(np.clip(np.zeros(arm.joint_count), arm.limits.lower, arm.limits.upper))
+        self._cameras.restart(scene.extent())
+
+    # ------------------------------------------------------------------ what is received
+
+    def _take(self, received: Received) -> None:
+        now = time.monotonic()
+        if received.description is not None:
+            self._source.take_topic(received.description.data)
+        if received.diagnostics is not None:
+            self._warnings = worst_words(received.diagnostics)
+        if received.payload is not None:
+            inertia, link = received.payload.inertia, received.payload.header.frame_id
+            self._load = f'{inertia.m:.3g} kg on {link}' if inertia.m > 0.0 else ''
+        if received.trajectory is not None and self._actions is not None:
+            self._actions.receive(received.trajectory)
+        if received.reference is not None:
+            self._reference_time = now
+        shown = self._shown
+        if shown is None:
+            return
+        if received.state is not None:
+            self._take_state(shown, received.state)
+        if received.markers is not None:
+            self._marks_stamp = max((1e-9 * stamp_from_ros(one.header.stamp)
+                                     for one in received.markers.markers), default=0.0)
+            shown.scene.mark(received.markers.markers)
+        elif self._newest_stamp - self._marks_stamp > SILENCE:  # the arm moves on without marks
+            shown.scene.mark(())
+        self._plot(shown, received)
+
+    def _take_state(self, shown: Shown, state: JointState) -> None:
+        q = values_of(shown.arm, state)
+        if q is None:
+            self._state_problem = lacking(shown.arm, state)
+            return
+        self._q, self._state_problem, self._state_time = q, '', time.monotonic()
+        self._v = values_of(shown.arm, state, 'velocity')
+        shown.scene.move(q)
+
+    def _plot(self, shown: Shown, received: Received) -> None:
+        arm, panel = shown.arm, shown.panel
+        for message in (received.state, received.terms):
+            if message is not None:
+                self._newest_stamp = 1e-9 * stamp_from_ros(message.header.stamp)
+        name = arm.joint_names[panel.shown_joint]
+        terms, reference, state = received.terms, received.reference, received.state
+        if terms is not None and name in terms.joint_names:
+            i = list(terms.joint_names).index(name)
+            panel.plot_terms(1e-9 * stamp_from_ros(terms.header.stamp), {
+                term: getattr(terms, term)[i] for term in (
+                    'effort', 'gravity', 'inertial', 'coriolis', 'friction', 'external')})
+        if reference is not None and state is not None and self._q is not None:
+            lag = 1e-9 * (stamp_from_ros(state.header.stamp)
+                          - stamp_from_ros(reference.header.stamp))
+            wanted = values_of(arm, reference)
+            speed = values_of(arm, reference, 'velocity')
+            if abs(lag) <= LARGEST_LAG and wanted is not None and speed is not None:
+                i = panel.shown_joint
+                error = float(wanted[i] + lag * speed[i] - self._q[i])
+                if arm.joint_kinds[i] == 'continuous':
+                    error = math.remainder(error, 2.0 * math.pi)
+                panel.plot_error(1e-9 * stamp_from_ros(state.header.stamp), error)
+
+    # ------------------------------------------------------------------ one cycle
+
+    def _turn(self) -> None:
+        now = time.monotonic()
+        description = self._source.news()
+        if description is not None:
+            self._use(description)
+        shown, actions = self._shown, self._actions
+        if shown is None or actions is None:
+            self._say(['no arm yet'])
+            return
+        actions.turn(self._q, self._v)
+        if now - self._plot_time < PLOT_PERIOD:
+            return
+        self._plot_time = now
+        shown.panel.show_plots(self._newest_stamp)
+        if self._q is not None or not self._node.has_states:
+            self._cameras.show(shown.scene.extent())
+        lasts = now - max(self._reference_time, actions.sent_time) < SILENCE
+        if self._q is not None and not (actions.is_own and lasts) and not actions.is_wished:
+            shown.panel.follow(self._q)
+        joints = counted(shown.arm.joint_count, 'joint')
+        self._say([f'{shown.arm.name}, {joints}'], actions.answer)
+
+    def _say(self, lines: list[str], answer: str = '') -> None:
+        now, node = time.monotonic(), self._node
+        if now - self._state_time > SILENCE:
+            lines.append('no joint states' + (
+                ' received' if node.has_states else ': joint_states has no publisher'))
+        if not node.has_dynamics:
+            lines.append(
+                f'no node {node.dynamics}: start it with `ros2 run robot_dynamics dynamics_node`')
+        elif now - self._reference_time < SILENCE:
+            lines.append('follows a reference')
+        else:
+            lines.append('follows no reference')
+        if self._load:
+            lines.append(f'payload of the controller: {self._load}')
+        if self._shown is not None and self._shown.scene.missing:
+            missing = self._shown.scene.missing
+            count = '1 mesh is' if len(missing) == 1 else f'{len(missing)} meshes are'
+            lines.append(f'{count} not drawn; the first one: {missing[0]}')
+        lines += [f'⚠ {words}' for words in (
+            *self._warnings, self._source.problem, self._arm_problem, self._state_problem)
+            if words]
+        if answer:
+            lines.append(answer)
+        words = text_box(lines)
+        if self._words.content != words:
+            self._words.content = words
+
+
+def text_box(lines: Sequence[str]) -> str:
+    """Return HTML of these lines, as a list whose height does not depend on them."""
+    items = ''.join(f'<div>{escape(line, quote=False)}</div>' for line in lines)
+    return f'<div style="{TEXT_STYLE}">{items}</div>'
+
+
+def values_of(arm: ArmModel, message: JointState, field: str = 'position') -> FloatArray | None:
+    """Return a field of joint states in the order of an arm (n,), None if a joint is missing."""
+    values = dict(zip(message.name, getattr(message, field)))
+    if any(name not in values for name in arm.joint_names):
+        return None
+    found = np.array([values[name] for name in arm.joint_names])
+    return found if np.isfinite(found).all() else None
+
+
+def lacking(arm: ArmModel, state: JointState) -> str:
+    """Return a text about the joints of an arm without a position in the joint states."""
+    given = dict(zip(state.name, state.position))
+    missing = [name for name in arm.joint_names if name not in given]
+    if missing:
+        return f'joint_states lack {missing}, expected a position of every joint of the arm'
+    wrong = [name for name in arm.joint_names if not math.isfinite(given[name])]
+    return f'joint_states have no finite position of {wrong}'

@@ -1,0 +1,317 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The 3-D view of the viewer: the links of an arm, and the efforts and other marks of `~/markers`.
+
+A link is drawn with the visuals of the URDF and the meshes that are found. A link without visuals
+is drawn as a bone from joint to joint, so that every arm is visible.
+"""
+
+from collections.abc import Mapping, Sequence
+import copy
+from pathlib import Path
+from typing import Any, NamedTuple, TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import ModelError
+from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.pictures.arm_marks import ArmMarks
+from robot_dynamics.urdf.inertials import read_joint_origins
+from robot_dynamics.urdf.mesh_files import check_mesh_file, find_mesh, find_untrusted_mesh
+from robot_dynamics.urdf.visuals import Box, Mesh, read_visuals, Sphere, Visual
+from robot_dynamics_tools.viewer.labels import newest_view, spread
+import trimesh
+from visualization_msgs.msg import Marker
+
+if TYPE_CHECKING:
+    import viser
+
+LINK_COLOUR = (0.72, 0.74, 0.78, 1.0)
+COLOURED = ('.dae', '.glb', '.gltf', '.obj')
+"""Formats of mesh files that define colours."""
+_BONE = 0.35
+"""Radius of a bone, as a fraction of the radius of the arcs of effort."""
+_STILL = 1e-6
+"""Smallest motion that is sent [m], also of the components of a quaternion."""
+
+_Key = tuple[str, int, int]
+"""Namespace, number and type of a mark."""
+
+
+class _Part(NamedTuple):
+    """A drawn link: its Pinocchio frame, its scene node, and points (m, 3) around it."""
+
+    frame: int
+    handle: Any
+    corners: FloatArray
+
+
+class ArmScene:
+    """One arm in the scene of a viser server; `close` removes it."""
+
+    def __init__(
+        self, server: 'viser.ViserServer', arm: ArmModel, xml: str, directory: Path | None,
+        mesh_paths: Sequence[Path] = (),
+    ) -> None:
+        """
+        Draw an arm.
+
+        `directory` is the directory of the URDF, None for a URDF from a topic. Meshes of such a
+        URDF are opened only in packages and below `mesh_paths`.
+        """
+        self._server, self._scene = server, server.scene
+        self._arm, self._data = arm, arm.pinocchio_model.createData()
+        self._marks: dict[_Key, Any] = {}
+        self.size = ArmMarks(arm).size
+        """Radius of the arcs of effort [m]."""
+        self.reach = ArmMarks(arm).reach
+        """[m]"""
+        self._marked = np.zeros((0, 3))
+        self.missing: list[str] = []
+        """Meshes that are not drawn, each with the reason."""
+        self._grid = self._scene.add_grid(
+            '/ground', width=4.0 * self.reach, height=4.0 * self.reach,
+            cell_size=0.1 * self.reach, section_size=0.5 * self.reach)
+        self._directory = None if directory is None else directory.resolve()
+        self._mesh_paths = mesh_paths
+        self._parts = self._draw_links(xml)
+
+    def close(self) -> None:
+        """Remove the arm."""
+        for handle in (self._grid, *(part.handle for part in self._parts), *self._marks.values()):
+            handle.remove()
+        self._parts, self._marks = [], {}
+
+    # ------------------------------------------------------------------ the arm
+
+    def move(self, q: FloatArray) -> None:
+        """Show the arm at q (n,)."""
+        model, data = self._arm.pinocchio_model, self._data
+        pin.framesForwardKinematics(model, data, self._arm.coordinates.position(q))
+        with self._server.atomic():
+            for frame, handle, _ in self._parts:
+                place = data.oMf[frame]
+                x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+                _set(handle, 'wxyz', np.array([w, x, y, z]))
+                _set(handle, 'position', np.array(place.translation))
+
+    def rotation(self, link: str) -> FloatArray:
+        """Return the rotation (3, 3) of a link in the base frame, as it was shown last."""
+        frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
+        return np.array(self._data.oMf[frame].rotation)
+
+    def extent(self) -> FloatArray:
+        """Return points (m, 3) around the arm and its marks, as they were shown last."""
+        return np.vstack([self._marked, *(
+            corners @ self._data.oMf[frame].rotation.T + self._data.oMf[frame].translation
+            for frame, _, corners in self._parts)])
+
+    def _draw_links(self, xml: str) -> list[_Part]:
+        visuals, bones, parts = read_visuals(xml), read_joint_origins(xml), []
+        for i, link in enumerate(self._arm.link_names):
+            node = f'/arm/{i}'
+            handle = self._scene.add_frame(node, show_axes=False)
+            own = [visual for visual in visuals if visual.link == link]
+            drawn = [trimesh.bounds.corners(bounds) @ visual.rotation.T + visual.place
+                     for k, visual in enumerate(own)
+                     if (bounds := self._draw_visual(f'{node}/{k}', visual)) is not None]
+            if not drawn:
+                drawn = self._draw_bones(node, bones.get(link, []))
+            frame = self._arm.pinocchio_model.getFrameId(link, pin.FrameType.BODY)
+            parts.append(_Part(frame, handle, np.vstack([np.zeros(3), *drawn])))
+        return parts
+
+    def _draw_visual(self, node: str, visual: Visual) -> FloatArray | None:
+        """Draw one shape; return its lower and upper bounds (2, 3), None if it is not drawn."""
+        x, y, z, w = pin.Quaternion(visual.rotation).coeffs().tolist()
+        pose = {'wxyz': (w, x, y, z), 'position': tuple(visual.place.tolist())}
+        colour, shape = visual.colour or LINK_COLOUR, visual.shape
+        if isinstance(shape, Mesh):
+            return self._draw_mesh(node, shape, visual, pose)
+        looks = {'color': colour[:3], 'opacity': None if colour[3] == 1.0 else colour[3]}
+        if isinstance(shape, Box):
+            self._scene.add_box(node, dimensions=tuple(shape.size.tolist()), **looks, **pose)
+            return np.outer((-0.5, 0.5), shape.size)
+        if isinstance(shape, Sphere):
+            self._scene.add_icosphere(node, radius=shape.radius, **looks, **pose)
+            return np.outer((-shape.radius, shape.radius), np.ones(3))
+        body = trimesh.creation.cylinder(radius=shape.radius, height=shape.length)
+        self._scene.add_mesh_simple(
+            node, body.vertices, body.faces, flat_shading=False, **looks, **pose)
+        return np.array(body.bounds)
+
+    def _draw_mesh(
+        self, node: str, mesh: Mesh, visual: Visual, pose: dict[str, Any],
+    ) -> FloatArray | None:
+        try:
+            path = self._mesh_file(mesh.name)
+        except ModelError as error:
+            self.missing.append(str(error))
+            return None
+        scale = tuple(mesh.scale.tolist())
+        try:
+            check_mesh_file(path)
+            scene = trimesh.load_scene(path)
+            if scene.is_empty or not scene.triangles.size:
+                raise ValueError('the mesh has no triangles')
+            if path.suffix.lower() in COLOURED:
+                self._scene.add_mesh_trimesh(node, scene, scale=scale, **pose)
+            else:
+                body = scene.to_mesh()
+                colour = visual.colour or LINK_COLOUR
+                self._scene.add_mesh_simple(
+                    node, body.vertices, body.faces, color=colour[:3], scale=scale, **pose)
+        except Exception as error:  # any error of a mesh reader
+            self.missing.append(f'{mesh.name}: {error}')
+            return None
+        return np.sort(scene.bounds * mesh.scale, axis=0)
+
+    def _mesh_file(self, name: str) -> Path:
+        """Return the file of a mesh; raise ModelError if it is missing or not allowed."""
+        if self._directory is None:
+            return find_untrusted_mesh(name, self._mesh_paths)
+        path = find_mesh(name, self._directory)
+        if path is None:
+            raise ModelError(f'{name}: not found')
+        return path
+
+    def _draw_bones(self, node: str, ends: Sequence[FloatArray]) -> list[FloatArray]:
+        """Draw lines from the origin of a link to `ends`; return the vertices, (m, 3) each."""
+        bones = {
+            f'{node}/bone{k}': trimesh.creation.cylinder(
+                radius=_BONE * self.size, segment=[np.zeros(3), end])
+            for k, end in enumerate(ends)
+            if np.isfinite(end).all() and float(np.linalg.norm(end)) > self.size * _BONE}
+        for name, bone in bones.items():
+            self._scene.add_mesh_simple(name, bone.vertices, bone.faces, color=LINK_COLOUR[:3])
+        return [np.array(bone.vertices) for bone in bones.values()]
+
+    # ------------------------------------------------------------------ efforts and forces
+
+    def mark(self, markers: Sequence[Marker]) -> None:
+        """Show only these markers; labels get the names of the joints, and are spread."""
+        named = {
+            (marker.ns, marker.id, marker.type): marker for marker in markers
+            if _can_be_drawn(marker)}
+        self._marked = np.vstack([np.zeros((0, 3)), *(
+            _points(one) if one.points else _position(one)
+            for one in named.values())])
+        labels, anchors = self._labels(
+            {key: one for key, one in named.items() if one.type == Marker.TEXT_VIEW_FACING})
+        named.update(labels)
+        with self._server.atomic():
+            for key in [key for key in self._marks if key not in named]:
+                self._marks.pop(key).remove()
+            for key, marker in named.items():
+                if key in self._marks:
+                    _UPDATES[marker.type](self._marks[key], marker)
+                else:
+                    self._marks[key] = self._add_mark(f'/marks/{key[0]}/{key[1]}', marker)
+            for key, anchor in zip(labels, anchors):
+                if self._marks[key].anchor != anchor:
+                    self._marks[key].anchor = anchor
+
+    def _labels(self, texts: Mapping[_Key, Marker]) -> tuple[dict[_Key, Marker], list[str]]:
+        """Return the texts with the names of their joints, spread in the image; their anchors."""
+        labels = copy.deepcopy(dict(texts))
+        for label in labels.values():
+            if label.id < self._arm.joint_count:
+                label.text = f'{self._arm.joint_names[label.id]}: {label.text}'
+        places = np.array([_position(label) for label in labels.values()]).reshape(-1, 3)
+        anchors = spread(
+            newest_view(self._server.get_clients().values()), places,
+            [label.text for label in labels.values()])
+        for label, place in zip(labels.values(), places.tolist()):
+            label.pose.position.x, label.pose.position.y, label.pose.position.z = place
+        return labels, anchors
+
+    def _add_mark(self, node: str, marker: Marker) -> Any:
+        colour = _rgb(marker)
+        if marker.type == Marker.LINE_STRIP:
+            return self._scene.add_line_segments(
+                node, _segments(marker), colour, thickness=marker.scale.x)
+        if marker.type == Marker.ARROW:
+            return self._scene.add_arrows(
+                node, _points(marker)[None, :2], colour, shaft_radius=0.5 * marker.scale.x,
+                head_radius=0.5 * marker.scale.y, head_length=marker.scale.z)
+        if marker.type == Marker.SPHERE:
+            return self._scene.add_icosphere(
+                node, radius=0.5, scale=_size(marker), color=colour, opacity=marker.color.a,
+                wxyz=_wxyz(marker), position=_position(marker))
+        return self._scene.add_label(node, marker.text, position=_position(marker))
+
+
+def _can_be_drawn(marker: Marker) -> bool:
+    points = {Marker.LINE_STRIP: 2, Marker.ARROW: 2}.get(marker.type, 0)
+    return marker.action == Marker.ADD and marker.type in _UPDATES and len(marker.points) >= points
+
+
+def _set(handle: Any, name: str, value: FloatArray) -> None:
+    if np.abs(getattr(handle, name) - value).max() > _STILL:
+        setattr(handle, name, value)
+
+
+def _points(marker: Marker) -> FloatArray:
+    return np.array([(point.x, point.y, point.z) for point in marker.points])
+
+
+def _segments(marker: Marker) -> FloatArray:
+    points = _points(marker)
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _position(marker: Marker) -> FloatArray:
+    place = marker.pose.position
+    return np.array([place.x, place.y, place.z])
+
+
+def _wxyz(marker: Marker) -> FloatArray:
+    turn = marker.pose.orientation
+    return np.array([turn.w, turn.x, turn.y, turn.z])
+
+
+def _size(marker: Marker) -> tuple[float, float, float]:
+    return marker.scale.x, marker.scale.y, marker.scale.z
+
+
+def _rgb(marker: Marker) -> FloatArray:
+    return np.array([marker.color.r, marker.color.g, marker.color.b])
+
+
+def _bytes_of(colour: FloatArray) -> Any:
+    return np.round(255.0 * colour).astype(np.uint8)
+
+
+def _update_line(handle: Any, marker: Marker) -> None:
+    handle.points = _segments(marker).astype(np.float32)
+    colour = _bytes_of(_rgb(marker))
+    if not np.array_equal(handle.colors, colour):
+        handle.colors = colour
+
+
+def _update_arrow(handle: Any, marker: Marker) -> None:
+    handle.points = _points(marker)[None, :2].astype(np.float32)
+    if handle.head_length != marker.scale.z:
+        handle.head_length = marker.scale.z
+
+
+def _update_ball(handle: Any, marker: Marker) -> None:
+    _set(handle, 'position', _position(marker))
+    _set(handle, 'wxyz', _wxyz(marker))
+    if handle.scale != _size(marker):
+        handle.scale = _size(marker)
+
+
+def _update_text(handle: Any, marker: Marker) -> None:
+    _set(handle, 'position', _position(marker))
+    if handle.text != marker.text:
+        handle.text = marker.text
+
+
+_UPDATES = {
+    Marker.LINE_STRIP: _update_line, Marker.ARROW: _update_arrow, Marker.SPHERE: _update_ball,
+    Marker.TEXT_VIEW_FACING: _update_text,
+}

@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Install the tools of robot_dynamics as an ament_python package."""
+
+from glob import glob
+from pathlib import Path
+import sys
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+package_name = 'robot_dynamics_tools'
+EXECUTABLES = {
+    'analyze': 'commands.analyze:main',
+    'animate': 'commands.animate:main',
+    'calibrate_gravity': 'commands.calibrate_gravity:main',
+    'demo': 'demo.cli:main',
+    'dynamics': 'ros2_dynamics.cli:main',
+    'estimate_payload': 'commands.estimate_payload:main',
+    'excite': 'commands.excite:main',
+    'export_mjcf': 'commands.export_mjcf:main',
+    'identify': 'commands.identify:main',
+    'mujoco_arm': 'mujoco.entry_point:mujoco_arm',
+    'torque_map': 'commands.torque_map:main',
+    'viewer': 'viewer.cli:execute',
+}
+VERBS = (
+    'inverse', 'equation', 'task_space', 'pose', 'check', 'payload', 'estimate_payload',
+    'learn_contact_levels', 'status', 'move', 'stop', 'command', 'reset', 'retime', 'watch',
+    'record', 'analyze', 'animate', 'calibrate_gravity', 'demo', 'excite', 'export_mjcf',
+    'identify', 'torque_map', 'viewer')
+"""Verbs of `ros2 dynamics`."""
+# colcon installs executables into lib/robot_dynamics_tools, for `ros2 run`. A wheel (pip install)
+# puts them on the PATH, where their names must not be those of other programs.
+is_wheel = {'bdist_wheel', 'dist_info', 'editable_wheel'} & set(sys.argv)
+prefix = 'robot_dynamics_' if is_wheel else ''
+manifest = ElementTree.parse(Path(__file__).resolve().parent / 'package.xml')
+maintainer = manifest.find('maintainer')
+
+
+def verb_class(name):
+    """Return the name of the class of a verb."""
+    return f'{name.title().replace("_", "")}Verb'
+
+
+setup(
+    name=package_name,
+    version='0.1.0',  # catkin_prepare_release changes it together with package.xml
+    packages=find_packages(include=[package_name, f'{package_name}.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', glob('launch/*.launch.py')),
+    ],
+    python_requires='>=3.10',
+    install_requires=[
+        'setuptools', 'robot_dynamics', 'lz4', 'matplotlib', 'mcap', 'numpy', 'pillow', 'pyyaml',
+        'rosbags', 'scipy', "backports.zstd; python_version < '3.14'"],
+    extras_require={
+        'test': ['pytest'],  # `colcon test` runs pytest because of this line
+        'parquet': ['pyarrow'],  # of analyze
+        'report': ['bokeh>=3.4'],  # zoom in the figures of HTML reports
+        'dask': ['distributed'],  # of tools that take many recordings
+        'mujoco': ['mujoco>=3.2'],  # the node mujoco_arm
+        'completion': ['argcomplete'],  # of `robot_dynamics_dynamics` in a shell
+        'viewer': ['pycollada', 'trimesh', 'viser~=1.1', 'websockets'],  # in a browser
+        'video': ['imageio-ffmpeg'],  # MP4 where no ffmpeg is installed
+        # other engines, for the benchmarks: requirements/peers.txt
+        'peers': ['drake', 'dynibo', 'mujoco>=4', 'roboticstoolbox-python>=1.5'],
+    },
+    zip_safe=False,
+    author=manifest.findtext('author'),
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get('email'),
+    url=manifest.findtext('url'),
+    description=manifest.findtext('description'),
+    license=manifest.findtext('license'),
+    license_files=['LICENSE'],
+    entry_points={
+        'console_scripts': [
+            f'{prefix}{name} = {package_name}.{function}'
+            for name, function in EXECUTABLES.items()],
+        # `ros2 dynamics`, where there is ros2cli
+        'ros2cli.command': [
+            f'dynamics = {package_name}.ros2_dynamics.ros2cli:DynamicsCommand',
+        ],
+        'ros2cli.extension_point': [
+            f'{package_name}.verb = {package_name}.ros2_dynamics.ros2cli:VerbExtension',
+        ],
+        f'{package_name}.verb': [
+            f'{name} = {package_name}.ros2_dynamics.ros2cli:{verb_class(name)}'
+            for name in VERBS],
+    },
+)

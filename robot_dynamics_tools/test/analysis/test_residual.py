@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The effort of the model at a motion, by term, and the statistics of the residual."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
+from robot_dynamics_tools.analysis.residual import merged_statistics, residual_statistics
+from robots import robot_urdf
+
+# A warning of numpy indicates a number that the code did not check.
+pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
+
+FIELDS = ('rms_measured', 'mean_measured', 'rms', 'mean', 'largest', 'relative', 'r_squared')
+
+
+@pytest.mark.parametrize('robot', ['panda', 'tiago_no_hand'])
+def test_terms_of_many_states_are_those_of_each(robot):
+    """Includes mimic, continuous and prismatic joints; single states use another code path."""
+    arm = load_arm(robot_urdf(robot))
+    n = arm.joint_count
+    dynamics = ArmDynamics(arm)
+    q, v, a = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 30, n))
+    terms = model_terms(dynamics, q, v, a)
+    for i in range(len(q)):
+        one = dynamics.unchecked.terms(
+            q[i], v[i], a[i], friction=arm.friction.smooth_effort(v[i]))
+        for name, values in terms.by_name.items():
+            np.testing.assert_allclose(values[i], getattr(one, name), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(terms.effort[i], one.effort, rtol=1e-9, atol=1e-9)
+        assert terms.kinetic_energy[i] == pytest.approx(one.kinetic_energy, rel=1e-9, abs=1e-9)
+        assert terms.potential_energy[i] == pytest.approx(one.potential_energy, rel=1e-9)
+
+
+def test_statistics_of_a_known_residual():
+    t = np.linspace(0.0, 2.0 * np.pi, 1000, endpoint=False)
+    measured = np.column_stack([3.0 + np.sqrt(2.0) * np.sin(t), np.full(1000, 2.0), 0.0 * t])
+    model = measured - np.column_stack([0.5 * np.sqrt(2.0) * np.cos(t), np.ones(1000), -t])
+    found = residual_statistics(measured, model, ('a', 'b', 'c'))
+    np.testing.assert_allclose(found.rms_measured, [np.sqrt(10.0), 2.0, 0.0])
+    np.testing.assert_allclose(found.rms[:2], [0.5, 1.0])
+    np.testing.assert_allclose(found.mean[:2], [0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.largest, [0.5 * np.sqrt(2.0), 1.0, t[-1]])
+    np.testing.assert_allclose(found.relative, [0.5 / np.sqrt(10.0), 0.5, np.nan])
+    np.testing.assert_allclose(found.r_squared, [0.75, np.nan, np.nan])
+    assert found.sample_count == 1000
+
+
+@settings(deadline=None, derandomize=True, max_examples=50)
+@given(st.lists(st.integers(1, 40), min_size=1, max_size=5), st.integers(0, 2**32 - 1))
+def test_parts_merge_to_the_whole(sizes, seed):
+    rng = np.random.default_rng(seed)
+    measured = [rng.normal(rng.uniform(-5, 5), 2.0, (m, 2)) for m in sizes]
+    model = [values + rng.normal(0.3, 0.5, values.shape) for values in measured]
+    parts = [residual_statistics(*pair, ('a', 'b')) for pair in zip(measured, model)]
+    merged = merged_statistics(parts)
+    whole = residual_statistics(np.concatenate(measured), np.concatenate(model), ('a', 'b'))
+    assert merged.sample_count == whole.sample_count
+    if whole.sample_count > 1:
+        for field in FIELDS:
+            np.testing.assert_allclose(
+                getattr(merged, field), getattr(whole, field), rtol=1e-9, atol=1e-9)
+
+
+def test_mismatched_inputs_are_rejected():
+    values = np.zeros((3, 2))
+    with pytest.raises(InvalidInputError, match=r'\(3, 2\) and \(2, 2\)'):
+        residual_statistics(values, values[:2], ('a', 'b'))
+    with pytest.raises(InvalidInputError, match='m > 0'):
+        residual_statistics(values[:0], values[:0], ('a', 'b'))
+    one = residual_statistics(values, values, ('a', 'b'))
+    other = residual_statistics(values, values, ('a', 'c'))
+    for parts in ([], [one, other]):
+        with pytest.raises(InvalidInputError, match='the same in all'):
+            merged_statistics(parts)

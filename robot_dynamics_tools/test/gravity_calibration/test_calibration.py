@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The laws of the calibration of gravity, on holds without noise."""
+
+from dataclasses import replace
+
+from calibration_bench import exact_drives, load_on, poses_of, TOOL_LINKS
+from identification_bench import changed_arm, with_inertial_parameters
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.model.payload import make_payload
+from robot_dynamics.model.regressor import inertial_parameters
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.gravity_calibration.calibration import calibrate_holds, ScaleReference
+from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
+from robots import arm_without_gripper
+
+EXACT = 1e-9
+
+
+@pytest.fixture(params=[
+    name if name in ('default', 'xarm7') else pytest.param(name, marks=pytest.mark.soak)
+    for name in TOOL_LINKS])
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+def assert_exact(found, drives) -> None:
+    """Compare scale and offset where the scale is observable: not at a vertical first axis."""
+    seen = found.is_observable
+    assert seen.sum() >= len(seen) - 1
+    np.testing.assert_allclose(found.scale[seen], drives.scale[seen], rtol=0.0, atol=EXACT)
+    np.testing.assert_allclose(found.offset[seen], drives.offset[seen], rtol=0.0, atol=EXACT)
+    assert (found.scale[~seen] == 1.0).all()
+
+
+def assert_same_tool(found, tool) -> None:
+    """Compare what is observable: a planar arm does not determine a moment along its axes."""
+    truth = np.array([tool.mass, *(tool.mass * tool.com)])
+    seen = np.isfinite(found.tool.deviations)
+    assert seen.sum() >= 3
+    np.testing.assert_allclose(found.tool.values[seen], truth[seen], rtol=0.0, atol=EXACT)
+
+
+@pytest.mark.parametrize('given', [None, 1.5])
+def test_a_known_weight_gives_exact_scales_offsets_and_tool(name, given):
+    arm = arm_without_gripper(name)
+    drives, q = exact_drives(arm), poses_of(arm)
+    tool, weight = load_on(name, 1.5), load_on(name, 2.0, (0.1, 0.0, 0.05))
+    found = calibrate_holds(
+        arm, drives.holds(q, arm.with_payloads([tool])),
+        drives.holds(q, arm.with_payloads([tool, weight])), weight, Tool(tool.link, given))
+    assert found.reference is ScaleReference.WEIGHT
+    assert_exact(found, drives)
+    assert_same_tool(found, tool)
+    assert (found.tool.deviations[0] == 0.0) == (given is not None)
+
+
+def test_a_known_tool_gives_exact_scales_offsets_and_moments(name):
+    arm = arm_without_gripper(name)
+    drives, tool = exact_drives(arm), load_on(name, 1.5)
+    found = calibrate_holds(
+        arm, drives.holds(poses_of(arm), arm.with_payloads([tool])), tool=Tool(tool.link, 1.5))
+    assert found.reference is ScaleReference.TOOL
+    assert_exact(found, drives)
+    assert_same_tool(found, tool)
+    assert found.tool.deviations[0] == 0.0
+
+
+def test_without_a_reference_scale_and_mass_are_confounded():
+    """All masses that are 1.1 times those of the URDF divide the scales by 1.1, exactly."""
+    arm = arm_without_gripper('xarm7')
+    drives = exact_drives(arm)
+    heavier = with_inertial_parameters(arm, 1.1 * inertial_parameters(arm))
+    found = calibrate_holds(arm, drives.holds(poses_of(arm), heavier))
+    assert found.reference is ScaleReference.URDF
+    assert_exact(found, replace(drives, scale=drives.scale / 1.1))
+
+
+def test_a_known_weight_makes_scales_independent_of_masses_of_the_urdf():
+    """The poses with the weight are others than those without it."""
+    arm = arm_without_gripper('xarm7')
+    drives, q, weight = exact_drives(arm), poses_of(arm, 20), load_on('xarm7', 2.0)
+    found = calibrate_holds(
+        changed_arm(arm, 0.3), drives.holds(q[:10]),
+        drives.holds(q[10:], arm.with_payloads([weight])), weight)
+    assert_exact(found, drives)
+
+
+def test_a_tilted_base_makes_the_first_scale_observable():
+    arm = arm_without_gripper('ur10').with_gravity((3.0, 0.0, -9.0))
+    drives, tool = exact_drives(arm), load_on('ur10', 1.5)
+    found = calibrate_holds(
+        arm, drives.holds(poses_of(arm), arm.with_payloads([tool])), tool=Tool(tool.link, 1.5))
+    assert found.is_observable.all()
+    assert_exact(found, drives)
+
+
+def test_a_joint_that_came_from_one_side_only_is_left_as_it_is():
+    """The first joint of an upright arm has an offset and no scale."""
+    arm = arm_without_gripper('xarm7')
+    drives = exact_drives(arm)
+    holds = [hold._replace(approach=np.where(np.arange(7) == 3, 1, hold.approach))
+             for hold in drives.holds(poses_of(arm))]
+    found = calibrate_holds(arm, holds)
+    assert found.pose_count.tolist() == [12, 12, 12, 0, 12, 12, 12]
+    assert (found.scale[3], found.offset[3]) == (1.0, 0.0)
+    assert np.isinf([found.scale_interval[3], found.offset_interval[3]]).all()
+    others = np.array([1, 2, 4, 5, 6])
+    np.testing.assert_allclose(found.scale[others], drives.scale[others], atol=EXACT)
+    assert found.is_observable.tolist() == [False, True, True, False, True, True, True]
+    assert (found.scale[0], found.scale_interval[0]) == (1.0, np.inf)
+    assert abs(found.offset[0] - drives.offset[0]) < EXACT
+
+
+@pytest.mark.parametrize(('change', 'message'), [
+    ({'count': 3}, r'6 holds without weight have 3 poses that a joint approached from both '
+                   r'sides, expected at least 4'),
+    ({'gravity': (0.0, 9.81, 0.0)}, r'no effort scale is observable: the gravity torque in the '
+                                    r'poses varies by \[0\.0, 0\.0\] N·m'),
+    ({'tool': Tool('tool0')}, 'the mass of the tool is not given'),
+    ({'tool': Tool('hand', 1.0)}, "link is 'hand', expected one of the links"),
+    ({'weight': make_payload('tool0', 1.0)}, 'there are 0 holds with a weight'),
+    ({'weight': make_payload('base_link', 1.0), 'is_held': True},
+     "'base_link', which is fixed to the base"),
+])
+def test_what_cannot_be_calibrated_is_refused(change, message):
+    arm = load_arm(default_arm_urdf(), gravity=change.get('gravity', (0.0, 0.0, -9.81)))
+    q = poses_of(load_arm(default_arm_urdf()))[:change.get('count', 12)]
+    holds = exact_drives(arm).holds(q)
+    with pytest.raises(InvalidInputError, match=message):
+        calibrate_holds(arm, holds, holds if 'is_held' in change else (), change.get('weight'),
+                        change.get('tool'))

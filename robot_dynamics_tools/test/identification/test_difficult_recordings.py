@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+
+"""Identification from recordings that do not determine all parameters; the arms are known."""
+
+from identification_bench import (
+    changed_arm,
+    fourier_motion,
+    lugre_friction,
+    moves_with_pauses,
+    one_way,
+    recorded,
+    rigid_effort,
+    series_of,
+    States,
+)
+import numpy as np
+import pytest
+from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.reporting.text_table import percent
+from robot_dynamics_tools.analysis.motion_filter import filter_motion
+from robot_dynamics_tools.identification.identified_arm import fitted_friction
+from robot_dynamics_tools.identification.pipeline import identify
+from robot_dynamics_tools.identification.steps import evaluate_motion
+from robot_dynamics_tools.identification.summary import bounds_by_joint, not_separable, warnings
+from robots import arm_without_gripper, robot_urdf
+from scipy.signal import butter, sosfilt
+
+UR5 = load_arm(robot_urdf('ur5'), ['shoulder_pan_joint', 'shoulder_lift_joint', 'elbow_joint'])
+"""The wrists are locked: a joint costs time, and shows nothing new."""
+PANDA = arm_without_gripper('panda')
+FRICTION_FACTOR, MODEL_ERROR = 5.0, 0.03
+
+
+def imperfect_effort(states, seed):
+    """Return the effort of an arm with LuGre friction, and an error of 3 % that depends on q."""
+    effort = rigid_effort(changed_arm(UR5, 0.3, seed), states)
+    effort += FRICTION_FACTOR * lugre_friction(states, seed)
+    return effort * (1.0 + MODEL_ERROR * np.sin(3.0 * states.q))
+
+
+def noisy(states, effort, seed):
+    noise = 0.02 * np.sqrt(np.mean(effort**2, axis=0))
+    return recorded(UR5, states, effort, noise, seed)
+
+
+# --- one direction of motion ---------------------------------------------------------------------
+
+@pytest.mark.parametrize(('joint', 'seed'), [
+    (2, 2), pytest.param(0, 0, marks=pytest.mark.soak),
+    pytest.param(1, 0, marks=pytest.mark.soak)])
+def test_a_joint_that_moves_in_one_direction(joint, seed):
+    name = UR5.joint_names[joint]
+    states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
+    effort = imperfect_effort(states, seed)
+    v = states.v[:, joint]
+    assert np.mean(v < -1e-3) > 0.92
+    assert not (v > 1e-3).any()
+    found = identify(UR5, [noisy(states, effort, seed)])
+    friction = fitted_friction(UR5, found.models.consistent)
+    true = FRICTION_FACTOR * np.median(np.abs(lugre_friction(states, seed)[:, joint]))
+    assert friction.counterpart('friction')[joint] == pytest.approx(true, rel=0.2)
+    assert friction.effort_bias[joint] == 0.0
+    assert not_separable(found) == {name: ('offset',)}
+    assert any(line.startswith(f'{name}: the joint moves in one direction only (0 % of its motion '
+                               'forward, 100 % backward)') for line in warnings(found))
+    # On a recording in which the joint moves in both directions, the model predicts more than
+    # the URDF.
+    other = fourier_motion(UR5, 125.0, 30.0, seed + 10)
+    tests = evaluate_motion(UR5, noisy(
+        other, imperfect_effort(other, seed), seed), 0.0, found.models.by_name)
+    assert tests['consistent'].relative()[joint] < 0.7 * tests['urdf'].relative()[joint]
+    assert tests['consistent'].relative().mean() < 0.2 * tests['urdf'].relative().mean()
+
+
+def test_opposite_one_way_recordings_together_separate_the_offset():
+    joint, seed = 2, 0
+    motions = []
+    for sign in (1.0, -1.0):
+        states = one_way(fourier_motion(UR5, 125.0, 30.0, seed), joint, seed)
+        for each in (states.q, states.v, states.a):
+            each[:, joint] *= sign
+        motions.append(noisy(states, imperfect_effort(states, seed), seed))
+    assert not_separable(identify(UR5, motions)) == {}
+
+
+def test_one_speed_does_not_separate_viscous_from_dry_friction():
+    """A triangle wave at 0.2 rad/s: filtered slowly, so that only its corners are round."""
+    joint, seed = 2, 0
+    states = fourier_motion(UR5, 125.0, 60.0, seed)
+    period = 24.0
+    phase = np.mod(states.times / period, 1.0)
+    states.q[:, joint] = 0.2 * period * np.abs(phase - 0.5)
+    states.v[:, joint] = np.where(phase < 0.5, -0.2, 0.2)
+    states.a[:, joint] = 0.0
+    effort = imperfect_effort(states, seed)
+    found = identify(UR5, [noisy(states, effort, seed)])
+    assert not_separable(found) == {UR5.joint_names[joint]: ('viscous friction',)}
+    friction = fitted_friction(UR5, found.models.consistent)
+    assert friction.viscous[joint] == 0.0
+    assert 0.0 < friction.counterpart('friction')[joint] < np.abs(effort[:, joint]).max()
+
+
+def test_a_joint_at_rest_has_no_friction():
+    joint, seed = 2, 0
+    states = fourier_motion(UR5, 125.0, 30.0, seed)
+    states.q[:, joint] = 0.5 + 1e-4 * np.sin(states.times)
+    states.v[:, joint], states.a[:, joint] = 1e-4 * np.cos(states.times), 0.0
+    found = identify(UR5, [noisy(states, imperfect_effort(states, seed), seed)])
+    assert not_separable(found) == {
+        UR5.joint_names[joint]: ('viscous friction', 'dry friction')}
+    friction = fitted_friction(UR5, found.models.consistent)
+    for values in (
+            friction.viscous, friction.coulomb, friction.sigmoid, friction.load_coefficient):
+        assert values[joint] == 0.0
+
+
+# --- bounds --------------------------------------------------------------------------------------
+
+def test_a_bound_that_acts_is_reported():
+    """The effort of one joint lags its acceleration, as if its rotor had a negative inertia."""
+    joint, seed = 1, 1
+    states = fourier_motion(UR5, 125.0, 30.0, seed)
+    effort = rigid_effort(changed_arm(UR5, 0.2, seed), states) + 2.0 * np.tanh(states.v / 0.1)
+    effort[:, joint] -= 0.4 * states.a[:, joint]
+    found = identify(UR5, [noisy(states, effort, seed)])
+    assert found.models.consistent.joint_values[joint, 0] == 0.0
+    bounds = {bound.parameter: bound for bound in bounds_by_joint(found)[joint]}
+    assert bounds['reflected inertia'].value == 0.0
+    assert bounds['reflected inertia'].unbounded == pytest.approx(-0.4, abs=0.1)
+    base, unbounded = (found.tests[name].relative()[joint] for name in ('base', 'unbounded'))
+    assert unbounded < 0.8 * base
+    text = (f'{UR5.joint_names[joint]}: bounds act: reflected inertia 0 instead of '
+            f'{bounds["reflected inertia"].unbounded:.3g} kg·m²')
+    assert any(line.startswith(text) and percent(unbounded) in line for line in warnings(found))
+
+
+# --- a high rate ---------------------------------------------------------------------------------
+
+def test_the_cutoff_of_a_short_motion_at_1_khz():
+    """
+    The cut-off of 4.7 s of moves of a Panda is near the band of the motion.
+
+    The velocity noise of two joints is small, and its spectrum ends at 60 Hz, so that the power of
+    acceleration has its global minimum far above the band of the motion.
+    """
+    rate = 1000.0
+    states = moves_with_pauses(PANDA, rate, 4.7)
+    rng = np.random.default_rng(0)
+    velocity = states.v + 2e-5 * rng.normal(size=states.v.shape)
+    sections = butter(6, 60.0, fs=rate, output='sos')
+    for joint in (4, 6):
+        noise = sosfilt(sections, rng.normal(size=len(velocity)))
+        velocity[:, joint] = states.v[:, joint] + 2e-4 * noise / noise.std()
+    q = states.q + 1e-6 * rng.normal(size=velocity.shape)
+    series = series_of(PANDA, states._replace(q=q, v=velocity), None)
+    assert 5.0 < filter_motion(series).cutoff_hz < 30.0
+
+
+# --- short recordings ----------------------------------------------------------------------------
+
+def test_ten_short_recordings_are_pooled():
+    """Each has fewer samples than the six blocks of a long one; the arm is off by 20 %."""
+    states = fourier_motion(UR5, 100.0, 40.0, 3)
+    effort = rigid_effort(changed_arm(UR5, 0.2, 3), states) + lugre_friction(states, 3)
+    motions = []
+    for i in range(10):
+        part = slice(400 * i, 400 * i + 200)
+        noise = 0.05 * np.random.default_rng(i).normal(size=effort[part].shape)
+        motions.append(filter_motion(series_of(
+            UR5, States(*(each[part] for each in states)), effort[part] + noise), 5.0))
+    with pytest.raises(InvalidInputError, match=r'have \d+ samples for training together'):
+        identify(UR5, motions[:1])
+    tests = identify(UR5, motions).tests
+    assert tests['consistent'].samples == (1200, 800)
+    assert (tests['consistent'].relative() < 0.6 * tests['urdf'].relative()).all()
+    assert tests['consistent'].relative()[:3].max() < 0.1

@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The frame of every HTML report, and its figures with and without Bokeh."""
+
+from pathlib import Path
+import re
+import sys
+
+import numpy as np
+import pytest
+from report_page import ReportPage
+from robot_dynamics.html_page import command_line, Grade, Origin, Page, Verdict
+from robot_dynamics.reporting.figures import effort_panel, TimeBoundary
+from robot_dynamics_tools.reporting.interactive import zoomable_figures
+
+VERDICTS = [
+    Verdict('joint1', Grade.GOOD, 'residual 3 % < 10 %', 'use the model'),
+    Verdict('joint2', Grade.BAD, 'friction dominates', 'run `identify`')]
+COMMAND = command_line('identify', ['my bag', '--urdf', 'a.urdf'])
+ORIGIN = Origin('/robots/arm & hand.urdf', COMMAND, '1.2.3')
+TIMES = np.linspace(0.0, 2.0, 201)
+PANEL = effort_panel('Measured and model', TIMES, {
+    'measured': np.column_stack([np.sin(TIMES), np.cos(TIMES)]),
+    'model': np.column_stack([np.sin(TIMES), np.zeros_like(TIMES)])})
+
+
+def test_a_report_begins_with_the_verdicts_then_names_its_origin():
+    report = Page('An arm', VERDICTS, 'Rule: 10 %.', ORIGIN)
+    report.section('Details')
+    text = report.html()
+    page = ReportPage(text)
+    places = [page.text.index(words) for words in (
+        'Verdict on 2 joints: 1 good, 1 bad.', 'joint1', 'residual 3 % < 10 %', 'use the model',
+        'joint2', 'friction dominates', 'Rule: 10 %.', '/robots/arm & hand.urdf',
+        'identify, robot_dynamics 1.2.3',
+        "identify 'my bag' --urdf a.urdf", 'Details')]
+    assert places == sorted(places)
+    assert re.search(r'date \d{4}-\d\d-\d\d \d\d:\d\d [+-]\d{4}', page.text)
+    assert '<code>identify</code>' in text
+
+
+def figures():
+    return zoomable_figures(
+        ('turn', 'slide'), ('revolute', 'prismatic'), [PANEL], TimeBoundary(1.0, 'left', 'right'),
+        b'\x89PNG', 'what')
+
+
+def test_without_bokeh_the_static_figure_remains_with_the_command(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
+    found = figures()
+    assert found.head == ''
+    assert found.figures.startswith('<div class="static wide"><img alt="what"')
+    assert 'install bokeh' in found.figures
+    assert sys.executable not in found.figures  # no report contains a path of its machine
+
+
+def test_the_plain_setup_installs_what_reports_zoom_with():
+    plain = Path(__file__).parents[3] / 'requirements' / 'python.txt'
+    assert re.search(r'^bokeh', plain.read_text(encoding='utf-8'), re.MULTILINE)
+
+
+def test_the_figures_contain_their_script_units_and_boundary():
+    pytest.importorskip('bokeh', reason='needs the extra report')
+    found = figures()
+    page = ReportPage(f'<html><head>{found.head}</head><body>{found.figures}</body></html>')
+    assert page.is_complete
+    assert 500_000 < len(found.head) < 2_000_000
+    assert '<img alt="what"' in found.figures
+    texts = re.sub(r'\\+u00b7', '·', found.figures)
+    for words in ('effort [N·m]', 'effort [N]', 'slide', 'turn: Measured and model', 'left',
+                  'right', 'time [s]'):
+        assert words in texts
