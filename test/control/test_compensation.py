@@ -12,7 +12,7 @@ from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics_tools.excitation.demo_motion import make_reference_motion
+from robot_dynamics.trajectories.quintics import quintic_via_points
 from simulated_arms import released
 
 PERIOD = 2e-3
@@ -45,7 +45,9 @@ def run(
 ) -> Run:
     """Run the default arm with friction in closed loop: a motion, then a reference at rest."""
     model = with_friction(known_fraction)
-    motion = make_reference_motion(ARM, seconds).trajectory
+    motion = quintic_via_points(
+        ARM.joint_names, [0.0, 0.5 * seconds, seconds],
+        [[0.785, 0.524], [1.585, 1.244], [0.785, 0.524]])
     controller = Controller(model, ControllerOptions(make_gains(ARM.joint_names)))
     controller.update(1, motion.points[0].position, np.zeros(2))  # required before a trajectory
     controller.follow(motion, 1)

@@ -5,7 +5,7 @@
 
 from dataclasses import replace
 
-from identification_bench import with_inertial_parameters
+from arm_motions import with_inertial_parameters
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError

@@ -12,14 +12,11 @@ import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.monitoring.external_effort import ExternalEffort
 from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
 from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
-from robot_dynamics_tools.commands.identify import main as identify
 from robots import robot_urdf
 from wrong_arms import ARMS, model_arm, RATE, WrongModel
 
@@ -221,30 +218,3 @@ def test_the_intervals_contain_the_true_wrench(name, runs, least):
     assert len(z) >= 5 * runs
     assert np.mean(np.abs(z) < COVERED) >= least
     assert np.sqrt(np.mean(z**2)) > 0.4  # the intervals are not far too wide
-
-
-@pytest.mark.soak
-def test_the_deviation_covers_the_residual_of_a_real_ur10(tmp_path):
-    """Identified from the first 60 % of the recording, without a contact: judged on the rest."""
-    if not UR10.exists():
-        pytest.skip(f'the recording of a real UR10 is not at {UR10}')
-    urdf = tmp_path / 'ur10.urdf'
-    urdf.write_text(robot_urdf('ur10'))
-    assert identify([str(UR10), '--urdf', str(urdf), '--output', str(tmp_path / 'out')]) == 0
-    parameters = read_parameter_file(tmp_path / 'out' / 'identified.yaml')
-    recording = read_for_arm(UR10, AnalysisSettings(
-        str(parameters['robot_description']), parameters=parameters))
-    dynamics, series = ArmDynamics(recording.arm), recording.series
-    observer = ExternalEffort(dynamics, 10.0)
-    estimator = ExternalWrenchEstimator(dynamics, observer, 'tool0')
-    found, drive = [], recording.arm.given_drive
-    for dt, q, v, effort in zip(
-            np.diff(series.times, prepend=0.0), series.position, series.velocity, series.effort):
-        if observer.update(dt, q, v, drive.torque(effort)) is not None:
-            found.append(estimator.update(dt))
-    judged = [one for one in found[int(0.6 * len(found)):] if one is not None]
-    z = np.array([one.wrench / np.sqrt(np.diag(one.covariance)) for one in judged])
-    covered = np.mean(np.abs(z) < COVERED, axis=0)
-    print('components within the intervals, in %:', (100.0 * covered).round(1))
-    assert covered.min() >= 0.95
-    assert np.sqrt(np.mean(z**2, axis=0)).min() > 0.3

@@ -4,9 +4,7 @@
 """Set-points, hand guiding, and both impedance laws on one pair of nodes, at run time."""
 
 from collections.abc import Iterator, Sequence
-import json
 
-from children import run, TIMEOUT
 from closed_loop import closed_loop, NAMES, send, START
 from diagnostic_msgs.msg import DiagnosticArray
 from disturbances import push, set_payload, ZERO
@@ -18,7 +16,6 @@ from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 from ros_harness import Collector, LONG, NodeProcess, RosClient, wait_until
 from sensor_msgs.msg import JointState
-from verb_bench import PROGRAM
 
 NODE, PLANT = '/laws/dynamics', '/laws/simulated_arm'
 STIFFNESS = [100.0, 40.0]
@@ -148,18 +145,6 @@ def test_a_wrong_pose_is_refused_by_name(client, node, message, words):
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         client.ask(publisher, message, diagnostics, refuses)
     assert 'Traceback' not in node.log
-
-
-def test_the_verb_moves_to_a_pose_and_names_a_refusal(client, states):
-    client.set_parameters(NODE, {'command': 'cartesian_impedance'})
-    goal = place([START[0] - 0.1, START[1] + 0.1])
-    words = [*PROGRAM, 'pose', '--node', NODE, '--timeout', str(TIMEOUT), '--json']
-    done = run([*words, *map(str, goal)], text=True, capture_output=True)
-    assert done.returncode == 0, done.stderr
-    assert place(json.loads(done.stdout)['position']) == pytest.approx(goal, abs=2e-3)
-    refused = run([*words, '0.1', '0', '9'], text=True, capture_output=True)
-    assert refused.returncode == 1
-    assert "rejected the goal: pose of 'tool0' is " in refused.stderr
 
 
 def test_wrong_parameters_of_the_laws_are_refused_by_name(client, node):

@@ -6,7 +6,7 @@
 from dataclasses import replace
 from typing import NamedTuple
 
-from identification_bench import with_inertial_parameters
+from arm_motions import with_inertial_parameters
 from lock_step_loop import FIRST_STAMP
 import numpy as np
 from robot_dynamics.arrays import FloatArray

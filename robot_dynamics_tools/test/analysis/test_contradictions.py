@@ -6,14 +6,8 @@
 from pathlib import Path
 import re
 
-from identification_bench import (
-    changed_arm,
-    fourier_motion,
-    lugre_friction,
-    moves_with_pauses,
-    rigid_effort,
-    series_of,
-)
+from arm_motions import fourier_motion, moves_with_pauses
+from identification_bench import changed_arm, lugre_friction, rigid_effort, series_of
 import numpy as np
 import pytest
 from recordings import encoded, KnownMotion, write_recording

@@ -9,10 +9,11 @@ import re
 import shutil
 import sys
 
+from arm_motions import fourier_motion
 from blas import blas_environments
 import children
 from children import LONG
-from identification_bench import changed_arm, fourier_motion, rigid_effort
+from identification_bench import changed_arm, rigid_effort
 import numpy as np
 import pytest
 from recordings import encoded, START_NS, write_recording

@@ -5,8 +5,9 @@
 
 from dataclasses import replace
 
+from arm_motions import with_inertial_parameters
 from calibration_bench import exact_drives, load_on, poses_of, TOOL_LINKS
-from identification_bench import changed_arm, with_inertial_parameters
+from identification_bench import changed_arm
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError

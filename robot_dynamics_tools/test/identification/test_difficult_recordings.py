@@ -4,16 +4,14 @@
 
 """Identification from recordings that do not determine all parameters; the arms are known."""
 
+from arm_motions import fourier_motion, moves_with_pauses, States
 from identification_bench import (
     changed_arm,
-    fourier_motion,
     lugre_friction,
-    moves_with_pauses,
     one_way,
     recorded,
     rigid_effort,
     series_of,
-    States,
 )
 import numpy as np
 import pytest

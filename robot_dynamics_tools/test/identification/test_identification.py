@@ -3,14 +3,13 @@
 
 """Identification of arms whose parameters are known."""
 
+from arm_motions import fourier_motion, moves_with_pauses
 from identification_bench import (
     changed_arm,
     F_A,
     F_B,
     F_V,
-    fourier_motion,
     lugre_friction,
-    moves_with_pauses,
     recorded,
     rigid_effort,
     ROTORS,

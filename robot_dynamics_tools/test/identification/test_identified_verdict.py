@@ -3,7 +3,8 @@
 
 """The verdict of `identify` on a joint, from the residuals of three models."""
 
-from identification_bench import fourier_motion, rigid_effort, series_of
+from arm_motions import fourier_motion
+from identification_bench import rigid_effort, series_of
 import numpy as np
 import pytest
 from robot_dynamics.html_page import Grade

@@ -5,7 +5,8 @@
 
 from pathlib import Path
 
-from identification_bench import changed_arm, fourier_motion, rigid_effort, series_of
+from arm_motions import fourier_motion
+from identification_bench import changed_arm, rigid_effort, series_of
 import numpy as np
 import pytest
 from robot_dynamics.model.arm import ArmModel, load_arm

@@ -3,11 +3,10 @@
 
 """The covariance that `identify` writes: deviations of efforts that agree with their errors."""
 
+from arm_motions import fourier_motion, moves_with_pauses
 from identification_bench import (
     changed_arm,
-    fourier_motion,
     lugre_friction,
-    moves_with_pauses,
     recorded,
     rigid_effort,
     ROTORS,

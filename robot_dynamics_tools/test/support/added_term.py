@@ -52,7 +52,8 @@ def extended_package(folder: Path) -> None:
 
 
 def _findings() -> dict[str, object]:
-    from identification_bench import changed_arm, fourier_motion, recorded, rigid_effort
+    from arm_motions import fourier_motion
+    from identification_bench import changed_arm, recorded, rigid_effort
     import numpy as np
     from robot_dynamics.model.arm import load_arm
     from robot_dynamics.model.arm_dynamics import ArmDynamics

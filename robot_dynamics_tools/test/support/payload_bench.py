@@ -5,7 +5,8 @@
 
 from typing import NamedTuple
 
-from identification_bench import fourier_motion, series_of, States
+from arm_motions import fourier_motion, States
+from identification_bench import series_of
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, make_payload, Payload, RigidBody
