@@ -31,8 +31,8 @@ from robot_dynamics_tools.demo.session import (
     TRAJECTORY,
 )
 from robot_dynamics_tools.excitation.demo_motion import ReferenceMotion
+from robot_dynamics_tools.recorder import TopicCount
 from robot_dynamics_tools.reporting.progress import Progress
-from robot_dynamics_tools.ros2_dynamics.recorder import TopicCount
 from robot_dynamics_tools.viewer.cli import AT, PAGE_OPEN
 from trajectory_msgs.msg import JointTrajectory as JointTrajectoryMsg
 

@@ -31,13 +31,13 @@ from robot_dynamics_tools.gravity_motion.plan import (
 from robot_dynamics_tools.gravity_motion.poses import chosen_poses, PoseChoice
 from robot_dynamics_tools.gravity_motion.preview import preview
 from robot_dynamics_tools.gravity_motion.watch import ArmWatch, Publish, RecordingClient
+from robot_dynamics_tools.recorder import Recorder, write_description
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm, uninterrupted
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 from robot_dynamics_tools.reporting.progress import Progress
 from robot_dynamics_tools.ros2_dynamics.client import RefusedError
 from robot_dynamics_tools.ros2_dynamics.move import goal_publication
 from robot_dynamics_tools.ros2_dynamics.record import topic_specs
-from robot_dynamics_tools.ros2_dynamics.recorder import Recorder, write_description
 from std_srvs.srv import Trigger
 
 TRANSITION = 3.0

@@ -14,9 +14,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.tools.command_line import ToolError
 from robot_dynamics_tools.gravity_motion.plan import Move
+from robot_dynamics_tools.recorder import Recorder
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.move import MotionWatch
-from robot_dynamics_tools.ros2_dynamics.recorder import Recorder
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 

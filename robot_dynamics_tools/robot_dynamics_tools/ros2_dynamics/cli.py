@@ -6,17 +6,22 @@
 
 from collections.abc import Sequence
 from functools import partial
+import sys
 
 from robot_dynamics.dependencies import require_ros
 from robot_dynamics.tools.command_line import run_tool
+from robot_dynamics_tools.ros2_dynamics.tool_verbs import is_tool, run_tool_verb
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a verb; return its exit status."""
-    return run_tool('dynamics', partial(_run, argv))
+    words = sys.argv[1:] if argv is None else list(argv)
+    if words and is_tool(words[0], words[1:]):
+        return run_tool_verb(words[0], words[1:])
+    return run_tool('dynamics', partial(_run, words))
 
 
-def _run(argv: Sequence[str] | None) -> int:
+def _run(argv: Sequence[str]) -> int:
     require_ros('the tool')
     from robot_dynamics_tools.ros2_dynamics.verbs import main as run_verb
     return run_verb(argv)

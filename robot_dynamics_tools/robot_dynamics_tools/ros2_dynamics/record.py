@@ -19,17 +19,17 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
-from robot_dynamics_tools.recordings.topics import common_types, TopicQos
-from robot_dynamics_tools.recordings.writer import RecordingWriter
-from robot_dynamics_tools.ros2_dynamics.answers import Answer
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
-from robot_dynamics_tools.ros2_dynamics.recorder import (
+from robot_dynamics_tools.recorder import (
     interface_definitions,
     Recorder,
     TopicSpec,
     write_description,
 )
+from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
+from robot_dynamics_tools.recordings.topics import common_types, TopicQos
+from robot_dynamics_tools.recordings.writer import RecordingWriter
+from robot_dynamics_tools.ros2_dynamics.answers import Answer
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from sensor_msgs.msg import JointState
 
 DRAIN_PERIOD = 0.01

@@ -2,20 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-`ros2 dynamics`: the verbs of `dynamics_verbs` for ros2cli, which finds them by entry points.
+`ros2 dynamics`: the verbs for ros2cli, which finds them by entry points.
 
 Nothing else imports this module, as ros2cli is not everywhere.
 """
 
 from argparse import ArgumentParser, Namespace
+import sys
 
+from robot_dynamics_tools.ros2_dynamics.tool_verbs import is_tool, run_tool_verb, take_all
 from robot_dynamics_tools.ros2_dynamics.verbs import add_arguments, run
 from ros2cli.command import add_subparsers_on_demand, CommandExtension
 from ros2cli.plugin_system import PLUGIN_SYSTEM_VERSION, satisfies_version
 
 
 class DynamicsCommand(CommandExtension):
-    """Ask a running dynamics node, move the arm, and record."""
+    """Ask a running dynamics node, move the arm, and run the tools."""
 
     def add_arguments(self, parser: ArgumentParser, cli_name: str) -> None:
         """Add the verbs that are installed."""
@@ -42,11 +44,16 @@ class VerbExtension:
         satisfies_version(PLUGIN_SYSTEM_VERSION, '^0.1')
 
     def add_arguments(self, parser: ArgumentParser, cli_name: str) -> None:
-        """Add the arguments of the verb."""
-        add_arguments(self.NAME, parser)
+        """Add the arguments of the verb, or take all words for a tool."""
+        if is_tool(self.NAME, sys.argv):
+            take_all(parser)
+        else:
+            add_arguments(self.NAME, parser)
 
     def main(self, *, args: Namespace) -> int:
         """Answer, and return the exit status."""
+        if is_tool(self.NAME, sys.argv):
+            return run_tool_verb(self.NAME, args.words)
         return run(self.NAME, args)
 
 
@@ -112,3 +119,39 @@ class WatchVerb(VerbExtension):
 
 class RecordVerb(VerbExtension):
     """Record the topics of the node to a rosbag2 directory."""
+
+
+class AnalyzeVerb(VerbExtension):
+    """Compare recorded efforts with those of the model."""
+
+
+class AnimateVerb(VerbExtension):
+    """Animate a planar arm, or a recording of one."""
+
+
+class CalibrateGravityVerb(VerbExtension):
+    """Calibrate effort scale and offset from static holds."""
+
+
+class DemoVerb(VerbExtension):
+    """Close the loop with simulated_arm, record it, and report."""
+
+
+class ExciteVerb(VerbExtension):
+    """Find a motion that excites all parameters."""
+
+
+class ExportMjcfVerb(VerbExtension):
+    """Write the arm as MJCF of MuJoCo."""
+
+
+class IdentifyVerb(VerbExtension):
+    """Identify the parameters of an arm from recordings."""
+
+
+class TorqueMapVerb(VerbExtension):
+    """Draw the gravity torque over two joints, or over the workspace."""
+
+
+class ViewerVerb(VerbExtension):
+    """Watch and move the arm in a browser."""

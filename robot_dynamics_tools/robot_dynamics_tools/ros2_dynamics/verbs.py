@@ -4,7 +4,7 @@
 """
 Ask a running `dynamics` node on the command line, or move the arm: `ros2 dynamics move 0.1 0.2`.
 
-Without ros2cli: `ros2 run robot_dynamics dynamics inverse 0.1 0.2`, or
+Without ros2cli: `ros2 run robot_dynamics_tools dynamics inverse 0.1 0.2`, or
 `python -m robot_dynamics_tools.ros2_dynamics inverse 0.1 0.2`.
 """
 
@@ -30,6 +30,7 @@ from robot_dynamics_tools.ros2_dynamics.completion import (
     complete_nothing,
     complete_topics,
 )
+from robot_dynamics_tools.ros2_dynamics.tool_verbs import take_all, TOOLS
 
 if TYPE_CHECKING:
     from robot_dynamics_tools.ros2_dynamics.answers import Answer
@@ -96,7 +97,8 @@ def _payload_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _estimate_payload_arguments(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_links, 'link', nargs='?', metavar='LINK',
-         help='Link for which an estimation begins. Without it, the estimate so far is printed.')
+         help='Link for which an estimation begins. Without it, the estimate so far is printed. '
+              'With --urdf, recordings are read instead: estimate_payload --urdf URDF --help.')
     parser.add_argument(
         '--apply', action='store_true',
         help='Set the estimate as payload if mass and first moments are observable.')
@@ -335,10 +337,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all verbs."""
+    """Return the parser of all verbs; `cli` runs the tools before."""
     parser = command_line.Parser(
-        prog='dynamics', description='Ask a running dynamics node, move the arm, and record.')
+        prog='dynamics',
+        description='Ask a running dynamics node, move the arm, and run the tools.')
     verbs = parser.add_subparsers(dest='verb', metavar='VERB')
     for name, verb in VERBS.items():
         add_arguments(name, verbs.add_parser(name, help=verb.help, description=f'{verb.help}.'))
+    for name, tool in TOOLS.items():
+        if name not in VERBS:
+            take_all(verbs.add_parser(name, help=tool.help, add_help=False))
     return parser

@@ -32,10 +32,10 @@ from robot_dynamics.validation import covariance_root
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification.pipeline import base_parameters_of, identify
 from robot_dynamics_tools.identification.regression import bare_arm
+from robot_dynamics_tools.recorder import Recorder, TopicSpec
 from robot_dynamics_tools.recordings.joint_series import JointSeries
 from robot_dynamics_tools.recordings.reader import Recording
 from robot_dynamics_tools.recordings.writer import RecordingWriter
-from robot_dynamics_tools.ros2_dynamics.recorder import Recorder, TopicSpec
 from ros_harness import (
     DYNAMICS,
     EXACT,

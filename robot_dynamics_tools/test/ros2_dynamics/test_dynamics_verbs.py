@@ -17,6 +17,7 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
+from robot_dynamics_tools.ros2_dynamics.tool_verbs import TOOLS
 from robot_dynamics_tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import (
     DYNAMICS,
@@ -48,7 +49,7 @@ for line in sys.argv[1:]:
         pass
 """
 OFFERED = {
-    'dynamics ': set(VERBS),
+    'dynamics ': {*VERBS, *TOOLS},
     'dynamics inverse --node /lift/dynamics rail=1 ': {'elbow='},
     'dynamics record --node /lift/dynamics /lift/dynamics/com': {
         '/lift/dynamics/commands', '/lift/dynamics/computed_torque'},
@@ -277,16 +278,31 @@ def test_completion():
 
 
 def test_every_verb_is_an_extension_of_ros2cli():
-    module = ROOT / 'robot_dynamics' / 'tools' / 'ros2_dynamics' / 'ros2cli.py'
+    package = ROOT / 'robot_dynamics_tools'
+    module = package / 'robot_dynamics_tools' / 'ros2_dynamics' / 'ros2cli.py'
     source = module.read_text(encoding='utf-8')
     helps = {node.name: ast.get_docstring(node) for node in ast.parse(source).body
              if isinstance(node, ast.ClassDef)}
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8').replace(f"'\n{12 * ' '}'", '')
-    for name, verb in VERBS.items():
-        class_name = name.title().replace('_', '') + 'Verb'
-        assert helps[class_name] == f'{verb.help}.'
-        entry = f'robot_dynamics_tools.ros2_dynamics.ros2cli:{class_name}'
-        assert f"'{name} = {entry}'" in setup
+    setup = (package / 'setup.py').read_text(encoding='utf-8')
+    names, = (node.value for node in ast.parse(setup).body
+              if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'VERBS')
+    assert set(ast.literal_eval(names)) == VERBS.keys() | TOOLS.keys()
+    for name, verb in {**TOOLS, **VERBS}.items():
+        assert helps[name.title().replace('_', '') + 'Verb'] == f'{verb.help}.'
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (['analyze', '--help'], 'usage: analyze '),
+    (['estimate_payload', '--urdf', 'x.urdf', '--help'], 'usage: estimate_payload '),
+    (['estimate_payload', '--help'], 'usage: dynamics estimate_payload '),
+    (['torque_map', 'nothing', '-o=x'], 'torque_map: '), (['--help'], 'viewer')])
+def test_tools_are_verbs(words, said):
+    """Those that need no node; `estimate_payload` is also a verb of the node."""
+    done = children.run(
+        [sys.executable, '-m', 'robot_dynamics_tools.ros2_dynamics', *words],
+        capture_output=True, text=True)
+    assert said in done.stdout + done.stderr
+    assert done.returncode == (2 if words[0] == 'torque_map' else 0)
 
 
 def test_ros2_dynamics():
