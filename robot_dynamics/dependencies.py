@@ -36,7 +36,6 @@ LIBRARIES = {
     'distributed': Library('distributed', '', ('distributed',), 'dask'),
     'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',), 'video'),
     'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',), 'tools'),
-    'mcap': Library('mcap', '', ('mcap',), 'tools'),
     'mujoco': Library('MuJoCo', '', ('mujoco',), 'mujoco'),
     'pyarrow': Library('pyarrow', '', ('pyarrow',), 'parquet'),
     'rosbags': Library('rosbags', '', ('rosbags',), 'tools'),

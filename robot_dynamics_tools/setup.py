@@ -56,7 +56,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=[
-        'setuptools', 'robot_dynamics', 'lz4', 'matplotlib', 'mcap', 'numpy', 'pillow', 'pyyaml',
+        'setuptools', 'robot_dynamics', 'matplotlib', 'numpy', 'pillow', 'pyyaml',
         'rosbags', 'scipy', "backports.zstd; python_version < '3.14'"],
     extras_require={
         'test': ['pytest'],  # `colcon test` runs pytest because of this line

@@ -13,7 +13,7 @@ import pytest
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, UNHURRIED
 
-OF_TOOLS = ('matplotlib', 'scipy', 'PIL', 'rosbags', 'mcap', 'viser', 'trimesh', 'xacro', 'launch')
+OF_TOOLS = ('matplotlib', 'scipy', 'PIL', 'rosbags', 'viser', 'trimesh', 'xacro', 'launch')
 TRY = """
 import sys
 for name in sys.argv[1:]:

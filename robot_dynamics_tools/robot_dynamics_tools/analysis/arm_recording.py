@@ -52,13 +52,12 @@ class AnalysisSettings:
 
 @dataclass(frozen=True, eq=False)
 class ReadRecording:
-    """The joint states of a recording for an arm, with losses and remarks."""
+    """The joint states of a recording for an arm, with remarks."""
 
     path: Path
     topic: str
     arm: ArmModel
     series: JointSeries
-    losses: tuple[str, ...]
     remarks: tuple[str, ...]
 
     def check_effort(self) -> None:
@@ -93,8 +92,6 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
                 f'{whole.name!r} has {list(whole.joint_names)}: give its own description with '
                 '--urdf, or the names with --map')
         series = states.series(joints)
-        origin = int(series.stamps_ns[0])
-        losses = tuple(loss.words(origin) for loss in recording.losses)
         remarks = [*recording.notes, *series.faults.words()]
     arm = arm_from_parameters(urdf, settings.parameters, joints)
     series = series.unwrapped(arm.is_continuous)
@@ -116,7 +113,7 @@ def read_for_arm(path: Path, settings: AnalysisSettings) -> ReadRecording:
     if wild:
         remarks.append(f'left out: {counted(wild, "sample")} beyond the limits of the arm (' + (
             ', '.join(f'{name} {factor:g} times' for name, factor in IMPLAUSIBLE.items())) + ')')
-    return ReadRecording(path, topic, arm, series, losses, tuple(remarks))
+    return ReadRecording(path, topic, arm, series, tuple(remarks))
 
 
 def _renamed(

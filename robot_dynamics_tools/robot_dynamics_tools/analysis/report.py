@@ -236,9 +236,6 @@ def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes) -> str:
     page, scatter = Page(title, joint_verdicts(analysis), RULE, origin), friction_figure(analysis)
     page.section('Recording')
     page.table(facts(analysis), has_head=False, kind='text')
-    if read.losses:
-        page.section('Lost data')
-        page.items(read.losses, 'loss')
     if read.remarks:
         page.section('Remarks')
         page.items(read.remarks)

@@ -51,7 +51,6 @@ class AnalysisResult:
     """
 
     facts: tuple[tuple[str, ...], ...]
-    losses: tuple[str, ...]
     remarks: tuple[str, ...]
     written: tuple[str, ...]
     arm: str
@@ -85,7 +84,7 @@ def analyze_task(
         on_step(name)
     arm, recording = analysis.arm, analysis.recording
     return AnalysisResult(
-        tuple(facts(analysis)), recording.losses, recording.remarks, tuple(written), arm.name,
+        tuple(facts(analysis)), recording.remarks, tuple(written), arm.name,
         arm.joint_names, arm.joint_kinds, int(analysis.motion.usable.sum()), analysis.limit_use,
         analysis.statistics)
 

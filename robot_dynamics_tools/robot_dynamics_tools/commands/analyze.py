@@ -49,7 +49,7 @@ def _parser() -> command_line.Parser:
         prog='analyze',
         description='Compare the measured effort of recorded joint states with inverse dynamics '
                     'of a model:\nresidual per joint, effort by term, use of limits. '
-                    'Reads rosbag2 recordings\n(sqlite3 or MCAP), also damaged ones.',
+                    'Reads rosbag2 recordings\n(sqlite3 or MCAP).',
         epilog='exit status: 0 done, 1 some recordings failed, 2 a mistake in the arguments or '
                'no recording\ncould be analysed, 130 interrupted')
     options.add_recordings(parser, 'the description in the recording')
@@ -133,7 +133,6 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
 def print_one(result: tasks.AnalysisResult, is_resumed: bool) -> None:
     """Print the analysis of one recording."""
     print(text_table([], result.facts))
-    options.print_list('Lost:', result.losses)
     options.print_list('Remarks:', result.remarks)
     _print_figures([result])
     if result.written:
@@ -146,7 +145,7 @@ def print_many(
     outcomes: Sequence[TaskOutcome[tasks.AnalysisResult]], names: Sequence[str],
 ) -> None:
     """Print a line per analysed recording, and the combined figures per arm."""
-    rows = [('recording', 'samples', 'lost', 'remarks', 'relative residual per joint')]
+    rows = [('recording', 'samples', 'remarks', 'relative residual per joint')]
     arms: dict[tuple[str, ...], list[tasks.AnalysisResult]] = {}
     for name, outcome in zip(names, outcomes):
         if outcome.result is None:
@@ -154,8 +153,7 @@ def print_many(
         result = outcome.result
         relative = 'no effort' if result.statistics is None else ' '.join(
             f'{percent(fraction):>8}' for fraction in result.statistics.relative)
-        rows.append((name, str(result.counted), str(len(result.losses) or '-'),
-                     str(len(result.remarks) or '-'), relative))
+        rows.append((name, str(result.counted), str(len(result.remarks) or '-'), relative))
         arms.setdefault((result.arm, *result.joint_names), []).append(result)
     print(quantity_table(rows))
     resumed = sum(outcome.resumed for outcome in outcomes)

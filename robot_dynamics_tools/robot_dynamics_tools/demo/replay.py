@@ -46,8 +46,7 @@ def read_recording(path: Path, topic: str | None, seconds: float | None) -> Reco
         name = topic or recording.joint_state_topic()
         series = recording.joint_series(name)
         urdf = recording.description()
-        for line in [*recording.notes, *(
-                loss.words(int(series.stamps_ns[0])) for loss in recording.losses)]:
+        for line in recording.notes:
             print(f'  {line}')
     for line in series.faults.words():
         print(f'  {line}')

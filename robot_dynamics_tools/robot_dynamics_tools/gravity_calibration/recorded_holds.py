@@ -20,7 +20,7 @@ from robot_dynamics_tools.gravity_calibration.tool_estimate import Tool
 
 @dataclass(frozen=True, eq=False)
 class RecordedHolds:
-    """The holds of recordings of one arm; `lines` are losses and remarks."""
+    """The holds of recordings of one arm; `lines` are remarks."""
 
     arm: ArmModel
     bags: tuple[Path, ...]
@@ -87,7 +87,7 @@ def _read(bag: Path, settings: AnalysisSettings) -> RecordedHolds:
     holds = find_holds(replace(read.series, effort=effort), read.arm.joint_kinds)
     return RecordedHolds(
         read.arm, (bag,), tuple(holds),
-        tuple(f'{bag.name}: {line}' for line in (*read.losses, *read.remarks)))
+        tuple(f'{bag.name}: {line}' for line in read.remarks))
 
 
 def _check_joints(recorded: Sequence[RecordedHolds]) -> None:

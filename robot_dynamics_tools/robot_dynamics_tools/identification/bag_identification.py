@@ -80,7 +80,7 @@ def read_motion(bag: Path, settings: IdentificationSettings) -> steps.FilteredAr
     motion = filter_motion(read.series, settings.analysis.cutoff_hz)
     motion, remark = with_joint_effort(motion, arm, settings.analysis.parameters)
     remarks = (*read.remarks, remark) if remark else read.remarks
-    return steps.prepared_motion(arm, motion, settings.train_fraction, read.losses, remarks)
+    return steps.prepared_motion(arm, motion, settings.train_fraction, remarks)
 
 
 def reduce_task(bag: Path, task: tuple[IdentificationSettings, steps.Reduction]) -> QrInformation:

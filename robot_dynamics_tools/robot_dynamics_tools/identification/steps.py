@@ -123,7 +123,6 @@ class RecordingFacts:
     rate_hz: float
     cutoff_hz: float
     cutoff_reason: str
-    losses: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     contradictions: tuple[str, ...] = ()
     effort_noise: tuple[float, ...] = ()
@@ -212,8 +211,7 @@ class EvaluatedRecording:
 
 
 def prepared_motion(
-    arm: ArmModel, motion: FilteredMotion, train_fraction: float, losses: tuple[str, ...] = (),
-    remarks: tuple[str, ...] = (),
+    arm: ArmModel, motion: FilteredMotion, train_fraction: float, remarks: tuple[str, ...] = (),
 ) -> FilteredArmMotion:
     """Return a motion of an arm, without a delay of its effort, and the facts about it."""
     if motion.differentiated:
@@ -221,7 +219,7 @@ def prepared_motion(
                              f'used, for {", ".join(motion.differentiated)}')
     motion, causes = corrected(arm, motion)
     return FilteredArmMotion(arm, motion, RecordingFacts(
-        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, losses, remarks, causes,
+        motion.sample_rate_hz, motion.cutoff_hz, motion.cutoff_reason, remarks, causes,
         motion.effort_noise), train_fraction)
 
 

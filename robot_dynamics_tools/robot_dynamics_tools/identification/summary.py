@@ -305,7 +305,7 @@ def contradiction_lines(found: BagIdentification) -> list[str]:
 
 
 def recording_lines(found: BagIdentification) -> list[str]:
-    """Return losses and remarks of the recordings, with their names."""
+    """Return remarks on the recordings, with their names."""
     return [f'{bag.name}: {line}'
             for bag, recording in zip(found.bags, found.identification.recordings)
-            for line in (*recording.facts.losses, *recording.facts.remarks)]
+            for line in recording.facts.remarks]

@@ -92,7 +92,7 @@ def _read(
     motion, remark = with_joint_effort(motion, read.arm, settings.parameters)
     motion, causes = corrected(read.arm, motion)
     return read.arm, motion, tuple(filter(
-        None, (*read.losses, *read.remarks, remark, *causes)))
+        None, (*read.remarks, remark, *causes)))
 
 
 def add_motion(estimator: PayloadEstimator, motion: FilteredMotion) -> None:

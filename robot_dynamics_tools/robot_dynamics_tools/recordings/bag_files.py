@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError, RecordingError
-from robot_dynamics_tools.recordings.loss import Loss
 
 METADATA = 'metadata.yaml'
 _STORAGE = re.compile(r'\.(mcap|db3)(\.zstd)?$')
@@ -27,14 +26,12 @@ class RecordingFiles(NamedTuple):
     """
     The files of a recording in the order of their times, and the contents of metadata.yaml.
 
-    `stated` are the numbers of messages per topic, empty if they are unknown; `end_ns` is the
-    time of the last message. `notes` describe anomalies without loss of data.
+    `stated` are the numbers of messages per topic, empty if they are unknown. `notes` describe
+    anomalies, such as missing files.
     """
 
     paths: tuple[Path, ...]
     stated: dict[str, int]
-    end_ns: int | None
-    losses: tuple[Loss, ...]
     notes: tuple[str, ...]
 
 
@@ -101,7 +98,7 @@ def recording_files(path: Path) -> RecordingFiles:
     if not path.exists():
         raise RecordingError(f'recording {str(path)!r} does not exist')
     if path.is_file():
-        return RecordingFiles((path,), {}, None, (), ())
+        return RecordingFiles((path,), {}, ())
     metadata = path / METADATA
     if not metadata.is_file():
         return _without_metadata(path, f'without {METADATA}')
@@ -123,7 +120,7 @@ def _without_metadata(path: Path, how: str) -> RecordingFiles:
         raise RecordingError(
             f'recording {str(path)!r} is a directory {how}, expected a directory of rosbag2, or '
             f'a file .mcap or .db3; it contains {has}')
-    return RecordingFiles(groups[0], {}, None, (), (
+    return RecordingFiles(groups[0], {}, (
         f'{path.name} is a directory {how}: its files are read in the order of their numbers, '
         'and the number of recorded messages is unknown',))
 
@@ -134,37 +131,18 @@ def _with_metadata(path: Path, stated: Any) -> RecordingFiles:
     for topic in stated.get('topics_with_message_count') or []:
         name = str(topic['topic_metadata']['name'])
         counts[name] = counts.get(name, 0) + int(topic['message_count'])
-    start_ns = int(stated['starting_time']['nanoseconds_since_epoch'])
-    end_ns = start_ns + int(stated['duration']['nanoseconds'])
-    present, losses = [], []
-    by_file = {PurePath(str(file['path'])).name: file for file in stated.get('files') or []}
-    for file in listed:
-        if file.is_file():
-            present.append(file)
-            continue
-        losses.append(_missing(file.name, by_file.get(file.name)))
+    present = [file for file in listed if file.is_file()]
+    notes = [f'{file.name}: listed in {METADATA} and missing'
+             for file in listed if file not in present]
     others = [file for group in storage_groups(path) for file in group if file not in listed]
     if not present and not others:
         raise RecordingError(
             f'recording {str(path)!r} cannot be read: none of the files in its {METADATA} exists, '
             f'expected {[file.name for file in listed]}')
-    notes = () if not others else (
-        f'{METADATA} does not list {[file.name for file in others]}, which are read after the '
-        'listed files',)
-    return RecordingFiles(
-        (*present, *others), counts, end_ns if sum(counts.values()) else None, tuple(losses),
-        notes)
-
-
-def _missing(name: str, about: Any) -> Loss:
-    """Return the loss of a file; `about` is its entry in the metadata, or None."""
-    reason = f'listed in {METADATA} and missing'
-    if about is None:
-        return Loss(name, reason)
-    first = int(about['starting_time']['nanoseconds_since_epoch'])
-    return Loss(
-        name, reason, lost_messages=int(about['message_count']), start_ns=first,
-        end_ns=first + int(about['duration']['nanoseconds']))
+    if others:
+        notes.append(f'{METADATA} does not list {[file.name for file in others]}, which are read '
+                     'after the listed files')
+    return RecordingFiles((*present, *others), counts, tuple(notes))
 
 
 def _stem_and_number(path: Path) -> tuple[str, int]:

@@ -2,14 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Compressed data of recordings, decompressed up to a limit, also if they are truncated.
+Compressed data of recordings, decompressed up to a limit.
 
 A compressed file may expand to thousands of times its size. One pass over a file may decompress at
 most LARGEST_RATIO times the size of the file on disk, but at least LEAST_LIMIT. The chunks of an
-undamaged MCAP file are decompressed by rosbags, which has no limit.
+MCAP file are decompressed by rosbags, which has no limit.
 """
 
-import sys
 from typing import Any
 
 from robot_dynamics.exceptions import RecordingError
@@ -43,26 +42,16 @@ class Budget:
                 'recording is genuine, decompress it first, with zstd -d (a file .zstd) or '
                 'ros2 bag convert')
 
-    def decompress(
-        self, data: bytes, compression: str = 'zstd', size: int = sys.maxsize,
-    ) -> tuple[bytes, bool]:
+    def decompress(self, data: bytes) -> tuple[bytes, bool]:
         """
-        Return the data that can be decompressed, at most `size` bytes, and whether they are whole.
+        Return the data that can be decompressed, and whether they are whole.
 
         Raises DecompressionLimitError.
         """
-        if compression == '':
-            return data[:size], len(data) >= size
-        if compression == 'zstd':
-            decompressor: Any = zstd_module().ZstdDecompressor()
-        elif compression == 'lz4':
-            from lz4.frame import LZ4FrameDecompressor
-            decompressor = LZ4FrameDecompressor()
-        else:
-            return b'', False
+        decompressor: Any = zstd_module().ZstdDecompressor()
         try:
-            out = bytes(decompressor.decompress(data, min(size, self._left + 1)))
-        except (EOFError, MemoryError, RuntimeError, ValueError, zstd_module().ZstdError):
+            out = bytes(decompressor.decompress(data, self._left + 1))
+        except (EOFError, MemoryError, ValueError, zstd_module().ZstdError):
             return b'', False
         self.spend(len(out))
         return out, decompressor.eof

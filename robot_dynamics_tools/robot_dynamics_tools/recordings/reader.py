@@ -5,9 +5,8 @@
 Reader of recordings of rosbag2 on disk, without ROS, based on the library `rosbags`.
 
 Supported are directories of rosbag2 and single files, sqlite3 and MCAP, compressed as a whole, per
-message or per chunk, split over several files, with or without metadata.yaml. The readable part of
-damaged files is returned, and `losses` lists what is missing: see `mcap_salvage` and
-`sqlite_salvage`. `writer` writes recordings.
+message or per chunk, split over several files, with or without metadata.yaml. A damaged file is an
+error. `writer` writes recordings.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,7 +22,6 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics_tools.recordings.bag_files import METADATA, recording_files
 from robot_dynamics_tools.recordings.joint_series import JointSeries, RecordedJointStates
 from robot_dynamics_tools.recordings.joint_state_decoding import decode_joint_states
-from robot_dynamics_tools.recordings.loss import Loss
 from robot_dynamics_tools.recordings.storage import StoredFile
 from robot_dynamics_tools.recordings.topics import (
     common_types,
@@ -35,7 +33,7 @@ from robot_dynamics_tools.recordings.topics import (
 from robot_dynamics_tools.recordings.writer import RecordingWriter
 
 __all__ = [
-    'JOINT_STATE', 'JointSeries', 'Loss', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
+    'JOINT_STATE', 'JointSeries', 'RecordedTopic', 'Recording', 'RecordingWriter', 'stack',
     'stamp_ns', 'TopicQos',
 ]
 
@@ -44,21 +42,20 @@ class Recording(AbstractContextManager['Recording']):
     """
     A recording that is open for reading; for use in `with`.
 
-    `losses` lists the data that were missing so far; `notes` lists other anomalies.
+    `notes` lists anomalies that were found so far, such as missing files.
     """
 
     def __init__(self, path: Path) -> None:
         """
         Open a directory of rosbag2, or one file of MCAP or sqlite3.
 
-        Raises RecordingError if there is no recording or if no part of it can be read,
+        Raises RecordingError if there is no recording or if a file is damaged,
         MissingDependencyError without `rosbags`.
         """
         self.path = path
         about = recording_files(path)
-        self.losses: list[Loss] = list(about.losses)
         self.notes: list[str] = list(about.notes)
-        self._stated, self._end_ns = about.stated, about.end_ns
+        self._stated = about.stated
         self._stack = ExitStack()
         self._files: list[StoredFile] = []
         self._compared: set[str] = set()
@@ -74,24 +71,17 @@ class Recording(AbstractContextManager['Recording']):
         except BaseException:
             self._stack.close()
             raise
-        self._gather()
+        self.notes += [note for stored in self._files for note in stored.notes]
         if not any(stored.topics for stored in self._files):
             self._stack.close()
-            raise self._unreadable('; '.join(loss.words() for loss in self.losses) or 'no topics')
+            raise self._unreadable('no topics')
 
     def __repr__(self) -> str:
         messages = sum(topic.message_count for topic in self.topics)
-        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages, '
-                f'{len(self.losses)} losses>')
+        return (f'<Recording {str(self.path)!r}, {len(self.topics)} topics, {messages} messages>')
 
     def _unreadable(self, reason: str) -> RecordingError:
         return RecordingError(f'recording {str(self.path)!r} cannot be read: {reason}')
-
-    def _gather(self) -> None:
-        """Collect the losses and notes of the files."""
-        for stored in self._files:
-            for mine, theirs in ((self.losses, stored.losses), (self.notes, stored.notes)):
-                mine += [entry for entry in theirs if entry not in mine]  # type: ignore
 
     @property
     def topics(self) -> tuple[RecordedTopic, ...]:
@@ -116,29 +106,21 @@ class Recording(AbstractContextManager['Recording']):
     def raw_messages(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Yield time [ns] and bytes (CDR) of all messages of a topic; raise RecordingError."""
         self.topic(topic)
-        count, newest = 0, None
+        count = 0
         for stored in self._files:
-            for time_ns, data in stored.messages(topic):
-                yield time_ns, data
-                count, newest = count + 1, time_ns
-            self._gather()
-        self._compare(topic, count, newest)
+            for message in stored.messages(topic):
+                yield message
+                count += 1
+        self._compare(topic, count)
 
-    def _compare(self, topic: str, count: int, newest: int | None) -> None:
+    def _compare(self, topic: str, count: int) -> None:
         """Compare the number of messages with metadata.yaml."""
         stated = self._stated.get(topic)
         if topic in self._compared or stated is None or stated == count:
             return
         self._compared.add(topic)
-        if stated > count:
-            is_at_end = newest is not None and self._end_ns is not None and newest >= self._end_ns
-            self.losses.append(Loss(
-                METADATA, f'states {stated} messages of {topic}, of which {count} were found',
-                lost_messages=stated - count, start_ns=None if is_at_end else newest,
-                end_ns=None if is_at_end else self._end_ns))
-        else:
-            self.notes.append(
-                f'{METADATA} states {stated} messages of {topic}, but {count} were found')
+        self.notes.append(
+            f'{METADATA} states {stated} messages of {topic}, but {count} were found')
 
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         """
@@ -205,8 +187,7 @@ class Recording(AbstractContextManager['Recording']):
         messages = list(self.raw_messages(topic))
         if not messages:
             raise RecordingError(
-                f'recording {str(self.path)!r} has no message of {topic} that can be read'
-                + ''.join(f'; {loss.words()}' for loss in self.losses))
+                f'recording {str(self.path)!r} has no message of {topic}')
         return RecordedJointStates(
             f'topic {topic!r} of recording {str(self.path)!r}',
             np.array([time_ns for time_ns, _ in messages], dtype=np.int64),

@@ -45,7 +45,6 @@ def known(tmp_path_factory):
 
 def test_the_right_model_explains_a_noise_free_recording(known):
     analysis = analyze_recording(known, SETTINGS)
-    assert analysis.recording.losses == ()
     assert analysis.recording.remarks == ()
     np.testing.assert_array_equal(analysis.motion.stamps_ns, MOTION.stamps_ns)
     assert (analysis.statistics.relative < 2e-3).all()
@@ -211,4 +210,4 @@ def test_the_urdf_of_a_real_ur10_leaves_a_third_to_all_of_the_effort():
     assert len(analysis.motion.stamps_ns) == 3441
     assert (analysis.statistics.relative > 0.32).all()
     assert (analysis.statistics.relative < 1.01).all()
-    assert not analysis.recording.losses
+    assert not analysis.recording.remarks

@@ -82,7 +82,7 @@ def test_each_motion_of_the_quick_start_ends_within_a_milliradian(tmp_path):
             assert len(errors) == 2, out
             assert max(map(abs, errors)) < 1e-3, f'{command}:\n{out}'
     with Recording(tmp_path / 'my_recording') as recording:
-        assert not recording.losses
+        assert not recording.notes
 
 
 def relative_residuals(out: str) -> list[float]:

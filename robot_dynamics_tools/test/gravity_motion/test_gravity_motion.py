@@ -124,7 +124,7 @@ class Operator:
 def recorded(bag: Path) -> JointSeries:
     """Return the recorded joint states; the recording must be complete."""
     with Recording(bag) as recording:
-        assert not recording.losses
+        assert not recording.notes
         assert '<robot name="planar_arm"' in next(
             iter(recording.messages('/robot_description')))[1].data
         assert {topic.name for topic in recording.topics} == {

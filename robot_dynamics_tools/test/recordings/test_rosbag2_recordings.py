@@ -51,7 +51,7 @@ def test_every_message_that_the_metadata_count_is_read(name, directory):
     with Recording(path) as recording:
         read = {topic.name: sum(1 for _ in recording.raw_messages(topic.name))
                 for topic in recording.topics}
-        assert recording.losses == []
+        assert recording.notes == []
     assert read == counts
     assert sum(read.values()) == about['message_count']
 

@@ -77,7 +77,7 @@ def test_a_signal_ends_the_recording_in_order(tmp_path):
     status, out, err = finish(process)
     assert status == 0, err
     with Recording(bag) as recording:
-        assert not recording.losses
+        assert not recording.notes
         assert {topic.name: topic.message_count for topic in recording.topics} == (
             counts(json.loads(out)) | {'/robot_description': 1})
 
