@@ -5,11 +5,14 @@
 
 from importlib import import_module
 import inspect
+from pathlib import Path
 
 from site_links import ROOT
 
-PACKAGE = 'robot_dynamics'
-WITH_ROS = {'ros', 'tools'}
+PACKAGES = {'robot_dynamics': ROOT, 'robot_dynamics_tools': ROOT / 'robot_dynamics_tools'}
+"""The packages, and the directories that contain them."""
+NO_LIBRARY = {
+    'ros', 'tools', 'commands', 'demo', 'gravity_motion', 'ros2_dynamics', 'viewer'}
 """The subpackages that are no library: the nodes and the executables."""
 
 
@@ -19,9 +22,9 @@ def python_pages() -> dict[str, str]:
             for package in packages()]
     contents = [
         '# Python\n',
-        'The library, which can be imported without ROS. Each page has the names that a package '
-        'offers, then its modules. The nodes (`robot_dynamics.ros`) and the executables '
-        '(`robot_dynamics.tools`) build on it.\n',
+        'The library and the tools, which can be imported without ROS. Each page has the names '
+        'that a package offers, then its modules. The nodes (`robot_dynamics.ros`) and the '
+        'executables build on it.\n',
         '| package | |\n| --- | --- |', *rows]
     return {
         **{f'reference/python/{_file(package)}': _page(package) for package in packages()},
@@ -29,16 +32,25 @@ def python_pages() -> dict[str, str]:
 
 
 def packages() -> list[str]:
-    """Return the packages of the library: `robot_dynamics` and one per folder below it."""
-    folders = [file.parent.relative_to(ROOT) for file in (ROOT / PACKAGE).rglob('__init__.py')]
-    return sorted('.'.join(folder.parts) for folder in folders if not WITH_ROS.intersection(
-        folder.parts))
+    """Return the packages of the libraries: both packages, and one per folder below them."""
+    found = []
+    for package, directory in PACKAGES.items():
+        for file in (directory / package).rglob('__init__.py'):
+            parts = file.parent.relative_to(directory).parts
+            if not NO_LIBRARY.intersection(parts):
+                found.append('.'.join(parts))
+    return sorted(found)
+
+
+def folder_of(package: str) -> Path:
+    """Return the folder of a package."""
+    return PACKAGES[package.partition('.')[0]] / package.replace('.', '/')
 
 
 def modules(package: str) -> list[str]:
-    """Return the modules right below a package."""
-    files = sorted((ROOT / package.replace('.', '/')).glob('*.py'))
-    return [f'{package}.{file.stem}' for file in files if file.stem != '__init__']
+    """Return the modules right below a package, without those of nodes."""
+    return [f'{package}.{file.stem}' for file in sorted(folder_of(package).glob('*.py'))
+            if file.stem not in ('__init__', 'mujoco_arm', 'recorder')]
 
 
 def public_names(package: str) -> list[str]:
@@ -61,7 +73,9 @@ def _link(package: str, name: str) -> str:
 
 
 def _file(package: str) -> str:
-    return f'{package.rpartition(".")[2]}.md'
+    top, _, folder = package.partition('.')
+    return f'{folder or top}.md' if top == 'robot_dynamics' else (
+        f'tools_{folder}.md' if folder else 'tools.md')
 
 
 def _docstring(package: str) -> str:

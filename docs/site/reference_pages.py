@@ -31,12 +31,15 @@ from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from robot_dynamics_tools.mujoco.mujoco_arm import MujocoArmNode
 from robot_dynamics_tools.mujoco.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
+from robot_dynamics_tools.ros2_dynamics.verbs import VERBS
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 DESCRIPTIONS = yaml.safe_load(
     Path(__file__).with_name('interface_descriptions.yaml').read_text(encoding='utf-8'))
 REFERENCE = ROOT / 'docs' / 'reference'
+PACKAGES = 'robot_dynamics', 'robot_dynamics_tools'
+NODE_MODULES = 'robot_dynamics.ros.entry_points', 'robot_dynamics_tools.mujoco.entry_point'
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
@@ -227,40 +230,44 @@ def _messages_page() -> str:
 def _executables_page() -> str:
     text = [
         '# Executables\n',
-        'Each is started as `ros2 run robot_dynamics NAME`. Exit statuses:\n',
+        'Those of `robot_dynamics_tools` are also verbs: `ros2 dynamics NAME`, except for the '
+        'node `mujoco_arm`. Exit statuses:\n',
         _table(('status', 'meaning'), EXIT_STATUSES)]
-    for name, module, function in sorted(_entry_points()):
-        text.append(f'## {name}\n')
-        if module == 'robot_dynamics.ros.entry_points':
-            doc = getattr(import_module(module), function).__doc__.strip()
-            text.append(f'{doc} Its options are `--help` and those of ROS: [topics and services]'
-                        '(topics.md), [parameters](parameters.md).'
-                        '\n')
-        else:
-            text.append(f'```text\n{_help(module, function)}\n```\n')
-        if name == 'dynamics':
-            text.append('With ros2cli, `ros2 dynamics VERB` does the same '
-                        '([ros2 dynamics](../ros2_dynamics.md)).\n')
-            text += [f'### dynamics {verb}\n\n```text\n{_help(module, function, verb)}\n```\n'
-                     for verb in _verbs()]
+    for package in PACKAGES:
+        text.append(f'## ros2 run {package} NAME\n')
+        text += [part for entry in sorted(_entry_points(package))
+                 for part in _executable(*entry)]
     return '\n'.join(text)
 
 
-def _entry_points() -> list[tuple[str, str, str]]:
+def _executable(name: str, module: str, function: str) -> list[str]:
+    """Return the section of an executable."""
+    text = [f'### {name}\n']
+    if module in NODE_MODULES:
+        doc = getattr(import_module(module), function).__doc__.strip()
+        text.append(f'{doc} Its options are `--help` and those of ROS: [topics and services]'
+                    '(topics.md), [parameters](parameters.md).'
+                    '\n')
+    else:
+        text.append(f'```text\n{_help(module, function)}\n```\n')
+    if name == 'dynamics':
+        text.append('With ros2cli, `ros2 dynamics VERB` does the same '
+                    '([ros2 dynamics](../ros2_dynamics.md)).\n')
+        text += [f'#### dynamics {verb}\n\n```text\n{_help(module, function, verb)}\n```\n'
+                 for verb in VERBS]
+    return text
+
+
+def _entry_points(package: str) -> list[tuple[str, str, str]]:
     """Return name, module and function of the executables, as setup.py has them."""
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    directory = ROOT if package == PACKAGES[0] else ROOT / package
+    setup = (directory / 'setup.py').read_text(encoding='utf-8')
     block = re.search(r'EXECUTABLES = \{(.*?)\}', setup, re.DOTALL)
     found = re.findall(r"'(\w+)': '([\w.]+):(\w+)'", block[1] if block else '')
     if not found:
-        raise ValueError('setup.py names no executables')
-    return [(name, module, function) for name, module, function in found]
-
-
-def _verbs() -> list[str]:
-    """Return the verbs of `ros2 dynamics`, as setup.py has them."""
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    block = re.search(r"'robot_dynamics.verb': \[(.*?)\]", setup, re.DOTALL)
-    return re.findall(r"'(\w+) = ", block[1] if block else '')
+        raise ValueError(f'setup.py of {package} names no executables')
+    return [(name, module if module.startswith(package) else f'{package}.{module}', function)
+            for name, module, function in found]
 
 
 def _help(module: str, function: str, *verb: str) -> str:

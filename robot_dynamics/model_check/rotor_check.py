@@ -46,7 +46,7 @@ def check_rotors(arm: ArmModel, least: FloatArray) -> Iterator[Finding]:
                 'check actuator.reflected_inertia (data sheet, or ros2 run robot_dynamics '
                 'identify) and the effort limit') if known[j] else (
                 'set the reflected inertia of the rotor with actuator.reflected_inertia (data '
-                'sheet, or ros2 run robot_dynamics identify)')
+                'sheet, or ros2 dynamics identify)')
             yield Finding(
                 'rotors', WARNING, name,
                 f'effort limit of joint {name!r}, {limit:.4g} N·m, divided by its smallest '

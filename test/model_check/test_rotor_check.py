@@ -42,7 +42,7 @@ def test_the_message_has_both_figures_and_their_ratio():
         "effort limit of joint 'hinge', 40 N·m, divided by its smallest inertia M_jj, "
         '0.01 kg·m², is 4e+03 rad/s², expected at most 2500: no drive with a gearbox '
         'accelerates so; set the reflected inertia of the rotor with actuator.reflected_inertia '
-        '(data sheet, or ros2 run robot_dynamics identify)')
+        '(data sheet, or ros2 dynamics identify)')
 
 
 @settings(deadline=None, derandomize=True, max_examples=25)

@@ -107,6 +107,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
     ends the command in order, if it is called before the context is shut down.
     """
 
+    _is_destroyed = False
+
     def __init__(self, **node_arguments: object) -> None:
         """
         Take the keyword arguments of rclpy's Node, such as `namespace` or `parameter_overrides`.
@@ -174,7 +176,10 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         return self._action.is_busy
 
     def destroy_node(self) -> None:
-        """End the command in order, stop the control path, and destroy the rest."""
+        """End the command in order, stop the control path, and destroy the rest; once."""
+        if self._is_destroyed:
+            return
+        self._is_destroyed = True
         path, loop = getattr(self, '_path', None), getattr(self, '_loop', None)
         urgent, action = getattr(self, '_stop_service', None), getattr(self, '_action', None)
         if path is not None:

@@ -23,6 +23,7 @@ from page_commands import (
     resolved,
     run_page,
     running_node,
+    started_by,
 )
 import pytest
 from robot_dynamics.model.arm_parameters import read_parameter_file
@@ -118,10 +119,10 @@ def test_the_tutorial(tmp_path):
     page = text_of('docs/tutorial.md')
     printed = run_page(page, tmp_path, NO_STATUSES, '-p', 'rate:=200.0')
     assert table_headings(page) <= table_headings('\n'.join(out for _, out in printed))
-    used = {command[3] for command in files_and_commands(page)[1] if command[0] == 'ros2'}
+    used = {started_by(command) for command in files_and_commands(page)[1]}
     assert used >= {'excite', 'demo', 'analyze', 'identify', 'dynamics_node', 'simulated_arm'}
     assert_the_demo_played_its_files(tmp_path)
-    analyze = 'ros2 run robot_dynamics analyze '
+    analyze = 'ros2 dynamics analyze '
     before = relative_residuals(printed_by(printed, analyze, '--output before'))
     after = relative_residuals(printed_by(printed, analyze, '--no-report'))
     assert len(before) == 2
@@ -138,15 +139,15 @@ def test_the_tutorial(tmp_path):
 def test_the_arm_sags_at_the_start_and_holds_at_the_end(tmp_path):
     page = text_of('docs/sagging_arm.md')
     printed = run_page(page, tmp_path, {
-        f'ros2 run robot_dynamics dynamics move {goal}': 1 for goal in ('1.0', '3.1416')})
-    assert {command[3] for command in files_and_commands(page)[1]} >= {
+        f'ros2 dynamics move {goal}': 1 for goal in ('1.0', '3.1416')})
+    assert {started_by(command) for command in files_and_commands(page)[1]} >= {
         'calibrate_gravity', 'dynamics_node', 'simulated_arm'}
     before, *_, after = [
         final_errors(out) for command, out in printed if ' dynamics move ' in command]
     assert len(before) == len(after) == 2
     assert max(map(abs, before)) > 0.015
     assert max(map(abs, after)) < 0.005
-    out = printed_by(printed, 'ros2 run robot_dynamics calibrate_gravity')
+    out = printed_by(printed, 'ros2 dynamics calibrate_gravity')
     table = out.split('Torque at the joint')[1].split('\n\n')[0]
     scales = [float(scale) for scale in re.findall(r'^joint\d +(\S+)', table, re.MULTILINE)]
     assert scales == pytest.approx([0.8, 1.2], rel=0.02)
@@ -158,7 +159,7 @@ def test_the_panda_moves_and_touches_the_table(tmp_path):
     shutil.copy(robot_path('panda'), tmp_path / 'panda.urdf')
     printed = run_page(
         text_of('docs/mujoco_arm.md'), tmp_path,
-        {'ros2 run robot_dynamics dynamics move 0.0 0.35': 1})
+        {'ros2 dynamics move 0.0 0.35': 1})
     moved, touched = [out for command, out in printed if ' dynamics move ' in command]
     assert len(final_errors(moved)) == len(final_errors(touched)) == 7
     assert max(map(abs, final_errors(moved))) < 0.04

@@ -94,10 +94,10 @@ def test_each_package_has_a_page_with_its_names_and_modules():
     pages = python_pages.python_pages()
     packages = python_pages.packages()
     assert {'robot_dynamics', 'robot_dynamics.urdf', 'robot_dynamics.model'} <= set(packages)
-    assert not {'robot_dynamics.ros', 'robot_dynamics.tools'} & set(packages)
+    assert not {'robot_dynamics.ros', 'robot_dynamics_tools.viewer'} & set(packages)
     assert len(pages) == len(packages) + 1
     for package in packages:
-        name = package.rpartition('.')[2]
+        name = python_pages._file(package).removesuffix('.md')
         row = rf'^\| \[`{package}`\]\(python/{name}\.md\) \| .+ \|$'
         assert re.search(row, pages['reference/python.md'], re.MULTILINE), package
         for module in python_pages.modules(package):
@@ -121,7 +121,7 @@ def test_what_examples_import_is_in_the_reference():
 def test_xml_in_docstrings_is_marked_as_code():
     """In Markdown an unmarked <inertial> is an element of the page, which is not visible."""
     for package in python_pages.packages():
-        for file in (ROOT / package.replace('.', '/')).glob('*.py'):
+        for file in python_pages.folder_of(package).glob('*.py'):
             for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):
                 if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
                     text = re.sub(r'`[^`]*`', '', str(node.value.value))

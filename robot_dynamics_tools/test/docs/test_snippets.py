@@ -147,12 +147,17 @@ def options(command: list[str]) -> set[str]:
 def run(command: list[str]) -> None:
     """Run a command of the library; in place of a recorder, record a motion of the default arm."""
     written = written_by(command)
-    tool = command[3] if command[:3] == ['ros2', 'run', 'robot_dynamics'] else ''
-    if tool in SLOW and any(
-            tool in words and options(command) <= options(words) for words in TUTORIAL):
+    tool, given = '', command
+    if command[:3] == ['ros2', 'run', 'robot_dynamics']:
+        tool, given = f'robot_dynamics.tools.{command[3]}', command[4:]
+    elif command[:2] == ['ros2', 'dynamics']:
+        tool, given = f'robot_dynamics_tools.commands.{command[2]}', command[3:]
+    name = tool.rpartition('.')[2]
+    if name in SLOW and any(
+            name in words and options(command) <= options(words) for words in TUTORIAL):
         return
-    if tool in TOOLS and '>' not in command:
-        assert import_module(f'robot_dynamics.tools.{tool}').main(command[4:]) == 0, command
+    if name in TOOLS and '>' not in command:
+        assert import_module(tool).main(given) == 0, command
     elif written and ('--out' in command or command[:3] == ['ros2', 'bag', 'record']):
         path = Path(*written, 'recording') if '--out' in command else Path(*written)
         path.parent.mkdir(exist_ok=True)

@@ -39,21 +39,26 @@ def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
     return files, commands
 
 
-def executable(name: str) -> str:
-    """Return the path of an executable of this package, found as by `ros2 run`."""
+def executable(package: str, name: str) -> str:
+    """Return the path of an executable of a package, found as by `ros2 run`."""
     for prefix in os.environ['AMENT_PREFIX_PATH'].split(':'):
-        path = Path(prefix) / 'lib' / 'robot_dynamics' / name
+        path = Path(prefix) / 'lib' / package / name
         if path.exists():
             return str(path)
-    raise AssertionError(f'robot_dynamics has no executable {name!r}')
+    raise AssertionError(f'{package} has no executable {name!r}')
+
+
+def started_by(command: list[str]) -> str:
+    """Return the executable, or the verb of `ros2 dynamics`, that a command runs, or ''."""
+    return '' if command[0] != 'ros2' else command[3 if command[1] == 'run' else 2]
 
 
 def resolved(command: list[str]) -> list[str]:
     """Return the command to run for a command of the page; no other form is allowed."""
-    if command[:3] == ['ros2', 'run', 'robot_dynamics']:
-        return [executable(command[3]), *command[4:]]
+    if command[:2] == ['ros2', 'run'] and command[2].startswith('robot_dynamics'):
+        return [executable(*command[2:4]), *command[4:]]
     if command[:2] == ['ros2', 'dynamics']:
-        return [executable('dynamics'), *command[2:]]
+        return [executable('robot_dynamics_tools', 'dynamics'), *command[2:]]
     assert command[0] == 'python', f'{command} is neither ros2 run, ros2 dynamics nor python'
     return [sys.executable, *command[1:]]
 
@@ -123,11 +128,12 @@ def run_page(
     with ExitStack() as nodes:
         running: dict[str, ExitStack] = {}
         for command in commands:
-            if command[0] == 'ros2' and command[3] in NODES:
-                running.pop(command[3], ExitStack()).close()
-                running[command[3]] = nodes.enter_context(ExitStack())
-                more = arguments_of_arm if command[3] == 'simulated_arm' else ()
-                running[command[3]].enter_context(running_node([*command, *more], directory))
+            name = started_by(command)
+            if name in NODES:
+                running.pop(name, ExitStack()).close()
+                running[name] = nodes.enter_context(ExitStack())
+                more = arguments_of_arm if name == 'simulated_arm' else ()
+                running[name].enter_context(running_node([*command, *more], directory))
                 continue
             words = ' '.join(command)
             expected = max(
