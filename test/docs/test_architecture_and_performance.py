@@ -36,6 +36,12 @@ def test_every_folder_stands_in_the_table_in_the_order_of_the_layers():
     assert [rank[name] for name in folders] == sorted(rank[name] for name in folders)
 
 
+def test_every_folder_of_the_tools_stands_in_its_table():
+    tools = PACKAGE.parent / 'robot_dynamics_tools' / 'robot_dynamics_tools'
+    folders = [name for cell in rows('folder of the tools') for name in cell.split('`, `')]
+    assert sorted(folders) == sorted(path.parent.name for path in tools.glob('*/__init__.py'))
+
+
 def test_every_thread_stands_in_the_table():
     found = set()
     for path in (PACKAGE / 'ros').rglob('*.py'):
