@@ -19,7 +19,8 @@ from catkin_pkg.package_version import (
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PATHS = (ROOT, ROOT / 'robot_dynamics_interfaces')
+TOOLS = ROOT / 'robot_dynamics_tools'
+PATHS = (ROOT, ROOT / 'robot_dynamics_interfaces', TOOLS)
 RELEASING = (ROOT / 'docs' / 'releasing.md').read_text(encoding='utf-8')
 
 
@@ -59,10 +60,11 @@ def test_placeholders_say_so_and_are_in_the_checklist():
         assert name in RELEASING
 
 
-def test_setup_py_has_what_the_manifest_has():
-    package = parse_package(str(ROOT))
+@pytest.mark.parametrize('path', [ROOT, TOOLS], ids=lambda path: path.name)
+def test_setup_py_has_what_the_manifest_has(path):
+    package = parse_package(str(path))
     assert setup_py(
-        ROOT, '--version', '--author', '--maintainer', '--maintainer-email', '--url',
+        path, '--version', '--author', '--maintainer', '--maintainer-email', '--url',
         '--license', '--description') == [
             package.version, package.authors[0].name, package.maintainers[0].name,
             package.maintainers[0].email, package.urls[0].url, str(package.licenses[0]),
@@ -82,9 +84,11 @@ def test_the_tools_of_a_release_change_the_version_everywhere(tmp_path):
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'CHANGELOG.rst', 'LICENSE'):
         shutil.copy(ROOT / name, tmp_path)
     shutil.copytree(ROOT / 'robot_dynamics', tmp_path / 'robot_dynamics')
-    shutil.copytree(ROOT / 'robot_dynamics_interfaces', tmp_path / 'robot_dynamics_interfaces')
+    nested = [tmp_path / path.name for path in PATHS[1:]]
+    for path in nested:
+        shutil.copytree(ROOT / path.name, path, ignore=shutil.ignore_patterns('__pycache__'))
     assert version_attribute(tmp_path) == parse_package(str(tmp_path)).version
-    for path in (tmp_path, tmp_path / 'robot_dynamics_interfaces'):
+    for path in (tmp_path, *nested):
         package, changelog = parse_package(str(path)), get_changelog_from_path(str(path))
         update_versions({str(path): package}, '7.8.9')
         assert parse_package(str(path)).version == '7.8.9'
@@ -93,5 +97,6 @@ def test_the_tools_of_a_release_change_the_version_everywhere(tmp_path):
             file = str(path / 'CHANGELOG.rst')
             update_changelog_sections({package.name: (file, changelog, label)}, '7.8.9')
             assert '7.8.9' in [v for v, _, _ in get_changelog_from_path(file).foreach_version()]
-    assert setup_py(tmp_path, '--version') == ['7.8.9']
+    for path in (tmp_path, tmp_path / TOOLS.name):
+        assert setup_py(path, '--version') == ['7.8.9']
     assert version_attribute(tmp_path) == '7.8.9'

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosdep, catkin_pkg and bloom with both packages; the index of rosdep is local."""
+"""rosdep, catkin_pkg and bloom with all packages; the index of rosdep is local."""
 
 import re
 import shlex
@@ -72,7 +72,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
 
 
 def check_installed(workspace: Workspace, command: str) -> None:
-    """Check that this command of rosdep installs all that both packages need."""
+    """Check that this command of rosdep installs all that the packages need."""
     installed = workspace.run(command, *SIMULATED)
     assert installed.returncode == 0, installed.stdout
     names = re.findall('apt-get install -y.* (.+)', installed.stdout)
@@ -80,8 +80,8 @@ def check_installed(workspace: Workspace, command: str) -> None:
     assert sorted(names) == sorted([*KEYS, *expected])
 
 
-def test_rosdep_and_catkin_pkg_find_the_interfaces_with_two_paths_or_a_link(workspace):
-    """Rosdep does not look inside packages; if it did, no command would need the second path."""
+def test_rosdep_and_catkin_pkg_find_the_nested_packages_by_paths_or_links(workspace):
+    """Rosdep does not look inside packages; if it did, no command would need the other paths."""
     check_installed(workspace, documented('rosdep install'))
     one_path = 'rosdep install --from-paths src -y --ignore-src'
     source = str(workspace.directory / 'src')
@@ -110,7 +110,8 @@ def test_bloom_finds_one_package_per_path(workspace):
             ['git', '-c', 'user.name=test', '-c', 'user.email=test@localhost', *command],
             cwd=workspace.directory, check=True, capture_output=True)
     found = workspace.run(
-        'python -c', BLOOM, str(workspace.source), str(workspace.source / PACKAGES[1]))
+        'python -c', BLOOM, str(workspace.source), *(
+            str(workspace.source / name) for name in PACKAGES[1:]))
     version = r' \d+\.\d+\.\d+\n'
     assert re.fullmatch(''.join(f'{name}{version}' for name in PACKAGES), found.stdout), (
         found.stdout)

@@ -14,7 +14,7 @@ import sys
 import children
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ('robot_dynamics', 'robot_dynamics_interfaces')
+PACKAGES = ('robot_dynamics', 'robot_dynamics_interfaces', 'robot_dynamics_tools')
 SEARCH_PATHS = ('AMENT_PREFIX_PATH', 'CMAKE_PREFIX_PATH', 'COLCON_PREFIX_PATH', 'LD_LIBRARY_PATH',
                 'PATH', 'PYTHONPATH')
 PROGRAMS = {
@@ -29,7 +29,8 @@ def is_of_this_project(path: Path) -> bool:
     """Return whether a directory of a search path belongs to an installation of this package."""
     prefixes = [path, *path.parents]
     return any((prefix / 'share' / name / 'package.xml').exists()
-               for prefix in prefixes for name in PACKAGES) or (path / PACKAGES[0]).is_dir()
+               for prefix in prefixes for name in PACKAGES) or any(
+                   (path / name).is_dir() for name in PACKAGES)
 
 
 def without_this_project(environment: Mapping[str, str]) -> Iterator[tuple[str, str]]:
