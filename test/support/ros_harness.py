@@ -91,14 +91,16 @@ class NodeProcess:
         remaps: Mapping[str, str] | None = None, namespace: str = '', node_name: str = '',
         arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None,
         ready: re.Pattern[str] | None = READY, prefix: Sequence[str] = (),
+        python: str | Path = sys.executable,
     ) -> None:
         """
         `ready` is a pattern of the log to wait for at the start; None does not wait.
 
+        `python` is the interpreter.
         `prefix` is a command that replaces itself by another one, so that signals reach the node.
         """
         self._directory = tempfile.TemporaryDirectory(prefix='robot_dynamics_test_')
-        command = [*prefix, sys.executable, '-m', module, *arguments, '--ros-args']
+        command = [*prefix, str(python), '-m', module, *arguments, '--ros-args']
         if parameters:
             file = write_parameters(Path(self._directory.name, 'parameters.yaml'), parameters)
             command += ['--params-file', str(file)]

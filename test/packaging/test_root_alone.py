@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The package `robot_dynamics` in an environment with its own dependencies only, without the tools.
+
+The environment is a new virtual one. It has the wheel of the package, and of the libraries that
+are installed here those that the package requires, with theirs.
+"""
+
+from importlib import metadata
+import json
+import os
+from pathlib import Path
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import children
+from closed_loop import receiving
+import pytest
+from robot_dynamics_interfaces.srv import InverseDynamics
+from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, UNHURRIED
+from workspace import is_of_this_project
+
+ROOT = Path(__file__).resolve().parents[2]
+REQUIRED = ('numpy', 'pin', 'pyyaml', 'setuptools')
+OF_TOOLS = (
+    'matplotlib', 'scipy', 'PIL', 'rosbags', 'viser', 'trimesh', 'xacro', 'mujoco', 'bokeh',
+    'pytest', 'robot_dynamics_tools.recordings')
+IMPORTABLE = """
+import importlib, json, sys
+found = []
+for name in sys.argv[1:]:
+    try:
+        importlib.import_module(name)
+        found.append(name)
+    except ImportError:
+        pass
+print(json.dumps(found))
+"""
+
+
+def distributions() -> dict[str, metadata.Distribution]:
+    """Return what the package requires: ROS from wheels, REQUIRED, and what these require."""
+    installed = {re.sub('[-_.]+', '-', one.metadata['Name']).lower(): one
+                 for one in metadata.distributions() if one.metadata['Name']}
+    left = [name for name in installed if name.startswith('ros-jazzy-')] + list(REQUIRED)
+    found: dict[str, metadata.Distribution] = {}
+    while left:
+        name = left.pop()
+        if name in found or name not in installed:
+            continue
+        found[name] = installed[name]
+        for requirement in found[name].requires or []:
+            if 'extra ==' not in requirement:
+                word = re.split(r'[^\w.-]', requirement)[0]
+                left.append(re.sub('[-_.]+', '-', word).lower())
+    return found
+
+
+def link(one: metadata.Distribution, site: Path) -> None:
+    """Link the files of a distribution into the site-packages of another environment."""
+    for name in {file.parts[0] for file in one.files or [] if file.parts[0] != '..'}:
+        target = Path(str(one.locate_file(name)))
+        if target.exists() and not (site / name).exists():
+            (site / name).symlink_to(target)
+
+
+class Environment:
+    """A virtual environment, and variables for its processes."""
+
+    def __init__(self, directory: Path) -> None:
+        self.python = directory / 'venv' / 'bin' / 'python'
+        subprocess.run(
+            [sys.executable, '-m', 'venv', '--without-pip', directory / 'venv'], check=True)
+        site, = (directory / 'venv').glob('lib/python*/site-packages')
+        for one in distributions().values():
+            link(one, site)
+        source = directory / 'source'
+        for name in ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'):
+            shutil.copytree(ROOT / name, source / name)
+        for name in ('LICENSE', 'setup.py', 'setup.cfg', 'package.xml'):
+            shutil.copy(ROOT / name, source)
+        subprocess.run(
+            [sys.executable, 'setup.py', '-q', 'bdist_wheel', '--dist-dir', directory],
+            cwd=source, check=True, capture_output=True)
+        wheel, = directory.glob('*.whl')
+        zipfile.ZipFile(wheel).extractall(site)
+        paths = {name: os.pathsep.join(
+            path for path in os.environ.get(name, '').split(os.pathsep)
+            if path and ('robot_dynamics_interfaces' in path
+                         or not is_of_this_project(Path(path)) and path != str(ROOT)))
+            for name in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
+        # without the current directory, which may be that of the source
+        self.variables = {**os.environ, **paths, 'PYTHONSAFEPATH': '1'}
+
+    def run(self, *arguments: str) -> 'subprocess.CompletedProcess[str]':
+        """Run the interpreter."""
+        return children.run(
+            [self.python, *arguments], capture_output=True, text=True, env=self.variables,
+            cwd=self.python.parent)
+
+    def importable(self, *names: str) -> list[str]:
+        """Return which of these modules can be imported."""
+        done = self.run('-c', IMPORTABLE, *names)
+        assert done.returncode == 0, done.stderr
+        found: list[str] = json.loads(done.stdout)
+        return found
+
+
+@pytest.fixture(scope='module')
+def alone(tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    if 'ros-jazzy-rclpy' not in distributions():
+        pytest.skip('ROS is not installed from wheels, whose metadata name their files')
+    return Environment(tmp_path_factory.mktemp('alone'))
+
+
+def test_no_module_names_the_tools():
+    """In an import, or as the text of one."""
+    named = [path for folder in ('robot_dynamics', 'launch')
+             for path in (ROOT / folder).rglob('*.py')
+             if re.search(r'robot_dynamics_tools\.|import robot_dynamics_tools', path.read_text())]
+    assert named == []
+
+
+def test_the_environment_has_nothing_of_the_tools(alone):
+    needed = ['numpy', 'pinocchio', 'rclpy', 'yaml', 'robot_dynamics_interfaces.srv']
+    assert alone.importable(*needed, *OF_TOOLS) == needed
+
+
+def test_every_module_is_imported(alone):
+    """Except for those of launch files, which need launch."""
+    names = ['.'.join(path.relative_to(ROOT).with_suffix('').parts)
+             for path in (ROOT / 'robot_dynamics').rglob('*.py')
+             if path.stem not in ('__init__', 'launch_actions')]
+    assert set(names) - set(alone.importable(*names)) == set()
+    done = alone.run('-c', 'import robot_dynamics as r; print(r.__file__, all('
+                           'getattr(r, name) for name in r.__all__))')
+    assert done.stdout.split()[1:] == ['True'], done.stderr
+    assert str(alone.python.parents[1]) in done.stdout
+
+
+def test_both_nodes_close_the_loop(client, alone):
+    nodes = [
+        NodeProcess(DYNAMICS, UNHURRIED, environment=alone.variables, python=alone.python),
+        NodeProcess(SIMULATED_ARM, {'initial_position': [0.5, 0.2]},
+                    environment=alone.variables, python=alone.python)]
+    with running(*nodes), receiving(client, '', 'effort_command', 'joint_states') as (
+            efforts, states):
+        effort = efforts.wait_for(lambda message: len(message.effort) == 2)
+        state = states.wait_for(lambda message: any(message.effort))  # the brakes are released
+        response = client.call(
+            InverseDynamics, '/dynamics/inverse_dynamics',
+            InverseDynamics.Request(position=[0.785398, 0.523599]))
+    assert list(effort.name) == list(state.name) == ['joint1', 'joint2']
+    assert response.success, response.message
+    assert list(response.effort) == pytest.approx([-49.5228, -11.3709], abs=1e-3)
+
+
+def test_the_tools_of_the_package_run(alone, tmp_path):
+    file = tmp_path / 'arm.urdf'
+    made = alone.run('-m', 'robot_dynamics.tools.planar_urdf', '-o', str(file))
+    assert made.returncode == 0, made.stderr
+    checked = alone.run(
+        '-m', 'robot_dynamics.tools.check_model', str(file), '--report', str(tmp_path / 'a.html'))
+    assert checked.returncode == 0, checked.stderr
+    assert 'no errors' in checked.stdout
+    assert '<h1>arm.urdf: model check</h1>' in (tmp_path / 'a.html').read_text(encoding='utf-8')
