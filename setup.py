@@ -61,6 +61,7 @@ setup(
     install_requires=['setuptools', 'numpy', 'pin', 'pyyaml'],
     extras_require={
         'test': ['pytest'],  # `colcon test` runs pytest because of this line
+        'figures': ['matplotlib'],  # of reporting/figures
         'robots': ['example-robot-data'],  # descriptions by name, such as ur10
         'scipy': ['scipy'],  # the discrete model of an arm, and learning of contact levels
         'xacro': ['xacro'],

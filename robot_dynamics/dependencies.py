@@ -19,30 +19,29 @@ class Library(NamedTuple):
     How to install a library.
 
     `apt` is its package in Ubuntu 24.04 or ROS 2 Jazzy, '' without one; `pip` are its
-    packages on PyPI; `extra` is the extra in setup.py that contains it.
+    packages on PyPI.
     """
 
     name: str
     apt: str
     pip: tuple[str, ...]
-    extra: str
 
 
 LIBRARIES = {
-    'PIL': Library('Pillow', 'python3-pil', ('pillow',), 'tools'),
-    'bokeh': Library('Bokeh', '', ('bokeh',), 'report'),
+    'PIL': Library('Pillow', 'python3-pil', ('pillow',)),
+    'bokeh': Library('Bokeh', '', ('bokeh',)),
     'example_robot_data': Library(
-        'example-robot-data', 'ros-jazzy-example-robot-data', ('example-robot-data',), 'robots'),
-    'distributed': Library('distributed', '', ('distributed',), 'dask'),
-    'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',), 'video'),
-    'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',), 'tools'),
-    'mujoco': Library('MuJoCo', '', ('mujoco',), 'mujoco'),
-    'pyarrow': Library('pyarrow', '', ('pyarrow',), 'parquet'),
-    'rosbags': Library('rosbags', '', ('rosbags',), 'tools'),
-    'scipy': Library('scipy', 'python3-scipy', ('scipy',), 'tools'),
-    'viser': Library('viser', '', ('viser', 'pycollada'), 'viewer'),
-    'xacro': Library('xacro', 'ros-jazzy-xacro', ('xacro',), 'xacro'),
-    'yaml': Library('PyYAML', 'python3-yaml', ('pyyaml',), 'tools'),
+        'example-robot-data', 'ros-jazzy-example-robot-data', ('example-robot-data',)),
+    'distributed': Library('distributed', '', ('distributed',)),
+    'imageio_ffmpeg': Library('imageio-ffmpeg', '', ('imageio-ffmpeg',)),
+    'matplotlib': Library('matplotlib', 'python3-matplotlib', ('matplotlib',)),
+    'mujoco': Library('MuJoCo', '', ('mujoco',)),
+    'pyarrow': Library('pyarrow', '', ('pyarrow',)),
+    'rosbags': Library('rosbags', '', ('rosbags',)),
+    'scipy': Library('scipy', 'python3-scipy', ('scipy',)),
+    'viser': Library('viser', '', ('viser', 'pycollada')),
+    'xacro': Library('xacro', 'ros-jazzy-xacro', ('xacro',)),
+    'yaml': Library('PyYAML', 'python3-yaml', ('pyyaml',)),
 }
 """The libraries by module."""
 

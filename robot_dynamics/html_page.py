@@ -6,22 +6,17 @@ Self-contained HTML reports: first the verdicts, then the origin, tables, lists 
 
 Every report begins with a verdict and a next step per row (a joint, or a part of the model). The
 origin names the URDF, the tool with its version, the command and the date. On a screen, a
-report shows figures with zoom (`interactive`) if there are any; in print, and without JavaScript,
-it shows their static counterparts.
+report shows figures with zoom if there are any; in print, and without JavaScript, it shows their
+static counterparts.
 """
 
-from base64 import b64encode
 from collections.abc import Iterable, Sequence
 from datetime import datetime
 from enum import Enum
 from html import escape
-from io import BytesIO
 import re
 import shlex
-from typing import NamedTuple, TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from typing import NamedTuple
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 78rem; margin: 1rem auto; padding: 0 1rem;
@@ -148,10 +143,6 @@ class Page:
         self.add(f'<ul class="{kind}">' + ''.join(
             f'<li>{escape(line)}</li>' for line in lines) + '</ul>')
 
-    def figure(self, figure: 'Figure', what: str) -> None:
-        """Add a figure of matplotlib."""
-        self.add(image(png(figure), what))
-
     def add(self, html: str, scripts: str = '') -> None:
         """Add an element, and the scripts that it needs."""
         self._body.append(html)
@@ -191,17 +182,3 @@ def _prose(text: str) -> str:
 
 def _row(cells: Sequence[str], tag: str) -> str:
     return '<tr>' + ''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells) + '</tr>'
-
-
-def image(png: bytes, what: str) -> str:
-    """Return an image that is embedded in the page."""
-    encoded = b64encode(png).decode('ascii')
-    return (f'<div class="static wide"><img alt="{escape(what)}" '
-            f'src="data:image/png;base64,{encoded}"></div>')
-
-
-def png(figure: 'Figure') -> bytes:
-    """Return a figure of matplotlib as PNG."""
-    data = BytesIO()
-    figure.savefig(data, format='png')
-    return data.getvalue()

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.html_page import Grade, Origin, Page, png, Verdict
+from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.reporting.figures import (
     comparison_panels,
     effort_panel,
@@ -28,6 +28,7 @@ from robot_dynamics.reporting.figures import (
 from robot_dynamics.reporting.text_table import percent, Rows
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
+from robot_dynamics_tools.reporting.images import add_figure, png
 from robot_dynamics_tools.reporting.interactive import zoomable_figures
 
 
@@ -255,5 +256,5 @@ def _page(analysis: BagAnalysis, origin: Origin, efforts: bytes) -> str:
     page.add(figures.figures, figures.head)
     if scatter is not None:
         page.section('Residual over velocity')
-        page.figure(scatter, 'Residual over velocity')
+        add_figure(page, scatter, 'Residual over velocity')
     return page.html()

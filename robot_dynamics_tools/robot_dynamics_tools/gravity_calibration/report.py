@@ -18,6 +18,7 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
     RecordedHolds,
 )
+from robot_dynamics_tools.reporting.images import add_figure
 
 
 def fact_rows(found: RecordedCalibration) -> Rows:
@@ -210,7 +211,7 @@ def _add_figures(page: Page, found: Calibration) -> None:
         rows = slice(first, first + len(one.paired.times))
         measured = np.where(found.has_enough_poses, found.measured[rows], 0.0)
         model = np.where(found.has_enough_poses, found.model[rows], 0.0)
-        page.figure(joint_figure(
+        add_figure(page, joint_figure(
             title, arm.joint_names, arm.joint_kinds,
             comparison_panels(found.times[rows], measured, model)),
             f'{title}: measured and modelled effort at the poses')

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.html_page import Grade, Origin, Page, png, Verdict
+from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
@@ -30,6 +30,7 @@ from robot_dynamics_tools.identification.bag_identification import BagIdentifica
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.written_uncertainty import holding_deviation
+from robot_dynamics_tools.reporting.images import add_figure, png
 from robot_dynamics_tools.reporting.interactive import Zoomable, zoomable_figures
 
 BETTER = 1.05
@@ -162,7 +163,7 @@ def identification_page(found: BagIdentification, origin: Origin) -> str:
     page.add(figures.figures, figures.head)
     page.section('Residual over velocity')
     shown = identification.recordings[0].shown
-    page.figure(scatter_figure(
+    add_figure(page, scatter_figure(
         f'{found.bags[0].name}: residual over velocity', arm.joint_names, arm.joint_kinds,
         shown.velocity, shown.measured - shown.model), 'Residual over velocity')
     page.section('Base parameters')

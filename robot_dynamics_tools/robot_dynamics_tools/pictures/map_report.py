@@ -11,6 +11,7 @@ from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics_tools.pictures.torque_map import MapPanel
 from robot_dynamics_tools.pictures.workspace_map import WorkspaceGravity
+from robot_dynamics_tools.reporting.images import add_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,7 +31,7 @@ def map_page(title: str, verdicts: Sequence[Verdict], figure: 'Figure', origin: 
     """Return the report."""
     page = Page(title, verdicts, RULE, origin, subject='quantities')
     page.section('Map')
-    page.figure(figure, title)
+    add_figure(page, figure, title)
     return page.html()
 
 

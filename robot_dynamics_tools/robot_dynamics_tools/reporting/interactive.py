@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics import html_page
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
 from robot_dynamics.reporting.figures import GREY, LABELS, LINES, LineStyle, Panel, TimeBoundary
+from robot_dynamics_tools.reporting.images import image
 
 MAX_POINTS = 6000
 """Largest number of points per line; more points make the page slow."""
@@ -47,11 +47,11 @@ def zoomable_figures(
     `static` is the static counterpart as PNG, which print shows, and `what` describes it.
     Without Bokeh the result is that image, with a command that installs Bokeh.
     """
-    image = html_page.image(static, what)
+    static_image = image(static, what)
     try:
         span = _bokeh('models').Range1d(*_span(panels), bounds='auto', min_interval=1e-3)
     except MissingDependencyError:  # whose message has a path of this machine
-        return Zoomable('', f'{image}<p>{WITHOUT_BOKEH}</p>')
+        return Zoomable('', f'{static_image}<p>{WITHOUT_BOKEH}</p>')
     rows = []
     for row, name in enumerate(joint_names):
         prismatic = joint_kinds[row] == 'prismatic'
@@ -65,7 +65,7 @@ def zoomable_figures(
     head = _bokeh('resources').Resources(mode='inline', components=['bokeh']).render()
     return Zoomable(
         head, f'<div class="zoomable"><div class="interactive"><p>{USE}</p>'
-              f'<div class="wide"><div>{element}{script}</div></div></div>{image}</div>')
+              f'<div class="wide"><div>{element}{script}</div></div></div>{static_image}</div>')
 
 
 def _bokeh(part: str) -> Any:

@@ -9,6 +9,8 @@ import sys
 from absent_libraries import environment_without
 import children
 import pytest
+from robot_dynamics.dependencies import LIBRARIES
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 
 @pytest.mark.parametrize('name', ['demo', 'viewer'])
@@ -26,3 +28,43 @@ def test_a_tool_says_what_is_missing_before_it_starts_a_node(tmp_path, name):
     assert f'needs the library {library}, which cannot be imported. Install it: ' in line
     assert f' -m pip install {library}' in line or f'--break-system-packages {library}' in line
     assert not list(place.iterdir())  # no log of a node, no recording
+
+
+RECORDED = ['rosbags', 'PyYAML', 'scipy', 'matplotlib']
+TOOLS = {
+    'commands.analyze': (['BAG', '--output', 'out'], RECORDED),
+    'commands.identify': (['BAG', '--urdf', 'arm.urdf'], RECORDED),
+    'commands.animate': ([], ['matplotlib', 'Pillow']),
+    'commands.animate BAG': (['BAG'], ['Pillow', *RECORDED]),
+    'commands.torque_map': ([], ['matplotlib']),
+    'demo': ([], ['ROS 2 Jazzy']),
+    'ros2_dynamics': (['status'], ['ROS 2 Jazzy']),
+}
+"""Arguments of tools, and what they need beyond numpy and Pinocchio."""
+
+
+@pytest.mark.parametrize('name', TOOLS)
+def test_a_tool_names_all_missing_libraries_before_its_work(name, tmp_path):
+    arguments, missing = TOOLS[name]
+    (site := tmp_path / 'site').mkdir()
+    (place := tmp_path / 'here').mkdir()
+    environment = environment_without(site, [*LIBRARIES, 'rclpy'])
+    done = children.run(
+        [sys.executable, '-m', f'robot_dynamics_tools.{name.partition(" ")[0]}', *arguments],
+        capture_output=True, text=True, cwd=place, env={**os.environ, **environment})
+    assert done.stdout == ''
+    line, = done.stderr.splitlines()
+    assert all(library in line for library in missing), line
+    assert ('Install' if len(missing) > 1 or missing == ['matplotlib'] else 'source ') in line
+    assert done.returncode in (1, 2)
+    assert not list(place.iterdir())
+
+
+def test_excite_needs_neither_ros_nor_a_library(tmp_path):
+    (tmp_path / 'arm.urdf').write_text(default_arm_urdf(), encoding='utf-8')
+    (site := tmp_path / 'site').mkdir()
+    done = children.run(
+        [sys.executable, '-m', 'robot_dynamics_tools.commands.excite', '--urdf', 'arm.urdf',
+         '--duration', '2', '--harmonics', '2'], capture_output=True, text=True, cwd=tmp_path,
+        env={**os.environ, **environment_without(site, [*LIBRARIES, 'rclpy'])})
+    assert done.returncode == 0, done.stderr
