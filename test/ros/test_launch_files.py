@@ -30,7 +30,8 @@ from ros_harness import DYNAMICS as DYNAMICS_MODULE
 from sensor_msgs.msg import JointState
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
+DIRECTORIES = ROOT / 'launch', ROOT / 'robot_dynamics_tools' / 'launch'
+FILES = sorted(file for directory in DIRECTORIES for file in directory.glob('*.launch.py'))
 SEVERAL = {'several_arms', 'leader_and_follower'}
 """Launch files for several arms, which choose the namespaces."""
 HAS_LAUNCH = bool(shutil.which('ros2')) and importlib.util.find_spec('launch_ros') is not None
@@ -89,9 +90,11 @@ def test_launch_files_name_executables_that_are_installed():
     names = {word for path in FILES for call in calls(path, 'node') for word in (
         ast.literal_eval(one) for one in call.args[1:2] if isinstance(one, ast.Constant))}
     assert names == {'dynamics', 'simulated_arm', 'mujoco_arm'}
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    for executable in ('dynamics_node', 'simulated_arm', 'mujoco_arm'):
-        assert f"'{executable}': " in setup
+    for directory, executables in zip(
+            DIRECTORIES, (('dynamics_node', 'simulated_arm'), ('mujoco_arm',))):
+        setup = (directory.parent / 'setup.py').read_text(encoding='utf-8')
+        for executable in executables:
+            assert f"'{executable}': " in setup
 
 
 # --- arguments -----------------------------------------------------------------------------------
@@ -183,7 +186,8 @@ def test_the_node_rejects_an_invalid_argument(values, words):
 
 def launch(file: str, *arguments: str) -> list[str]:
     """Return the command that launches a file of this package."""
-    return ['ros2', 'launch', str(ROOT / 'launch' / f'{file}.launch.py'), *arguments]
+    path, = (path for path in FILES if path.name == f'{file}.launch.py')
+    return ['ros2', 'launch', str(path), *arguments]
 
 
 @contextmanager

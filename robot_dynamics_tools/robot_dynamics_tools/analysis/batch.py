@@ -24,6 +24,7 @@ import signal
 import threading
 from typing import Any, Generic, get_type_hints, TypeVar
 
+import robot_dynamics
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import RobotDynamicsError
 from robot_dynamics_tools.analysis.result_store import (
@@ -159,11 +160,11 @@ def _files_of(bag: Path) -> list[Path]:
 
 @lru_cache
 def _code_digest() -> str:
-    """Return a digest of this package's own code."""
+    """Return a digest of the code of both packages, because results also depend on the model."""
     digest = hashlib.blake2b(digest_size=20)
-    package = Path(__file__).parents[1]  # the whole package: results also depend on the model
-    for path in sorted(package.rglob('*.py')):
-        digest.update(f'{path.relative_to(package)}\0'.encode() + path.read_bytes())
+    for package in (Path(robot_dynamics.__file__).parent, Path(__file__).parents[1]):
+        for path in sorted(package.rglob('*.py')):
+            digest.update(f'{path.relative_to(package)}\0'.encode() + path.read_bytes())
     return digest.hexdigest()
 
 

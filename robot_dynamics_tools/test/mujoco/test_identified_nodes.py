@@ -91,7 +91,7 @@ class Estimate(NamedTuple):
 def tool(name: str, *arguments: Any) -> None:
     """Run a tool in a separate process, as by a user."""
     children.run(
-        [sys.executable, '-m', f'robot_dynamics.tools.{name}', *map(str, arguments)],
+        [sys.executable, '-m', f'robot_dynamics_tools.commands.{name}', *map(str, arguments)],
         check=True, timeout=LONG)
 
 
