@@ -5,7 +5,7 @@
 Draw docs/images/friction.png: the curve of friction, and a joint that sticks and slips.
 
 The joint is that of the running simulated arm, in the run that
-test/simulation/test_stick_slip.py checks.
+robot_dynamics_tools/test/recordings/test_stick_slip.py checks.
 """
 
 import os
@@ -29,7 +29,8 @@ from robot_dynamics.reporting.figures import (
 )
 from robot_dynamics_tools.demo.processes import choose_domain
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
+for place in ('test', 'robot_dynamics_tools/test'):
+    sys.path.insert(0, str(Path(__file__).parents[2] / place / 'support'))
 import stick_slip as run  # noqa: E402
 
 

@@ -4,7 +4,7 @@
 """
 Draw docs/images/mujoco_arm.png: a Panda in MuJoCo touches a table.
 
-The arm is the one of test/control/test_mujoco_loop.py, with a table 4 cm above the goal.
+The arm is the one of robot_dynamics_tools/test/mujoco/test_mujoco_loop.py, with a table 4 cm above the goal.
 """
 
 from pathlib import Path
@@ -16,7 +16,8 @@ from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.reporting.figures import BLUE, GREY, styled_figure, VERMILION
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
-sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
+for place in ('test', 'robot_dynamics_tools/test'):
+    sys.path.insert(0, str(Path(__file__).parents[2] / place / 'support'))
 import mujoco_plant as plants  # noqa: E402
 
 STEP = 0.002
