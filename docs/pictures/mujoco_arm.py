@@ -4,7 +4,7 @@
 """
 Draw docs/images/mujoco_arm.png: a Panda in MuJoCo touches a table.
 
-The arm is the one of robot_dynamics_tools/test/mujoco/test_mujoco_loop.py, with a table 4 cm above the goal.
+The arm is the one of test_mujoco_loop.py, with a table 4 cm above the goal.
 """
 
 from pathlib import Path

@@ -5,6 +5,7 @@
 
 import json
 import os
+from pathlib import Path
 import sys
 from typing import Any
 
@@ -22,7 +23,8 @@ def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Return what a program finds with the package that has a second Stribeck peak."""
     folder = tmp_path_factory.mktemp('extended')
     extended_package(folder)
-    path = os.pathsep.join([str(folder), os.environ.get('PYTHONPATH', '')])
+    path = os.pathsep.join([
+        str(folder), str(Path(children.__file__).parent), os.environ.get('PYTHONPATH', '')])
     result = children.run(
         [sys.executable, added_term.__file__], env={**os.environ, 'PYTHONPATH': path},
         cwd=folder, capture_output=True, text=True)
