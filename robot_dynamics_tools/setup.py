@@ -21,6 +21,7 @@ EXECUTABLES = {
     'excite': 'commands.excite:main',
     'export_mjcf': 'commands.export_mjcf:main',
     'identify': 'commands.identify:main',
+    'learn_contact_levels': 'commands.learn_contact_levels:main',
     'mujoco_arm': 'mujoco.entry_point:mujoco_arm',
     'torque_map': 'commands.torque_map:main',
     'viewer': 'viewer.cli:execute',

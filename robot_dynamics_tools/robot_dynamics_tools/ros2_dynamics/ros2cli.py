@@ -110,7 +110,7 @@ class RetimeVerb(VerbExtension):
 
 
 class LearnContactLevelsVerb(VerbExtension):
-    """Learn the levels of ~/contacts from recordings without contact, without a node."""
+    """Learn the levels of ~/contacts from recordings without contact."""
 
 
 class WatchVerb(VerbExtension):

@@ -28,6 +28,9 @@ TOOLS: Mapping[str, Tool] = {
     'excite': Tool('Find a motion that excites all parameters', 'commands.excite'),
     'export_mjcf': Tool('Write the arm as MJCF of MuJoCo', 'commands.export_mjcf'),
     'identify': Tool('Identify the parameters of an arm from recordings', 'commands.identify'),
+    'learn_contact_levels': Tool(
+        'Learn the levels of ~/contacts from recordings without contact',
+        'commands.learn_contact_levels'),
     'torque_map': Tool(
         'Draw the gravity torque over two joints, or over the workspace', 'commands.torque_map'),
     'viewer': Tool('Watch and move the arm in a browser', 'viewer.cli', 'execute'),

@@ -10,7 +10,7 @@ Without ros2cli: `ros2 run robot_dynamics_tools dynamics inverse 0.1 0.2`, or
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from importlib import import_module
 import json
 from pathlib import Path
@@ -19,7 +19,6 @@ import sys
 from typing import Any, NamedTuple, TYPE_CHECKING
 
 from robot_dynamics.tools import command_line
-from robot_dynamics_tools import options
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, TIMEOUT
 from robot_dynamics_tools.ros2_dynamics.completion import (
     complete_checks,
@@ -168,19 +167,6 @@ def _retime_arguments(parser: argparse.ArgumentParser) -> None:
              'it with a larger error.')
 
 
-def _contact_arguments(parser: argparse.ArgumentParser) -> None:
-    options.add_recordings(parser, None)
-    options.add_parameters(parser, (
-        'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
-    _add(parser, complete_nothing, '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
-         help='Most false alarms per hour of all joints together. The default is 1.')
-    parser.add_argument(
-        '-o', '--output', type=Path, metavar='FILE',
-        help='Parameter file for dynamics_node. Without it, the levels are only printed.')
-    command_line.add_force(parser)
-    parser.set_defaults(cutoff=None)
-
-
 def _no_arguments(parser: argparse.ArgumentParser) -> None:
     pass
 
@@ -235,7 +221,6 @@ class Verb(NamedTuple):
     add_arguments: Callable[[argparse.ArgumentParser], None]
     module: str
     """Module of the function `answer_VERB`, imported for this verb only: some load the library."""
-    needs_node: bool = True
 
 
 VERBS: Mapping[str, Verb] = {
@@ -270,9 +255,6 @@ VERBS: Mapping[str, Verb] = {
     'retime': Verb(
         'The fastest timing of a trajectory file within the limits of the arm',
         _retime_arguments, 'retime'),
-    'learn_contact_levels': Verb(
-        'Learn the levels of ~/contacts from recordings without contact, without a node',
-        _contact_arguments, 'contact_levels', needs_node=False),
     'watch': Verb('Print a table of the joints again and again', _watch_arguments, 'watch'),
     'record': Verb(
         'Record the topics of the node to a rosbag2 directory', _record_arguments, 'record'),
@@ -306,8 +288,7 @@ def run(
     """
     def answer() -> int:
         module = import_module(f'robot_dynamics_tools.ros2_dynamics.{VERBS[name].module}')
-        with client_for(arguments.node, arguments.timeout) if VERBS[name].needs_node else (
-                nullcontext()) as client:
+        with client_for(arguments.node, arguments.timeout) as client:
             found: Answer | None = getattr(module, f'answer_{name}')(client, arguments)
         if found is None:  # the verb has printed its answers
             return command_line.DONE

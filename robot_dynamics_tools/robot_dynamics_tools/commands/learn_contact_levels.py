@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""Learn the levels of contacts from recordings without contact."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+import json
+from pathlib import Path
+import sys
+
+from robot_dynamics.monitoring.contact_levels import EXPECTED
+from robot_dynamics.reporting.text_table import text_table
+from robot_dynamics.tools import command_line
+from robot_dynamics_tools import options
+from robot_dynamics_tools.analysis.contact_recording import levels_from_bags, parameter_text
+from robot_dynamics_tools.recordings.bag_files import find_recordings
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the tool; return its exit status."""
+    arguments = _parser().parse_args(argv)
+    return command_line.run_tool('learn_contact_levels', partial(_run, arguments))
+
+
+def _parser() -> command_line.Parser:
+    parser = command_line.Parser(
+        prog='learn_contact_levels',
+        description='Learn the levels of ~/contacts from recordings without contact.',
+        epilog='exit status: 0 done, 2 a mistake in the arguments, or a recording cannot be used')
+    options.add_recordings(parser, None)
+    options.add_parameters(parser, (
+        'joints, friction, motors, measured_effort, external_effort_bandwidth (not payload.*)'))
+    parser.add_argument(
+        '--alarms-per-hour', type=float, default=1.0, metavar='RATE',
+        help='Most false alarms per hour of all joints together. The default is 1.')
+    parser.add_argument(
+        '-o', '--output', type=Path, metavar='FILE',
+        help='Parameter file for dynamics_node. Without it, the levels are only printed.')
+    command_line.add_force(parser)
+    parser.add_argument('--json', action='store_true', help='Print the result as JSON.')
+    parser.set_defaults(cutoff=None)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    rate, output = arguments.alarms_per_hour, arguments.output
+    if output is not None:
+        command_line.prepare_file(output, arguments.force)
+    found, joints = levels_from_bags(
+        find_recordings(arguments.bags), options.read_settings(arguments), rate)
+    columns = found.levels.effort, found.levels.per_velocity, found.exceeded
+    data = {
+        'duration_s': found.duration, 'alarms_per_hour': rate, 'joints': list(joints),
+        **{name: values.tolist() for name, values in zip(
+            ('effort', 'effort_per_velocity', 'by_largest'), columns)}}
+    lines = [
+        f'Levels for at most {rate:g} false alarms per hour, extrapolated from '
+        f'{found.duration:.0f} s without contact',
+        text_table(['joint', 'at rest', 'per velocity', 'by the largest recorded'], [
+            [name, *(f'{value:.4g}' for value in values)]
+            for name, *values in zip(joints, *columns)], left_columns=1)]
+    kept = 3600.0 * EXPECTED / found.duration
+    if rate < kept:
+        lines.append(
+            f'The recording shows at least {kept:.3g} per hour. {rate:g} per hour is an upper '
+            f'bound, with slightly higher levels: record {EXPECTED / rate:.2g} h to show it')
+    if output is not None:
+        command_line.write_file(output, parameter_text(found, joints, rate))
+        data['output'] = str(output)
+        lines.append(f'Written: {output}, a parameter file of dynamics_node')
+    print(json.dumps(data, indent=2) if arguments.json else '\n'.join(lines))
+    return command_line.DONE
+
+
+if __name__ == '__main__':
+    sys.exit(main())
