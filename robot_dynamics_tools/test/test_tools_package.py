@@ -15,8 +15,8 @@ import zipfile
 import pytest
 import robot_dynamics_tools
 
-PACKAGE = Path(robot_dynamics_tools.__file__).parent
-PROJECT = PACKAGE.parent
+PROJECT = Path(__file__).parents[1]
+PACKAGE = PROJECT / 'robot_dynamics_tools'
 
 
 def test_every_name_is_that_of_its_subpackage():

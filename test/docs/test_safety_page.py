@@ -4,21 +4,14 @@
 """Parameters on docs/safety.md and the pages it leads to; docs/evidence/fault_tests.md."""
 
 from collections.abc import Iterator
-from itertools import chain
-import json
 from pathlib import Path
 import re
-import sys
 
-import children
-import fault_table
 from fault_table import rows_of_page
-import pytest
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.ros.dynamics.parameters import SAFETY_SPECS, SPECS
 
 DOCS = Path(__file__).parents[2] / 'docs'
-TESTS = Path(__file__).parents[1]
 PAGES = ('safety.md', 'command.md', 'joint_states.md', 'gains.md')
 TEXT = ''.join(
     (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
@@ -42,32 +35,6 @@ def quoted_defaults() -> list[tuple[str, str]]:
 
 
 # --- the faults ----------------------------------------------------------------------------------
-
-@pytest.fixture(scope='module')
-def collected(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory,
-) -> list[tuple[str, str, str]]:
-    """Return group, injected and expected of each fault test of the suite."""
-    if [Path(argument).resolve() for argument in request.config.args] == [TESTS]:
-        return [(row.group, row.injected, row.expected)
-                for row in request.config.stash[fault_table.COLLECTED]]
-    file = tmp_path_factory.mktemp('faults') / 'faults.json'
-    result = children.run(
-        [sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider',
-         '-m', 'fault', '--list-faults', str(file), *(
-             str(path) for path in TESTS.rglob('test_*.py')
-             if re.search(r'\bfault\(', path.read_text(encoding='utf-8')))],
-        capture_output=True, text=True, timeout=300.0)
-    assert result.returncode == 0, result.stdout + result.stderr
-    return [tuple(row) for row in json.loads(file.read_text(encoding='utf-8'))]
-
-
-def test_the_table_has_every_fault_of_the_suite_and_no_other(collected):
-    listed = [(row.group, row.injected, row.expected) for row in rows_of_page()]
-    assert listed, 'the table is empty: scripts/test -m fault --write-fault-table writes it'
-    assert sorted(listed) == sorted(collected)
-    for cell in chain(*collected):
-        assert re.fullmatch(r'(?=\S)[^|\n]*\S', cell), f'not for a table: {cell!r}'
 
 
 def test_every_row_has_a_result_none_failed_and_the_readme_states_their_number():
@@ -111,7 +78,8 @@ def test_numbers_that_are_no_parameters_are_on_the_pages():
 
 def test_each_message_that_troubleshooting_quotes_is_in_the_code():
     code = ''.join(file.read_text(encoding='utf-8') for file in (
-        DOCS.parent / 'setup.py', *(DOCS.parent / 'robot_dynamics').rglob('*.py')))
+        DOCS.parent / 'setup.py', *(DOCS.parent / 'robot_dynamics').rglob('*.py'),
+        *(DOCS.parent / 'robot_dynamics_tools' / 'robot_dynamics_tools').rglob('*.py')))
     page = (DOCS / 'troubleshooting.md').read_text(encoding='utf-8')
     cells = [line.split(' | ')[0] for line in page.splitlines() if line.startswith('| ')]
     quoted = {text for cell in cells for text in re.findall('`([^`]+)`', cell)}
