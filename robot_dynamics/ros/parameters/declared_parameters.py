@@ -37,6 +37,8 @@ Values = Mapping[str, Any]
 
 NODES = ('robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node')
 """Modules whose SPECS are those of the nodes, which may share a parameter file."""
+OF_TOOLS = {'mjcf', 'mjcf_joints'}
+"""Parameters of `mujoco_arm`, which may share the file too, and is in another package."""
 
 
 @dataclass(frozen=True)
@@ -194,11 +196,11 @@ class DeclaredParameters:
         return value
 
     def _check_names(self) -> None:
-        """Raise InvalidInputError for a name that no node of this package has."""
+        """Raise InvalidInputError for a name that no node has."""
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
         others = [import_module(module).SPECS for module in NODES] if unknown else []
-        of_others = {spec.name for specs in others for spec in specs}
+        of_others = OF_TOOLS.union(spec.name for specs in others for spec in specs)
         for name in unknown:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)

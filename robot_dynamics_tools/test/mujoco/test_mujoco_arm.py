@@ -4,12 +4,15 @@
 """The running node `mujoco_arm`, alone and in lock-step with `dynamics`."""
 
 from collections.abc import Iterator
+from importlib import import_module
 from typing import Any
 
 from absent_libraries import environment_without
 from disturbances import push, ZERO
 import numpy as np
 import pytest
+from robot_dynamics.ros.parameters.declared_parameters import NODES, OF_TOOLS
+from robot_dynamics_tools.mujoco.mujoco_arm import SPECS
 from ros_harness import DYNAMICS, log_of_failed_start, MUJOCO_ARM, NodeProcess, running
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -85,3 +88,13 @@ def test_without_mujoco_the_extra_is_named(tmp_path):
     log = log_of_failed_start(
         MUJOCO_ARM, environment=environment_without(tmp_path, ['mujoco']))
     assert "(the extra 'mujoco') needs the library MuJoCo, which cannot be imported" in log
+
+
+def test_other_nodes_accept_its_parameters_in_a_shared_file(tmp_path):
+    known = {spec.name for name in NODES for spec in import_module(name).SPECS}
+    assert {spec.name for spec in SPECS} <= known | OF_TOOLS
+    file = tmp_path / 'shared.yaml'
+    file.write_text('/**: {ros__parameters: {mjcf: a.xml, mjcf_joints: [a]}}\n', encoding='utf-8')
+    with NodeProcess(DYNAMICS, namespace='/shared', arguments=[
+            '--ros-args', '--params-file', str(file)]) as node:
+        assert 'unknown parameter' not in node.log
