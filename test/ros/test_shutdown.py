@@ -33,3 +33,18 @@ def test_a_blocked_process_ends_with_tracebacks(name):
     assert process.returncode == 1
     assert 'Timeout (0:00:00.200000)!' in err
     assert 'line 9 in <module>' in err
+
+
+def test_a_second_destroy_node_does_nothing():
+    program = (
+        'import rclpy\n'
+        'from robot_dynamics.ros.dynamics.node import DynamicsNode\n'
+        'from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode\n'
+        'rclpy.init()\n'
+        'for kind in (DynamicsNode, SimulatedArmNode):\n'
+        '    node = kind()\n'
+        '    node.destroy_node()\n'
+        '    node.destroy_node()\n'
+        'rclpy.shutdown()\n')
+    done = children.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
