@@ -16,6 +16,9 @@ from children import TIMEOUT
 import numpy as np
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from robot_dynamics.model.arm import load_arm
+from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.task_space.frame_kinematics import FrameKinematics
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import (
     DYNAMICS,
@@ -163,6 +166,18 @@ def test_a_motion_that_is_stopped_or_replaced(ask, ros):
         status, out, err = ask('move', '-0.5', '-0.5', '--duration', '600')
     assert (status, out) == (1, '')
     assert 'another goal has replaced this one: [0.25, 0.25]\n' in err
+
+
+def test_pose_moves_a_link_and_names_a_refusal(ask):
+    place = FrameKinematics(load_arm(default_arm_urdf()), 'tool0').pose
+    assert ask('move', '0.8', '0.5', '--duration', '0.8')[0] == 0
+    goal, _ = place(np.array([0.7, 0.6]))
+    status, out, err = ask('pose', *goal, '--json')
+    assert status == 0, err
+    assert place(np.array(json.loads(out)['position']))[0] == pytest.approx(goal, abs=2e-3)
+    status, _, err = ask('pose', '0.1', '0', '9')
+    assert status == 1
+    assert "rejected the goal: pose of 'tool0' is " in err
 
 
 # --- stop, command, reset ------------------------------------------------------------------------
