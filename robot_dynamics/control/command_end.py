@@ -35,12 +35,11 @@ class CommandEnd:
             self._rest = None
             self._controller.stop()
 
-    def is_reached(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> bool:
+    def is_reached(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> bool:
         """Return whether the arm has stopped at (q, v), and was held for REST_TIME."""
         if self._rest is None or not self._controller.has_stopped or not (
                 0 <= stamp_ns - self._rest[0] <= 2 * REST_TIME_NS) or not bool(
                 (np.abs(q - self._rest[1]) <= AT_REST).all()):
             self._rest = stamp_ns, q
             return False
-        return stamp_ns - self._rest[0] >= REST_TIME_NS and (
-            v is None or bool((np.abs(v) <= SLOW).all()))
+        return stamp_ns - self._rest[0] >= REST_TIME_NS and bool((np.abs(v) <= SLOW).all())

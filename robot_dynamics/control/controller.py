@@ -131,8 +131,7 @@ class Controller:
         self.laws.check_follows()
         if self.state is None:
             raise TrajectoryError(
-                'no joint state with velocities has been received, so that there is no state to '
-                'start from')
+                'no joint state has been received, so that there is no state to start from')
         return self.state
 
     def stop(self) -> str:
@@ -313,7 +312,7 @@ class Controller:
             self.followed.scale(self.gains.reference_scale)
 
     def motion_equation(
-        self, output: ControlOutput, q: FloatArray, v: FloatArray | None,
+        self, output: ControlOutput, q: FloatArray, v: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return M(q) (n, n), and C(q, v) v + friction (n,) of the output, as command efforts."""
         with self.lock:
@@ -321,8 +320,7 @@ class Controller:
             M, passive = body.mass_matrix(q), output.law.friction
             if robot.friction is not None:
                 passive = passive - robot.friction
-            if v is not None:
-                passive = passive + body.nonlinear(q, v) - body.gravity(q)
+            passive = passive + body.nonlinear(q, v) - body.gravity(q)
             return (M, passive) if drive is None else (
                 M / drive.scale[:, np.newaxis], passive / drive.scale)
 

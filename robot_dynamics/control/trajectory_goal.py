@@ -123,7 +123,7 @@ class GoalFeedback(NamedTuple):
 
     stamp_ns: int
     position: FloatArray
-    velocity: FloatArray | None
+    velocity: FloatArray
     desired: Reference
 
 
@@ -171,7 +171,7 @@ class TrajectoryGoal:
             self.is_stopping = True
             self._trajectory = _followed(self._controller)
 
-    def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
+    def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
         """Compare a state (n,) with the tolerances, and end the goal if it has a result."""
         active = self._controller.trajectory
         if active is None:
@@ -194,7 +194,7 @@ class TrajectoryGoal:
                     f'cancelled, but the arm is not at rest {LONGEST_STOP:g} s after its stop')
             return
         e = self._controller.position_error(desired.position, q)
-        e_v = np.zeros_like(q) if v is None else desired.velocity - v
+        e_v = desired.velocity - v
         allowed = self._tolerances
         if late < 0.0:
             violation = self._violation(e, allowed.path, e_v, allowed.path_velocity)

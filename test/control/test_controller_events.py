@@ -18,7 +18,7 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 GAINS = make_gains(NAMES)
 MS = SECOND // 1000
-NO_STATE = 'no joint state with velocities has been received'
+NO_STATE = 'no joint state has been received'
 NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
 
 

@@ -81,7 +81,7 @@ class Supervised(RuleBasedStateMachine):
     @rule(pause=pauses, q=positions, v=velocities, command=efforts, hold=efforts,
           stamped=st.booleans())
     def a_good_state(
-        self, pause: float, q: np.ndarray, v: np.ndarray | None, command: np.ndarray,
+        self, pause: float, q: np.ndarray, v: np.ndarray, command: np.ndarray,
         hold: np.ndarray, stamped: bool,
     ) -> None:
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)

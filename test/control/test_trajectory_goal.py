@@ -161,7 +161,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
     for t, one in zip(times, q):
-        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
+        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), np.zeros(2))
     if vibrates or speed > 0.02525:
         assert goal.result is None
     elif speed < 0.02475:
@@ -174,7 +174,7 @@ def test_a_cancelled_arm_that_does_not_come_to_rest_is_a_violation_after_five_se
     end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
     for seconds, is_over in ((4.99, False), (5.01, True)):
         for k in (-2, -1, 0):
-            goal.judge(end_ns + round(1e9 * seconds) + k * MS, bench.q + 0.1 * k, None)
+            goal.judge(end_ns + round(1e9 * seconds) + k * MS, bench.q + 0.1 * k, np.zeros(2))
         assert (goal.result is not None) == is_over
     assert goal.result[:2] == (
         ResultCode.GOAL_TOLERANCE_VIOLATED,
