@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.braking import braked, coasting, is_held
-from robot_dynamics.control.command_end import CommandEnd
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.gate import Gate, LOST, Signals
@@ -35,14 +34,12 @@ from robot_dynamics.control.options import (
     default_options,
     DEFAULT_STATE_MAX_AGE,
 )
+from robot_dynamics.control.rest_check import RestCheck
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
-from robot_dynamics.control.safety.supervisor import (
-    Brake,
-    CommandSupervisor,
-    Mode,
-    SafetyOptions,
-)
+from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel
@@ -106,7 +103,9 @@ class ControlLoop:
         self.gate = Gate(
             arm.is_continuous, arm.limits.velocity, controller.reference_position,
             partial(is_held, controller))
-        self._end = CommandEnd(controller, self.goals)
+        self._rest = RestCheck()
+        self._awaiting: ControllerOptions | None = None
+        """Options that await the end of the command, or None."""
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.monitor.is_lock_step = safety.is_lock_step
         self.is_active = False
@@ -152,13 +151,13 @@ class ControlLoop:
         with self.lock:
             self.is_active = True
             self.supervisor.activate()
-            self._follow_faults()
+            self._follow_supervisor()
 
     def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
         """Stop the arm, hold it, end the command by `end_action`, and be inactive."""
         with self.lock:
             self.is_active = False
-            self._end.begin(self.supervisor, now, reason)
+            self.end(now, Ending(Kind.RELEASE, reason))
 
     def set_options(
         self, options: ControllerOptions, limits: EffortLimits, safety: SafetyOptions,
@@ -167,17 +166,17 @@ class ControlLoop:
         with self.lock:
             controller = self.controller
             before = controller.options.command
+            reason = f'command was set to {options.command!r}'
             if options.command == NO_COMMAND != before and self.supervisor.mode in (
                     Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
-                self._end.options = options
-                options = replace(options, command=before)
-                self._end.begin(self.supervisor, self._steady, "command was set to 'none'")
+                self._awaiting, options = options, replace(options, command=before)
+                self.end(self._steady, Ending(Kind.RELEASE, reason))
             else:
-                if self._end.options is not None:
-                    self._end.options = None
+                if self._awaiting is not None:
+                    self._awaiting = None
                     self.supervisor.resume()
-                if options.command != before and controller.trajectory is not None:
-                    self.goals.interruption = f'command was set to {options.command!r}'
+                if options.command != before:
+                    self.goals.end(Ending(Kind.HOLD, reason))
             controller.set_options(options)
             self.goals.stream.set_timeout(options.stream_timeout)
             self.supervisor.set_options(limits, safety)
@@ -221,21 +220,40 @@ class ControlLoop:
         """Stop the arm and hold its position, whatever was sent before; return a report."""
         with self.lock:
             obstacle = self.obstacle
-            self.goals.revoke(STOPPED)
-            if self.supervisor.mode is Mode.FAULT:
-                self.controller.stop_from_state()
-                return f'the arm will stop and hold its position after the {obstacle}'
-            if obstacle:
+            if obstacle and self.supervisor.mode is not Mode.FAULT:
+                self.goals.refuse(STOPPED)
                 return f'nothing to stop: {obstacle}'
-            self.goals.stream.end()
-            self.goals.interruption = STOPPED
-            return self.controller.stop()
+            report = self.end(self._steady, Ending(Kind.HOLD, STOPPED))
+            return report if not obstacle else (
+                f'the arm will stop and hold its position after the {obstacle}')
 
-    def fail(self, now: float, fault: Fault) -> None:
-        """Begin the fault action."""
+    def end(self, now: float, ending: Ending) -> str:
+        """
+        Execute an ending, from wherever it was raised, at a time [s]; return a report of the stop.
+
+        The law stops the arm along its reference; in a fault, and if the states restart, it stops
+        the arm from the next measured state.
+        """
         with self.lock:
-            self.supervisor.fail(now, fault)
-            self._follow_faults()
+            supervisor = self.supervisor
+            was_braking = supervisor.mode is Mode.BRAKING
+            supervisor.end(now, ending)
+            if ending.fault is not None:
+                self._follow_supervisor()
+                return ''
+            self.goals.end(ending)
+            if ending.kind is Kind.HOLD or supervisor.mode is Mode.BRAKING and not was_braking:
+                self._rest.restart()
+                return self._stop_reference()
+            return ''
+
+    def _stop_reference(self) -> str:
+        supervisor, controller = self.supervisor, self.controller
+        restarts = controller.state is None and controller.trajectory is not None
+        if not restarts and (not supervisor.is_damped or supervisor.keeps_law):
+            return controller.stop()
+        controller.stop_from_state()
+        return 'stopping from the next state, then holding the position'
 
     def reset(self) -> tuple[bool, str]:
         """Reset a latched fault whose cause has ended; return success and a message."""
@@ -270,8 +288,10 @@ class ControlLoop:
             try:
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
-                if verdict.restart or verdict.time_shift or now > self.goals.stream.deadline:
-                    self._follow_time(verdict, now)
+                if verdict.restart or verdict.time_shift:
+                    self._follow_time(verdict)
+                if now > self.goals.stream.deadline:
+                    self.end(now, self.goals.pause())
                 signals = self.gate.take(verdict.stamp, q, v)
                 if signals is None and self.supervisor.limiter.last is None and (
                         v is None or not v.any()):  # at rest since the command ended
@@ -294,11 +314,11 @@ class ControlLoop:
                 return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:
-                    self.fail(now, Fault(
-                        'several_publishers', str(error), recovery=CONTRADICTION))
+                    self.end(now, Ending.by(Fault(
+                        'several_publishers', str(error), recovery=CONTRADICTION)))
                 raise
             except NonFiniteEffortError as error:
-                self.fail(now, Fault('non_finite', str(error), latched=True))
+                self.end(now, Ending.by(Fault('non_finite', str(error), latched=True)))
                 raise
 
     def _answer(
@@ -308,10 +328,12 @@ class ControlLoop:
         q, v, delay, lost = signals
         if lost is not None:
             fault = fault or self._frozen(lost)
+            if self._moves_on(now, v):
+                supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
         output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1
         if output.command is None:
-            supervisor.deactivate(now)
+            supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
         if not verdict.is_new and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), output, verdict)
@@ -330,16 +352,13 @@ class ControlLoop:
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
-        if lost is not None and self._moves_on(now, v):
-            supervisor.act(now)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, dt, brake, fault,
             partial(controller.motion_equation, output), output.state.trajectory is not None)
-        self._follow_faults()
-        if supervisor.mode is Mode.BRAKING and self._end.is_reached(
-                verdict.stamp, q, v):
-            supervisor.deactivate(now)
-            self._follow_faults()
+        if supervisor.mode is Mode.BRAKING and self._rest.is_reached(
+                verdict.stamp, q, v, controller.has_stopped):
+            supervisor.end(now, Ending(Kind.RELEASE_NOW, 'the arm has stopped'))
+        self._follow_supervisor()
         return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
 
@@ -366,43 +385,47 @@ class ControlLoop:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
         with self.lock:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
-            self._follow_faults()
-            if self.goals.goal is not None:
-                self.goals.goal.end_if_replaced(self.goals.interruption)
+            self._follow_supervisor()
             return effort
 
     def _restart(self, reason: str) -> None:
         """End the reference: the next states continue from another place or time."""
         self.restarts[reason] += 1
-        self.goals.interrupt(f'joint states restarted: {reason}')
         self.controller.restart_states()
+        ending = Ending(Kind.HOLD, f'joint states restarted: {reason}')
+        if self.controller.trajectory is None:
+            self.goals.end(ending)
+        else:
+            self.end(self._steady, ending)
 
-    def _follow_time(self, verdict: StateVerdict, now: float) -> None:
-        """Restart if the joint states restart, and end a stream of set-points that has paused."""
+    def _follow_time(self, verdict: StateVerdict) -> None:
+        """Restart, or shift the times of the reference, as the stamps of the states do."""
         if verdict.restart:
             self.gate.restart()
             if self.states > 0:
                 self._restart(verdict.restart)
         if verdict.time_shift:
             self.controller.followed.shift_time(verdict.time_shift)
-        if now > self.goals.stream.deadline:
-            self.goals.pause()
 
-    def _follow_faults(self) -> None:
+    def _follow_supervisor(self) -> None:
         """End the reference when a fault begins; apply the options that await the end."""
         supervisor, controller, fault = self.supervisor, self.controller, self.supervisor.fault
+        mode = supervisor.mode
         if supervisor.fault_count != self._fault_count and fault is not None:
             self._fault_count = supervisor.fault_count
-            if controller.trajectory is not None:
+            was_followed = controller.trajectory is not None
+            if was_followed:
                 fault = supervisor.recurring.count(fault, self._steady)
-            self.goals.fail(fault, supervisor.keeps_law)
+            self.goals.end(Ending.by(fault))
+            if was_followed:
+                self._stop_reference()
         controller.may_hold = supervisor.keeps_law or (
-            supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING))
-        if not controller.may_hold and supervisor.mode is Mode.FAULT and (
-                controller.trajectory is not None):
+            mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING))
+        if not controller.may_hold and mode is Mode.FAULT and controller.trajectory is not None:
             controller.stop_from_state()
-        if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
-            controller.followed.end()  # the arm may move until the next command
-        if self._end.options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
-            options, self._end.options = self._end.options, None
-            controller.set_options(options)
+        if mode in (Mode.STOPPING, Mode.INACTIVE):
+            if controller.trajectory is not None:
+                controller.followed.end()  # the arm may move until the next command
+            if self._awaiting is not None:
+                options, self._awaiting = self._awaiting, None
+                controller.set_options(options)

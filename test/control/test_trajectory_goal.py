@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
@@ -198,7 +199,8 @@ def test_a_new_goal_ends_the_one_before(bench):
     (lambda bench: bench.follow(bench.q), 'another goal has replaced this one'),
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
-    (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
+    (lambda bench: bench.loop.goals.end(Ending(Kind.HOLD, 'another model was loaded')),
+     'another model was loaded')])
 def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
@@ -215,7 +217,8 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
 def test_the_fault_determines_the_code_not_its_message(bench, name, code):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
-    bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
+    bench.loop.end(bench.now, Ending.by(
+        Fault(name, 'unlike following_error, a message has any words')))
     assert goal.result[:2] == (
         code, f'fault {name}: unlike following_error, a message has any words')
     assert bench.loop.goals.goal is None
