@@ -20,12 +20,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import braked, coasting, is_held
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gate import Gate, LOST, Signals
+from robot_dynamics.control.endings import Endings
+from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.options import (
@@ -34,11 +34,11 @@ from robot_dynamics.control.options import (
     default_options,
     DEFAULT_STATE_MAX_AGE,
 )
-from robot_dynamics.control.rest_check import RestCheck
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
+from robot_dynamics.control.safety.motion_checks import frozen_joint
 from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
@@ -56,11 +56,6 @@ _ENDS = {
     Mode.BRAKING: 'the arm is being stopped, because the command ends',
     Mode.STOPPING: 'the command is being ramped to zero'}
 STOPPED = '~/stop was called'
-STOP_TIME, CALM = 0.5, 0.1
-"""[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
-up to which they are held then: above it the lost joint moves them."""
-RECOVERY = 25
-"""Valid states in a row after which frozen_joint ends."""
 
 
 class LoopAnswer(NamedTuple):
@@ -103,11 +98,11 @@ class ControlLoop:
         self.gate = Gate(
             arm.is_continuous, arm.limits.velocity, controller.reference_position,
             partial(is_held, controller))
-        self._rest = RestCheck()
-        self._awaiting: ControllerOptions | None = None
-        """Options that await the end of the command, or None."""
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.monitor.is_lock_step = safety.is_lock_step
+        if before is not None:
+            self._continue(before.supervisor)
+        self._endings = Endings(controller, self.goals, self.supervisor)
         self.is_active = False
         self.restarts: Counter[str] = Counter()
         self.states = 0
@@ -115,9 +110,8 @@ class ControlLoop:
         self._steady = 0.0
         self._output: ControlOutput | None = None
         """The output for the last new state."""
-        self._fault_count = 0
-        if before is not None:
-            self._continue(before)
+        if before is not None and before.is_active:
+            self.activate()
 
     @classmethod
     def of_arm(
@@ -134,15 +128,13 @@ class ControlLoop:
         loop.activate()
         return loop
 
-    def _continue(self, before: 'ControlLoop') -> None:
-        old, new = before.supervisor, self.supervisor
-        if before.controller.arm.joint_names == self.controller.arm.joint_names:
+    def _continue(self, old: CommandSupervisor) -> None:
+        new = self.supervisor
+        if old.joint_names == new.joint_names:
             old.set_options(new.limiter.limits, new.options)
-            self.supervisor, self._fault_count = old, old.fault_count
+            self.supervisor = old
         elif old.is_latched:
             new.fault = old.fault
-        if before.is_active:
-            self.activate()
 
     # ------------------------------------------------------------------ requests
 
@@ -151,13 +143,13 @@ class ControlLoop:
         with self.lock:
             self.is_active = True
             self.supervisor.activate()
-            self._follow_supervisor()
+            self._endings.follow(self._steady)
 
     def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
         """Stop the arm, hold it, end the command by `end_action`, and be inactive."""
         with self.lock:
             self.is_active = False
-            self.end(now, Ending(Kind.RELEASE, reason))
+            self._endings.end(now, Ending(Kind.RELEASE, reason))
 
     def set_options(
         self, options: ControllerOptions, limits: EffortLimits, safety: SafetyOptions,
@@ -169,11 +161,11 @@ class ControlLoop:
             reason = f'command was set to {options.command!r}'
             if options.command == NO_COMMAND != before and self.supervisor.mode in (
                     Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
-                self._awaiting, options = options, replace(options, command=before)
-                self.end(self._steady, Ending(Kind.RELEASE, reason))
+                self._endings.awaiting, options = options, replace(options, command=before)
+                self._endings.end(self._steady, Ending(Kind.RELEASE, reason))
             else:
-                if self._awaiting is not None:
-                    self._awaiting = None
+                if self._endings.awaiting is not None:
+                    self._endings.awaiting = None
                     self.supervisor.resume()
                 if options.command != before:
                     self.goals.end(Ending(Kind.HOLD, reason))
@@ -223,37 +215,14 @@ class ControlLoop:
             if obstacle and self.supervisor.mode is not Mode.FAULT:
                 self.goals.refuse(STOPPED)
                 return f'nothing to stop: {obstacle}'
-            report = self.end(self._steady, Ending(Kind.HOLD, STOPPED))
+            report = self._endings.end(self._steady, Ending(Kind.HOLD, STOPPED))
             return report if not obstacle else (
                 f'the arm will stop and hold its position after the {obstacle}')
 
-    def end(self, now: float, ending: Ending) -> str:
-        """
-        Execute an ending, from wherever it was raised, at a time [s]; return a report of the stop.
-
-        The law stops the arm along its reference; in a fault, and if the states restart, it stops
-        the arm from the next measured state.
-        """
+    def end(self, now: float, ending: Ending) -> None:
+        """Execute an ending, from wherever it was raised, such as a fault, at a time [s]."""
         with self.lock:
-            supervisor = self.supervisor
-            was_braking = supervisor.mode is Mode.BRAKING
-            supervisor.end(now, ending)
-            if ending.fault is not None:
-                self._follow_supervisor()
-                return ''
-            self.goals.end(ending)
-            if ending.kind is Kind.HOLD or supervisor.mode is Mode.BRAKING and not was_braking:
-                self._rest.restart()
-                return self._stop_reference()
-            return ''
-
-    def _stop_reference(self) -> str:
-        supervisor, controller = self.supervisor, self.controller
-        restarts = controller.state is None and controller.trajectory is not None
-        if not restarts and (not supervisor.is_damped or supervisor.keeps_law):
-            return controller.stop()
-        controller.stop_from_state()
-        return 'stopping from the next state, then holding the position'
+            self._endings.end(now, ending)
 
     def reset(self) -> tuple[bool, str]:
         """Reset a latched fault whose cause has ended; return success and a message."""
@@ -291,7 +260,7 @@ class ControlLoop:
                 if verdict.restart or verdict.time_shift:
                     self._follow_time(verdict)
                 if now > self.goals.stream.deadline:
-                    self.end(now, self.goals.pause())
+                    self._endings.end(now, self.goals.pause())
                 signals = self.gate.take(verdict.stamp, q, v)
                 if signals is None and self.supervisor.limiter.last is None and (
                         v is None or not v.any()):  # at rest since the command ended
@@ -327,8 +296,8 @@ class ControlLoop:
         controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
         q, v, delay, lost = signals
         if lost is not None:
-            fault = fault or self._frozen(lost)
-            if self._moves_on(now, v):
+            fault = fault or frozen_joint(controller.arm.joint_names, lost)
+            if supervisor.is_held_in_vain(now, v):
                 supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
         output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1
@@ -355,25 +324,9 @@ class ControlLoop:
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, dt, brake, fault,
             partial(controller.motion_equation, output), output.state.trajectory is not None)
-        if supervisor.mode is Mode.BRAKING and self._rest.is_reached(
-                verdict.stamp, q, v, controller.has_stopped):
-            supervisor.end(now, Ending(Kind.RELEASE_NOW, 'the arm has stopped'))
-        self._follow_supervisor()
+        self._endings.follow_state(now, verdict.stamp, q, v)
         return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
-
-    def _frozen(self, lost: BoolArray) -> Fault:
-        names = [name for name, is_lost in zip(self.controller.arm.joint_names, lost) if is_lost]
-        return Fault(
-            'frozen_joint', f'the position of {names} has not changed for more than {LOST:g} s, '
-            'although it moved before: check the encoder or its driver',
-            recovery=RECOVERY)
-
-    def _moves_on(self, now: float, v: FloatArray) -> bool:
-        """Return whether the joints with a signal move, STOP_TIME after one was lost."""
-        return self.supervisor.mode is Mode.FAULT and (
-            now - self.supervisor.failed_at > STOP_TIME) and bool(
-            (np.abs(v) > CALM * self.controller.arm.limits.velocity).any())
 
     @property
     def _awaits_command(self) -> bool:
@@ -385,18 +338,12 @@ class ControlLoop:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
         with self.lock:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
-            self._follow_supervisor()
+            self._endings.follow(now)
             return effort
 
     def _restart(self, reason: str) -> None:
-        """End the reference: the next states continue from another place or time."""
         self.restarts[reason] += 1
-        self.controller.restart_states()
-        ending = Ending(Kind.HOLD, f'joint states restarted: {reason}')
-        if self.controller.trajectory is None:
-            self.goals.end(ending)
-        else:
-            self.end(self._steady, ending)
+        self._endings.restart(self._steady, reason)
 
     def _follow_time(self, verdict: StateVerdict) -> None:
         """Restart, or shift the times of the reference, as the stamps of the states do."""
@@ -406,26 +353,3 @@ class ControlLoop:
                 self._restart(verdict.restart)
         if verdict.time_shift:
             self.controller.followed.shift_time(verdict.time_shift)
-
-    def _follow_supervisor(self) -> None:
-        """End the reference when a fault begins; apply the options that await the end."""
-        supervisor, controller, fault = self.supervisor, self.controller, self.supervisor.fault
-        mode = supervisor.mode
-        if supervisor.fault_count != self._fault_count and fault is not None:
-            self._fault_count = supervisor.fault_count
-            was_followed = controller.trajectory is not None
-            if was_followed:
-                fault = supervisor.recurring.count(fault, self._steady)
-            self.goals.end(Ending.by(fault))
-            if was_followed:
-                self._stop_reference()
-        controller.may_hold = supervisor.keeps_law or (
-            mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING))
-        if not controller.may_hold and mode is Mode.FAULT and controller.trajectory is not None:
-            controller.stop_from_state()
-        if mode in (Mode.STOPPING, Mode.INACTIVE):
-            if controller.trajectory is not None:
-                controller.followed.end()  # the arm may move until the next command
-            if self._awaiting is not None:
-                options, self._awaiting = self._awaiting, None
-                controller.set_options(options)

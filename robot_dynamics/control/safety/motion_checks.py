@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The faults of a motion that is measured: a joint beyond its range, or too fast."""
+"""The faults of a measured motion: a joint beyond its range, too fast, or without a signal."""
 
 import numpy as np
-from robot_dynamics.arrays import FloatArray
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.gate import LOST
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
 from robot_dynamics.control.safety.faults import Fault, OVERSPEED, POSITION_LIMIT
 
@@ -29,3 +30,11 @@ def too_fast(
     return None if not ratio[j] > factor else Fault(
         OVERSPEED, f'velocity of {names[j]!r} is {v[j]:g}, {ratio[j]:.3g} times its limit, '
         f'expected at most {factor:g} times (overspeed_factor)')
+
+
+def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
+    """Return the fault of joints that are `lost` (n,)."""
+    found = [name for name, is_lost in zip(names, lost) if is_lost]
+    return Fault(
+        'frozen_joint', f'the position of {found} has not changed for more than {LOST:g} s, '
+        'although it moved before: check the encoder or its driver', recovery=25)

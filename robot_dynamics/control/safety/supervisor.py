@@ -45,6 +45,9 @@ BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then it ends in any case."""
 LONGEST_PAUSE = 0.25
 """[s] without a state after which a stop before the end of the command has failed."""
+STOP_TIME, CALM = 0.5, 0.1
+"""[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
+up to which they are held then: above it the lost joint moves them."""
 
 
 class Mode(Enum):
@@ -68,7 +71,7 @@ class CommandSupervisor:
     def __init__(
         self, joint_names: tuple[str, ...], limits: EffortLimits, options: SafetyOptions,
     ) -> None:
-        self._names = joint_names
+        self.joint_names = joint_names
         self.limiter = EffortLimiter(limits)
         self.options = options
         self.mode = Mode.INACTIVE
@@ -207,9 +210,10 @@ class CommandSupervisor:
         a fault. `equation` is that of `EffortLimiter.apply`. `follows` is whether the command
         follows a reference.
         """
-        beyond = beyond_a_limit(self._names, self.limiter.limits, self.options.fault_margin, q)
+        names, limits = self.joint_names, self.limiter.limits
+        beyond = beyond_a_limit(names, limits, self.options.fault_margin, q)
         self.was_inside = self.was_inside or beyond is None
-        other = too_fast(self._names, self.limiter.limits, self.options.overspeed, v) or fault
+        other = too_fast(names, limits, self.options.overspeed, v) or fault
         cause = beyond or other
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
@@ -312,6 +316,11 @@ class CommandSupervisor:
     def is_damped(self) -> bool:
         """Whether a fault is active: the arm is held with damping instead of by the law."""
         return self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._stop_has_fault
+
+    def is_held_in_vain(self, now: float, v: FloatArray) -> bool:
+        """Return whether joints move at v (n,) although their fault began STOP_TIME ago."""
+        return self.mode is Mode.FAULT and now - self.failed_at > STOP_TIME and bool(
+            (np.abs(v) > CALM * self.limiter.limits.velocity).any())
 
     @property
     def is_latched(self) -> bool:
