@@ -5,6 +5,7 @@
 
 from typing import NamedTuple
 
+from controller_bench import update
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
@@ -47,7 +48,7 @@ def run(
     model = with_friction(known_fraction)
     motion = make_reference_motion(ARM, seconds).trajectory
     controller = Controller(model, ControllerOptions(make_gains(ARM.joint_names)))
-    controller.update(1, motion.points[0].position, np.zeros(2))  # required before a trajectory
+    update(controller, 1, motion.points[0].position, np.zeros(2))  # required before a trajectory
     controller.follow(motion, 1)
     simulation = released(with_friction(1.0), motion.points[0].position)
     random = np.random.default_rng(0)
@@ -55,7 +56,8 @@ def run(
     for k in range(int((seconds + still) / PERIOD)):
         q, v = simulation.state
         measured = v + velocity_noise * random.standard_normal(2)
-        output = controller.update(
+        output = update(
+            controller,
             1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured)
         rows.append(
             (output.reference.position - q, output.command, output.terms.friction, measured, v))

@@ -7,7 +7,7 @@ import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
 from robot_dynamics.control.gate import LOST
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.faults import Fault, OVERSPEED, POSITION_LIMIT
+from robot_dynamics.control.safety.faults import Fault, FROZEN_JOINT, OVERSPEED, POSITION_LIMIT
 
 
 def beyond_a_limit(
@@ -36,5 +36,5 @@ def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
     """Return the fault of joints that are `lost` (n,)."""
     found = [name for name, is_lost in zip(names, lost) if is_lost]
     return Fault(
-        'frozen_joint', f'the position of {found} has not changed for more than {LOST:g} s, '
+        FROZEN_JOINT, f'the position of {found} has not changed for more than {LOST:g} s, '
         'although it moved before: check the encoder or its driver', recovery=25)

@@ -32,7 +32,12 @@ from robot_dynamics.control.safety.effort_limiter import (
 )
 from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.fault_action import FaultAction, SafetyOptions
-from robot_dynamics.control.safety.faults import Fault, POSITION_LIMIT, RecurringFaults
+from robot_dynamics.control.safety.faults import (
+    Fault,
+    FROZEN_JOINT,
+    POSITION_LIMIT,
+    RecurringFaults,
+)
 from robot_dynamics.control.safety.motion_checks import beyond_a_limit, too_fast
 
 HoldingEffort = Callable[[], FloatArray]
@@ -257,9 +262,10 @@ class CommandSupervisor:
     ) -> FloatArray | None:
         """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
         braked = still if brake is None else brake(q, v, still)
-        fault = self._action.release(now, v, braked - still)
-        if fault is not None:
-            self._fail(now, fault)
+        if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
+            fault = self._action.release(now, v, braked - still)
+            if fault is not None:
+                self._fail(now, fault)
         self._action.postpone(now + self.options.state_timeout, braked, still)
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
