@@ -9,8 +9,10 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.laws.error_feedback import Gains, make_gains
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimiter, EffortLimits
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, SafetyOptions
+from robot_dynamics.control.safety.supervisor import CommandSupervisor
 
 __all__ = [
     'CommandSupervisor',
@@ -20,8 +22,10 @@ __all__ = [
     'ControlOutput',
     'EffortLimiter',
     'EffortLimits',
+    'Ending',
     'Fault',
     'Gains',
+    'Kind',
     'LawInput',
     'make_gains',
     'SafetyOptions',

@@ -32,8 +32,8 @@ class ControlOutput:
     """The input of the law."""
     law: LawOutput
     """The efforts of the law, before any limit."""
-    velocity: FloatArray | None
-    """The velocity (n,) that was used, measured or from positions; None if it is unknown."""
+    velocity: FloatArray
+    """The velocity (n,) that was used, measured or from positions."""
     scale: float
     """The smallest fraction of the bandwidth to which the gains were scaled down."""
     robot: RobotEffort

@@ -39,7 +39,7 @@ class Controller:
     """
     Computes efforts from measured states; safe to call from several threads.
 
-    `update` is the control path. The other methods change its next results. They prepare their
+    `answer` is the control path. The other methods change its next results. They prepare their
     data outside the lock and hold the lock only while they exchange these data.
     """
 
@@ -131,8 +131,7 @@ class Controller:
         self.laws.check_follows()
         if self.state is None:
             raise TrajectoryError(
-                'no joint state with velocities has been received, so that there is no state to '
-                'start from')
+                'no joint state has been received, so that there is no state to start from')
         return self.state
 
     def stop(self) -> str:
@@ -232,27 +231,15 @@ class Controller:
 
     # ------------------------------------------------------------------ the control path
 
-    def update(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> ControlOutput:
-        """
-        Return the efforts for the state (q, v), each (n,), at stamp_ns.
-
-        Raises NonFiniteEffortError if an effort is not finite: the state is outside the range of
-        the model.
-        """
-        with self.lock, np.errstate(over='ignore', invalid='ignore'):
-            if not np.isfinite(q).all():
-                raise non_finite_effort(q, np.full_like(q, np.nan), np.full_like(q, np.nan))
-            output = self.answer(stamp_ns, q, v)
-            self.evaluate()
-            return output
-
     def answer(
         self, stamp_ns: int, q: FloatArray, v: FloatArray, velocity_delay: float = 0.0,
     ) -> ControlOutput:
         """
-        Do the same as `update`; the caller holds `lock`, and calls `evaluate` afterwards.
+        Return the efforts for the state (q, v), each (n,), at stamp_ns.
 
-        `velocity_delay` [s] is the delay of v.
+        The caller holds `lock`, and calls `evaluate` afterwards. `velocity_delay` [s] is the delay
+        of v. Raises NonFiniteEffortError if an effort is not finite: the state is outside the
+        range of the model.
         """
         load, gains, laws = self.load, self.gains, self.laws
         if load.changes:
@@ -313,7 +300,7 @@ class Controller:
             self.followed.scale(self.gains.reference_scale)
 
     def motion_equation(
-        self, output: ControlOutput, q: FloatArray, v: FloatArray | None,
+        self, output: ControlOutput, q: FloatArray, v: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return M(q) (n, n), and C(q, v) v + friction (n,) of the output, as command efforts."""
         with self.lock:
@@ -321,8 +308,7 @@ class Controller:
             M, passive = body.mass_matrix(q), output.law.friction
             if robot.friction is not None:
                 passive = passive - robot.friction
-            if v is not None:
-                passive = passive + body.nonlinear(q, v) - body.gravity(q)
+            passive = passive + body.nonlinear(q, v) - body.gravity(q)
             return (M, passive) if drive is None else (
                 M / drive.scale[:, np.newaxis], passive / drive.scale)
 

@@ -8,7 +8,8 @@ import math
 
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.followed_reference import Prepared
-from robot_dynamics.control.safety.faults import Fault
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.faults import FOLLOWING_ERROR
 from robot_dynamics.control.setpoint_stream import SetPointStream
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
@@ -26,7 +27,7 @@ class GoalExecution:
     """
     Set-points, trajectories and goals of one arm; safe to call from several threads.
 
-    `ControlLoop` calls `judge`, `revoke`, `fail`, `interrupt` and `pause` with its lock held.
+    `ControlLoop` calls `judge`, `refuse` and `end` with its lock held.
     """
 
     def __init__(
@@ -96,22 +97,29 @@ class GoalExecution:
             if epoch is not self.epoch:
                 raise TrajectoryError(self._revoked)
             self._controller.start(prepared, stamp_ns, latest)
-            if self.goal is not None:
-                q = trajectory.points[-1].position.round(4).tolist()
-                self.end(f'another goal has replaced this one: {q}')
+            q = trajectory.points[-1].position.round(4).tolist()
+            self._end_goal(f'another goal has replaced this one: {q}')
             self.stream.arrived(trajectory.is_set_point, self._now())
             self.interruption = ''
 
-    def revoke(self, reason: str) -> None:
-        """Refuse the references that were sent before and have not begun, because of `reason`."""
+    def refuse(self, reason: str) -> None:
+        """Refuse the references that were sent before and have not begun."""
         self.epoch, self._revoked = object(), reason
 
-    def end(self, reason: str) -> None:
-        """End the goal that is executed, if there is one."""
-        with self._lock:
-            if self.goal is not None:
-                goal, self.goal = self.goal, None
-                goal.end(ResultCode.INVALID_GOAL, reason)
+    def end(self, ending: Ending) -> None:
+        """End the goal, and refuse what was sent before."""
+        self.refuse(ending.reason)
+        self.stream.end()
+        if self._controller.trajectory is not None:
+            self.interruption = ending.reason
+        fault = ending.fault
+        self._end_goal(ending.reason, ResultCode.PATH_TOLERANCE_VIOLATED if (
+            fault is not None and fault.name == FOLLOWING_ERROR) else ResultCode.INVALID_GOAL)
+
+    def _end_goal(self, reason: str, code: ResultCode = ResultCode.INVALID_GOAL) -> None:
+        if self.goal is not None:
+            goal, self.goal = self.goal, None
+            goal.end(code, reason)
 
     def cancel(self, goal: TrajectoryGoal) -> None:
         """Stop the arm if it executes this goal, which ends when the arm is at rest."""
@@ -123,41 +131,18 @@ class GoalExecution:
     def judge(self) -> None:
         """Compare the last state with the tolerances of the goal; forget a goal that has ended."""
         goal, state = self.goal, self._controller.state
-        if goal is not None:
-            goal.end_if_replaced(self.interruption)
-            if state is not None and goal.result is None:
-                goal.judge(*state)
+        if goal is not None and state is not None:
+            goal.judge(*state)
             if goal.result is not None:
                 self.goal = None
-                if goal.result.code is ResultCode.PATH_TOLERANCE_VIOLATED and (
-                        not self.interruption):
+                if goal.result.code is ResultCode.PATH_TOLERANCE_VIOLATED:
                     self.interruption = goal.result.message
 
-    def fail(self, fault: Fault, keeps_law: bool = False) -> None:
-        """End goals and reference by a fault; with `keeps_law` the stop is along the reference."""
-        self.revoke(str(fault))
-        if self.goal is not None:
-            goal, self.goal = self.goal, None
-            goal.fail(fault)
-        self.interrupt(str(fault), keeps_law)
-
-    def interrupt(self, reason: str, is_along: bool = False) -> None:
-        """End the reference; the arm stops from the next state, or along it, and is held."""
-        self.revoke(reason)
-        self.stream.end()
-        if self._controller.trajectory is not None:
-            self.interruption = reason
-            if is_along:
-                self._controller.stop()
-            else:
-                self._controller.stop_from_state()
-
-    def pause(self) -> None:
-        """Stop, because the stream of set-points has paused."""
-        self.stream.end()
-        self._controller.stop()
+    def pause(self) -> Ending:
+        """Count a stream of set-points that has paused; return its ending."""
         self.paused_streams += 1
-        self.interruption = 'the stream of set-points paused for more than reference_timeout'
         self.notice = (
             'The stream of set-points paused for more than reference_timeout: the arm stops '
             'and holds its position.')
+        return Ending(
+            Kind.HOLD, 'the stream of set-points paused for more than reference_timeout')

@@ -20,13 +20,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.braking import braked, coasting, is_held
-from robot_dynamics.control.command_end import CommandEnd
 from robot_dynamics.control.control_output import ControlOutput, NonFiniteEffortError
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.gate import Gate, LOST, Signals
+from robot_dynamics.control.endings import Endings
+from robot_dynamics.control.gate import Gate, Signals
 from robot_dynamics.control.goal_execution import GoalExecution
 from robot_dynamics.control.laws.control_law import ControlLaw
 from robot_dynamics.control.options import (
@@ -36,13 +35,11 @@ from robot_dynamics.control.options import (
     DEFAULT_STATE_MAX_AGE,
 )
 from robot_dynamics.control.safety.effort_limiter import ActiveLimits, EffortLimits
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
-from robot_dynamics.control.safety.supervisor import (
-    Brake,
-    CommandSupervisor,
-    Mode,
-    SafetyOptions,
-)
+from robot_dynamics.control.safety.motion_checks import frozen_joint
+from robot_dynamics.control.safety.supervisor import Brake, CommandSupervisor, Mode
 from robot_dynamics.control.scaled_laws import NO_COMMAND
 from robot_dynamics.control.trajectory_goal import Tolerances, TrajectoryGoal
 from robot_dynamics.model.arm import ArmModel
@@ -59,11 +56,6 @@ _ENDS = {
     Mode.BRAKING: 'the arm is being stopped, because the command ends',
     Mode.STOPPING: 'the command is being ramped to zero'}
 STOPPED = '~/stop was called'
-STOP_TIME, CALM = 0.5, 0.1
-"""[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
-up to which they are held then: above it the lost joint moves them."""
-RECOVERY = 25
-"""Valid states in a row after which frozen_joint ends."""
 
 
 class LoopAnswer(NamedTuple):
@@ -106,9 +98,11 @@ class ControlLoop:
         self.gate = Gate(
             arm.is_continuous, arm.limits.velocity, controller.reference_position,
             partial(is_held, controller))
-        self._end = CommandEnd(controller, self.goals)
         self.supervisor = CommandSupervisor(arm.joint_names, limits, safety)
         self.monitor.is_lock_step = safety.is_lock_step
+        if before is not None:
+            self._continue(before.supervisor)
+        self._endings = Endings(controller, self.goals, self.supervisor)
         self.is_active = False
         self.restarts: Counter[str] = Counter()
         self.states = 0
@@ -116,9 +110,8 @@ class ControlLoop:
         self._steady = 0.0
         self._output: ControlOutput | None = None
         """The output for the last new state."""
-        self._fault_count = 0
-        if before is not None:
-            self._continue(before)
+        if before is not None and before.is_active:
+            self.activate()
 
     @classmethod
     def of_arm(
@@ -135,15 +128,13 @@ class ControlLoop:
         loop.activate()
         return loop
 
-    def _continue(self, before: 'ControlLoop') -> None:
-        old, new = before.supervisor, self.supervisor
-        if before.controller.arm.joint_names == self.controller.arm.joint_names:
+    def _continue(self, old: CommandSupervisor) -> None:
+        new = self.supervisor
+        if old.joint_names == new.joint_names:
             old.set_options(new.limiter.limits, new.options)
-            self.supervisor, self._fault_count = old, old.fault_count
+            self.supervisor = old
         elif old.is_latched:
             new.fault = old.fault
-        if before.is_active:
-            self.activate()
 
     # ------------------------------------------------------------------ requests
 
@@ -152,13 +143,13 @@ class ControlLoop:
         with self.lock:
             self.is_active = True
             self.supervisor.activate()
-            self._follow_faults()
+            self._endings.follow(self._steady)
 
     def deactivate(self, now: float, reason: str = 'the node was deactivated') -> None:
         """Stop the arm, hold it, end the command by `end_action`, and be inactive."""
         with self.lock:
             self.is_active = False
-            self._end.begin(self.supervisor, now, reason)
+            self._endings.end(now, Ending(Kind.RELEASE, reason))
 
     def set_options(
         self, options: ControllerOptions, limits: EffortLimits, safety: SafetyOptions,
@@ -167,17 +158,17 @@ class ControlLoop:
         with self.lock:
             controller = self.controller
             before = controller.options.command
+            reason = f'command was set to {options.command!r}'
             if options.command == NO_COMMAND != before and self.supervisor.mode in (
                     Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
-                self._end.options = options
-                options = replace(options, command=before)
-                self._end.begin(self.supervisor, self._steady, "command was set to 'none'")
+                self._endings.awaiting, options = options, replace(options, command=before)
+                self._endings.end(self._steady, Ending(Kind.RELEASE, reason))
             else:
-                if self._end.options is not None:
-                    self._end.options = None
+                if self._endings.awaiting is not None:
+                    self._endings.awaiting = None
                     self.supervisor.resume()
-                if options.command != before and controller.trajectory is not None:
-                    self.goals.interruption = f'command was set to {options.command!r}'
+                if options.command != before:
+                    self.goals.end(Ending(Kind.HOLD, reason))
             controller.set_options(options)
             self.goals.stream.set_timeout(options.stream_timeout)
             self.supervisor.set_options(limits, safety)
@@ -221,21 +212,17 @@ class ControlLoop:
         """Stop the arm and hold its position, whatever was sent before; return a report."""
         with self.lock:
             obstacle = self.obstacle
-            self.goals.revoke(STOPPED)
-            if self.supervisor.mode is Mode.FAULT:
-                self.controller.stop_from_state()
-                return f'the arm will stop and hold its position after the {obstacle}'
-            if obstacle:
+            if obstacle and self.supervisor.mode is not Mode.FAULT:
+                self.goals.refuse(STOPPED)
                 return f'nothing to stop: {obstacle}'
-            self.goals.stream.end()
-            self.goals.interruption = STOPPED
-            return self.controller.stop()
+            report = self._endings.end(self._steady, Ending(Kind.HOLD, STOPPED))
+            return report if not obstacle else (
+                f'the arm will stop and hold its position after the {obstacle}')
 
-    def fail(self, now: float, fault: Fault) -> None:
-        """Begin the fault action."""
+    def end(self, now: float, ending: Ending) -> None:
+        """Execute an ending, from wherever it was raised, such as a fault, at a time [s]."""
         with self.lock:
-            self.supervisor.fail(now, fault)
-            self._follow_faults()
+            self._endings.end(now, ending)
 
     def reset(self) -> tuple[bool, str]:
         """Reset a latched fault whose cause has ended; return success and a message."""
@@ -270,8 +257,10 @@ class ControlLoop:
             try:
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
-                if verdict.restart or verdict.time_shift or now > self.goals.stream.deadline:
-                    self._follow_time(verdict, now)
+                if verdict.restart or verdict.time_shift:
+                    self._follow_time(verdict)
+                if now > self.goals.stream.deadline:
+                    self._endings.end(now, self.goals.pause())
                 signals = self.gate.take(verdict.stamp, q, v)
                 if signals is None and self.supervisor.limiter.last is None and (
                         v is None or not v.any()):  # at rest since the command ended
@@ -294,11 +283,11 @@ class ControlLoop:
                 return answer
             except ImplausibleStateError as error:
                 if error.is_conflict:
-                    self.fail(now, Fault(
-                        'several_publishers', str(error), recovery=CONTRADICTION))
+                    self.end(now, Ending.by(Fault(
+                        'several_publishers', str(error), recovery=CONTRADICTION)))
                 raise
             except NonFiniteEffortError as error:
-                self.fail(now, Fault('non_finite', str(error), latched=True))
+                self.end(now, Ending.by(Fault('non_finite', str(error), latched=True)))
                 raise
 
     def _answer(
@@ -307,11 +296,13 @@ class ControlLoop:
         controller, supervisor, dt = self.controller, self.supervisor, verdict.dt
         q, v, delay, lost = signals
         if lost is not None:
-            fault = fault or self._frozen(lost)
+            fault = fault or frozen_joint(controller.arm.joint_names, lost)
+            if supervisor.is_held_in_vain(now, v):
+                supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
         output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1
         if output.command is None:
-            supervisor.deactivate(now)
+            supervisor.end(now, Ending(Kind.RELEASE_NOW, 'there is no command'))
             return LoopAnswer(None, output, verdict)
         if not verdict.is_new and not self._awaits_command:
             return LoopAnswer(supervisor.repeat(), output, verdict)
@@ -330,31 +321,12 @@ class ControlLoop:
         if self.is_active and supervisor.mode is Mode.INACTIVE:
             supervisor.activate()
         brake: Brake = partial(braked, controller, returns=supervisor.was_inside)
-        if lost is not None and self._moves_on(now, v):
-            supervisor.act(now)
         limited = supervisor.answer(
             now, q, v, output.command, output.holding_effort, dt, brake, fault,
             partial(controller.motion_equation, output), output.state.trajectory is not None)
-        self._follow_faults()
-        if supervisor.mode is Mode.BRAKING and self._end.is_reached(
-                verdict.stamp, q, v):
-            supervisor.deactivate(now)
-            self._follow_faults()
+        self._endings.follow_state(now, verdict.stamp, q, v)
         return LoopAnswer(limited, output, verdict, supervisor.limiter.active if (
             supervisor.mode is Mode.RUNNING) else None)
-
-    def _frozen(self, lost: BoolArray) -> Fault:
-        names = [name for name, is_lost in zip(self.controller.arm.joint_names, lost) if is_lost]
-        return Fault(
-            'frozen_joint', f'the position of {names} has not changed for more than {LOST:g} s, '
-            'although it moved before: check the encoder or its driver',
-            recovery=RECOVERY)
-
-    def _moves_on(self, now: float, v: FloatArray) -> bool:
-        """Return whether the joints with a signal move, STOP_TIME after one was lost."""
-        return self.supervisor.mode is Mode.FAULT and (
-            now - self.supervisor.failed_at > STOP_TIME) and bool(
-            (np.abs(v) > CALM * self.controller.arm.limits.velocity).any())
 
     @property
     def _awaits_command(self) -> bool:
@@ -366,43 +338,18 @@ class ControlLoop:
         """Return the effort (n,) that is due without a state (fault action, ramp), or None."""
         with self.lock:
             effort = self.supervisor.tick(now, partial(coasting, self.controller))
-            self._follow_faults()
-            if self.goals.goal is not None:
-                self.goals.goal.end_if_replaced(self.goals.interruption)
+            self._endings.follow(now)
             return effort
 
     def _restart(self, reason: str) -> None:
-        """End the reference: the next states continue from another place or time."""
         self.restarts[reason] += 1
-        self.goals.interrupt(f'joint states restarted: {reason}')
-        self.controller.restart_states()
+        self._endings.restart(self._steady, reason)
 
-    def _follow_time(self, verdict: StateVerdict, now: float) -> None:
-        """Restart if the joint states restart, and end a stream of set-points that has paused."""
+    def _follow_time(self, verdict: StateVerdict) -> None:
+        """Restart, or shift the times of the reference, as the stamps of the states do."""
         if verdict.restart:
             self.gate.restart()
             if self.states > 0:
                 self._restart(verdict.restart)
         if verdict.time_shift:
             self.controller.followed.shift_time(verdict.time_shift)
-        if now > self.goals.stream.deadline:
-            self.goals.pause()
-
-    def _follow_faults(self) -> None:
-        """End the reference when a fault begins; apply the options that await the end."""
-        supervisor, controller, fault = self.supervisor, self.controller, self.supervisor.fault
-        if supervisor.fault_count != self._fault_count and fault is not None:
-            self._fault_count = supervisor.fault_count
-            if controller.trajectory is not None:
-                fault = supervisor.recurring.count(fault, self._steady)
-            self.goals.fail(fault, supervisor.keeps_law)
-        controller.may_hold = supervisor.keeps_law or (
-            supervisor.mode in (Mode.WAITING, Mode.RUNNING, Mode.BRAKING))
-        if not controller.may_hold and supervisor.mode is Mode.FAULT and (
-                controller.trajectory is not None):
-            controller.stop_from_state()
-        if supervisor.mode in (Mode.STOPPING, Mode.INACTIVE) and controller.trajectory is not None:
-            controller.followed.end()  # the arm may move until the next command
-        if self._end.options is not None and supervisor.mode in (Mode.STOPPING, Mode.INACTIVE):
-            options, self._end.options = self._end.options, None
-            controller.set_options(options)

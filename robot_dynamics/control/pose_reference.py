@@ -39,8 +39,7 @@ def pose_set_point(
     q = controller.reference_position()
     if q is None and state is None:
         raise InvalidInputError(
-            'no joint state with velocities has been received, so that there is no pose to start '
-            'from')
+            'no joint state has been received, so that there is no pose to start from')
     start = np.asarray(q if state is None or q is not None else state[1])
     kinematics, norm = cartesian.kinematics(), float(np.linalg.norm(turn))
     if norm == 0.0:

@@ -19,11 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.safety.faults import Fault, FOLLOWING_ERROR
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory
 
 LATEST_START = 0.5
 """[s] by which a goal may end late because the arm is not yet at its first point."""
@@ -123,7 +121,7 @@ class GoalFeedback(NamedTuple):
 
     stamp_ns: int
     position: FloatArray
-    velocity: FloatArray | None
+    velocity: FloatArray
     desired: Reference
 
 
@@ -138,7 +136,6 @@ class TrajectoryGoal:
         self._controller, self._tolerances = controller, tolerances
         self._when_done = when_done
         self._names = controller.arm.joint_names
-        self._trajectory = _followed(controller)
         self._recent: deque[tuple[int, FloatArray]] = deque()
         """Stamps and positions of the last REST_TIME_NS, at least the last two."""
         self.is_stopping = False
@@ -154,24 +151,13 @@ class TrajectoryGoal:
             self.result = GoalResult(code, message, is_canceled)
             self._when_done()
 
-    def end_if_replaced(self, reason: str) -> None:
-        """End the goal if the controller follows something else, because of `reason`."""
-        if self.result is None and _followed(self._controller) is not self._trajectory:
-            self.end(ResultCode.INVALID_GOAL, reason or 'another reference has replaced it')
-
-    def fail(self, fault: Fault) -> None:
-        """End the goal by a fault; too large a following error is a violation of the path."""
-        self.end(ResultCode.PATH_TOLERANCE_VIOLATED if fault.name == FOLLOWING_ERROR else (
-            ResultCode.INVALID_GOAL), str(fault))
-
     def cancel(self) -> None:
         """Stop the arm; the goal ends when it is at rest."""
         if self.result is None and not self.is_stopping:
             self._controller.stop()
             self.is_stopping = True
-            self._trajectory = _followed(self._controller)
 
-    def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray | None) -> None:
+    def judge(self, stamp_ns: int, q: FloatArray, v: FloatArray) -> None:
         """Compare a state (n,) with the tolerances, and end the goal if it has a result."""
         active = self._controller.trajectory
         if active is None:
@@ -194,7 +180,7 @@ class TrajectoryGoal:
                     f'cancelled, but the arm is not at rest {LONGEST_STOP:g} s after its stop')
             return
         e = self._controller.position_error(desired.position, q)
-        e_v = np.zeros_like(q) if v is None else desired.velocity - v
+        e_v = desired.velocity - v
         allowed = self._tolerances
         if late < 0.0:
             violation = self._violation(e, allowed.path, e_v, allowed.path_velocity)
@@ -236,9 +222,3 @@ class TrajectoryGoal:
                 return (f'{name!r} is {units.error_text(abs(error[j]))} off, expected at most '
                         f'{units.error_text(most[j])}')
         return ''
-
-
-def _followed(controller: Controller) -> JointTrajectory | None:
-    """Return what the controller follows; the object stays the same if clocks are shifted."""
-    active = controller.trajectory
-    return None if active is None else active.trajectory

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
 from supervised import (
     answer,
@@ -16,6 +17,8 @@ from supervised import (
     PERIOD,
     PUSH,
     RAMP_TIME,
+    RELEASE,
+    RELEASE_NOW,
     running,
     START,
     TROUBLE,
@@ -24,7 +27,8 @@ from supervised import (
 
 def braking(**options: Any) -> CommandSupervisor:
     one = running(PUSH, end_action='ramp_to_zero', **options)
-    assert one.brake(START)
+    one.end(START, RELEASE)
+    assert one.mode is Mode.BRAKING
     assert one.mode is Mode.BRAKING
     assert one.is_commanding
     return one
@@ -37,7 +41,7 @@ def test_the_command_continues_during_the_stop():
         assert one.tick(START + (k + 0.5) * PERIOD) is None
     repeated = one.repeat()
     assert repeated.tolist() == PUSH.tolist()
-    one.deactivate(START + 0.2)  # the arm has stopped
+    one.end(START + 0.2, RELEASE_NOW)  # the arm has stopped
     t, efforts = course(one, START + 0.2)
     assert efforts[-1].tolist() == [0.0, 0.0]
     assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
@@ -50,7 +54,8 @@ def test_a_stop_that_does_not_succeed_ends_with_the_ramp():
         now = START + k * period
         answer(one, now, PUSH)
         assert one.tick(now) is None
-        assert one.brake(now)
+        one.end(now, RELEASE)
+        assert one.mode is Mode.BRAKING
     assert one.mode is Mode.BRAKING
     assert one.tick(np.nextafter(end, np.inf)) is not None
     assert one.mode is Mode.STOPPING
@@ -66,27 +71,31 @@ def test_without_states_a_stop_ends_with_the_ramp(state_timeout, longest):
     assert one.mode is Mode.STOPPING
     assert one.fault is None
     one = running(end_action='ramp_to_zero', state_timeout=state_timeout)
-    assert not one.brake(START + longest + 0.001)
+    one.end(START + longest + 0.001, RELEASE)
+    assert one.mode is not Mode.BRAKING
     assert one.mode is Mode.STOPPING
 
 
 def test_without_a_command_there_is_no_stop():
     one = make()
     one.activate()
-    assert not one.brake(START)
+    one.end(START, RELEASE)
+    assert one.mode is not Mode.BRAKING
     assert one.mode is Mode.INACTIVE
     one = running(fault_action='stop_publishing')
-    one.fail(START, TROUBLE)
+    one.end(START, Ending.by(TROUBLE))
     one.tick(START)
-    assert not one.brake(START)
+    one.end(START, RELEASE)
+    assert one.mode is not Mode.BRAKING
     assert one.mode is Mode.INACTIVE
 
 
 @pytest.mark.parametrize('before', [True, False])
 def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
     one = running(PUSH)
-    for step in ((one.fail, one.brake) if before else (one.brake, one.fail)):
-        step(START, *([TROUBLE] if step == one.fail else []))  # type: ignore[operator]
+    endings = [Ending.by(TROUBLE), RELEASE]
+    for ending in endings if before else endings[::-1]:
+        one.end(START, ending)
     assert one.mode is Mode.BRAKING
     assert one.fault == TROUBLE
     assert one.fault_count == 1
@@ -96,7 +105,7 @@ def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
             START + k * PERIOD, np.zeros(2), np.ones(2), PUSH, HOLD.copy, PERIOD,
             lambda *_: damped)
     assert effort == pytest.approx(damped)
-    one.fail(START + 0.4, TROUBLE)
+    one.end(START + 0.4, Ending.by(TROUBLE))
     assert one.fault_count == 1
     one.resume()
     assert one.mode is Mode.FAULT

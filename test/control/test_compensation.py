@@ -5,6 +5,7 @@
 
 from typing import NamedTuple
 
+from controller_bench import update
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
@@ -49,7 +50,7 @@ def run(
         ARM.joint_names, [0.0, 0.5 * seconds, seconds],
         [[0.785, 0.524], [1.585, 1.244], [0.785, 0.524]])
     controller = Controller(model, ControllerOptions(make_gains(ARM.joint_names)))
-    controller.update(1, motion.points[0].position, np.zeros(2))  # required before a trajectory
+    update(controller, 1, motion.points[0].position, np.zeros(2))  # required before a trajectory
     controller.follow(motion, 1)
     simulation = released(with_friction(1.0), motion.points[0].position)
     random = np.random.default_rng(0)
@@ -57,7 +58,8 @@ def run(
     for k in range(int((seconds + still) / PERIOD)):
         q, v = simulation.state
         measured = v + velocity_noise * random.standard_normal(2)
-        output = controller.update(
+        output = update(
+            controller,
             1 + round(1e9 * k * PERIOD), q + position_noise * random.standard_normal(2), measured)
         rows.append(
             (output.reference.position - q, output.command, output.terms.friction, measured, v))

@@ -5,6 +5,7 @@
 
 import math
 
+from controller_bench import update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -35,9 +36,9 @@ def along_a_path(arm: ArmModel = ARM, **options: object) -> list[ControlOutput]:
     one = Controller(arm, ControllerOptions(GAINS, **options))  # type: ignore[arg-type]
     zero = np.zeros(2)
     for k in range(1, 21):  # then the rate of the states is known
-        one.update(START + 5 * (k - 20) * MS, zero, zero)
+        update(one, START + 5 * (k - 20) * MS, zero, zero)
     one.follow(make_trajectory(NAMES, (0.3, 0.6, 0.9), POINTS, VELOCITIES, (), NAMES), START)
-    return [one.update(START + 5 * k * MS, zero, zero) for k in range(1, 200)]
+    return [update(one, START + 5 * k * MS, zero, zero) for k in range(1, 200)]
 
 
 def feedback_of(
@@ -47,10 +48,10 @@ def feedback_of(
     one = Controller(ARM, ControllerOptions(GAINS, effort_rate=rate, scales_gains=softens))
     q, body = np.zeros(2), ArmDynamics(ARM).rigid_body
     for k in range(20):
-        one.update(START + 2 * k * MS, q, q)
+        update(one, START + 2 * k * MS, q, q)
     one.follow(make_trajectory(NAMES, (0.0,), [[error, -error]], (), (), NAMES), 0)
     v = np.full(2, speed)
-    output = one.update(START + 40 * MS, q, v)
+    output = update(one, START + 40 * MS, q, v)
     effort, terms = output.computed_torque, output.terms
     assert terms.effort == pytest.approx(effort)
     K_p_e, K_d_e_dot, s = GAINS.kp * [error, -error], -GAINS.kd * v, output.scale
@@ -98,12 +99,12 @@ def final_error(
     free = np.full(2, np.inf)
     guard = EffortLimiter(EffortLimits(-free, free, free, 0.0, rate))
     q, v, now = np.zeros(2), np.zeros(2), START
-    one.update(now, q, v)
+    update(one, now, q, v)
     one.follow(make_trajectory(NAMES, (duration,), [goal], (), (), NAMES), 0)
-    acts = one.update(now, q, v).holding_effort()
+    acts = update(one, now, q, v).holding_effort()
     for _ in range(round(seconds / period)):
         now += round(1e9 * period)
-        output = one.update(now, q, v)
+        output = update(one, now, q, v)
         effort = guard.apply(output.command, output.holding_effort, q, v, period)
         for _ in range(2):  # the effort for the previous state acts
             v = v + 0.5 * period * plant.forward_dynamics(q, v, acts)

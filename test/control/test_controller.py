@@ -18,6 +18,7 @@ from controller_bench import (
     options,
     Q,
     set_point,
+    update,
     V,
     ZERO,
 )
@@ -43,9 +44,9 @@ def test_the_equation_of_motion_is_in_units_of_the_command(compensates, scale):
         make_friction(NAMES, viscous=[3.0, 2.0]))
     controller = Controller(arm, options(
         effort_convention=EffortConvention(robot_compensates=compensates)))
-    controller.update(NOW, Q, V)
+    update(controller, NOW, Q, V)
     controller.follow(set_point(Q.tolist(), V.tolist()), 0)
-    output = controller.update(NOW, Q, V)
+    output = update(controller, NOW, Q, V)
     M, h = controller.motion_equation(output, Q, V)
     a, s, body = np.array([2.0, -3.0]), np.array(scale), ArmDynamics(arm).rigid_body
     friction = output.law.friction
@@ -60,13 +61,13 @@ def test_the_equation_of_motion_is_in_units_of_the_command(compensates, scale):
 @pytest.mark.parametrize('mode', ['computed_torque', 'gravity_compensation', 'none'])
 def test_the_mode_chooses_the_command_alone(mode):
     controller = make_controller(command=mode)
-    controller.update(NOW, Q, V)
+    update(controller, NOW, Q, V)
     if mode == 'computed_torque':
         controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
     else:
         with pytest.raises(TrajectoryError, match=f"command is '{mode}', expected .*'computed_t"):
             controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
-    output = controller.update(NOW, Q, V)
+    output = update(controller, NOW, Q, V)
     assert (output.computed_torque is not None) == (mode == 'computed_torque')
     assert output.clamped is None
     if mode == 'none':
@@ -77,12 +78,12 @@ def test_the_mode_chooses_the_command_alone(mode):
 
 def test_changed_options_act_at_once_and_keep_the_reference():
     controller = make_controller()
-    controller.update(NOW, Q, ZERO)
+    update(controller, NOW, Q, ZERO)
     controller.follow(set_point([0.9, 0.5]), 0)
-    before = controller.update(NOW, Q, ZERO).computed_torque
+    before = update(controller, NOW, Q, ZERO).computed_torque
     controller.set_options(ControllerOptions(make_gains(NAMES, [40.0])))
-    after = controller.update(NOW, Q, ZERO).computed_torque
-    gravity = controller.update(NOW, Q, ZERO).gravity_compensation
+    after = update(controller, NOW, Q, ZERO).computed_torque
+    gravity = update(controller, NOW, Q, ZERO).gravity_compensation
     assert after - gravity == pytest.approx(4.0 * (before - gravity))
 
 
@@ -91,11 +92,11 @@ def test_changed_options_act_at_once_and_keep_the_reference():
 @pytest.mark.parametrize('mode', ['gravity_compensation', 'none'])
 def test_another_command_ends_the_reference(mode):
     controller = make_controller()
-    controller.update(NOW, Q, ZERO)
+    update(controller, NOW, Q, ZERO)
     controller.follow(set_point([1.0, 0.2]), 0)
     controller.set_options(options(command=mode))
     controller.set_options(options())
-    output = controller.update(NOW, Q, ZERO)
+    output = update(controller, NOW, Q, ZERO)
     assert output.reference is None
     assert output.command.tolist() == output.holding_effort().tolist()
 
@@ -105,9 +106,9 @@ def test_another_command_ends_the_reference(mode):
 @pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
 def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale):
     controller = make_controller(effort_limit_fraction=scale)
-    controller.update(NOW, Q, ZERO)
+    update(controller, NOW, Q, ZERO)
     controller.follow(set_point([3.0, -2.0]), 0)
-    output = controller.update(NOW, Q, ZERO)
+    output = update(controller, NOW, Q, ZERO)
     assert output.clamped.tolist() == [True, True]
     assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # reported without clamping
     limit = scale * np.array([150.0, 60.0])  # extended to the gravity torque
@@ -140,7 +141,7 @@ def test_changes_from_another_thread_never_mix():
     deadline = time.monotonic() + LONG
     try:
         while min(seen[0], seen[1]) < 500 and time.monotonic() < deadline:
-            effort = controller.update(NOW + seen.total(), Q, ZERO).command
+            effort = update(controller, NOW + seen.total(), Q, ZERO).command
             far = [np.abs(effort - one).max() for one in allowed]
             assert min(far) < 1e-9
             seen[int(np.argmin(far))] += 1

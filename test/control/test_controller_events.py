@@ -3,7 +3,19 @@
 
 """Events of the controller between two states: stops, lost states, faults, shifted time."""
 
-from controller_bench import ARM, LIMIT, LOAD, make_controller, NAMES, NOW, Q, SECOND, V, ZERO
+from controller_bench import (
+    ARM,
+    LIMIT,
+    LOAD,
+    make_controller,
+    NAMES,
+    NOW,
+    Q,
+    SECOND,
+    update,
+    V,
+    ZERO,
+)
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import braked
@@ -18,7 +30,7 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 GAINS = make_gains(NAMES)
 MS = SECOND // 1000
-NO_STATE = 'no joint state with velocities has been received'
+NO_STATE = 'no joint state has been received'
 NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
 
 
@@ -30,9 +42,9 @@ def make(**options: object) -> Controller:
 def moving(**options: object) -> Controller:
     """Return a controller 1 s after the start of a motion of 2 s."""
     one = make(**options)
-    one.update(NOW, Q, ZERO)
+    update(one, NOW, Q, ZERO)
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    one.update(NOW + SECOND, Q, V)
+    update(one, NOW + SECOND, Q, V)
     return one
 
 
@@ -43,10 +55,10 @@ def test_without_a_state_or_a_command_there_is_nothing_to_stop():
     assert one.has_stopped
     assert one.stop() == NOTHING_TO_STOP
     assert one.trajectory is None
-    one.update(NOW, Q, V)
+    update(one, NOW, Q, V)
     assert one.has_stopped
     one = make(command='none')
-    one.update(NOW, Q, V)
+    update(one, NOW, Q, V)
     assert one.stop() == NOTHING_TO_STOP
     assert one.trajectory is None
 
@@ -54,12 +66,12 @@ def test_without_a_state_or_a_command_there_is_nothing_to_stop():
 @pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
 def test_a_stop_from_a_measured_state_begins_with_its_velocity(command):
     one = make(command=command)
-    one.update(NOW, Q, V)
+    update(one, NOW, Q, V)
     assert one.stop() == 'stopping from the measured state, then holding the position'
-    output = one.update(NOW, Q, V)
+    output = update(one, NOW, Q, V)
     assert output.reference.position == pytest.approx(Q)
     assert output.reference.velocity == pytest.approx(V)
-    later = one.update(NOW + 9 * SECOND, Q, ZERO)
+    later = update(one, NOW + 9 * SECOND, Q, ZERO)
     assert not later.reference.velocity.any()
     # it holds the position
     assert np.abs(later.computed_torque - later.holding_effort()).max() > 1.0
@@ -68,22 +80,22 @@ def test_a_stop_from_a_measured_state_begins_with_its_velocity(command):
 @pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
 def test_a_stop_that_was_requested_holds_the_position_with_any_command(command):
     one = make(command=command, stops_and_holds=True)
-    assert one.update(NOW, Q, ZERO).reference is None
+    assert update(one, NOW, Q, ZERO).reference is None
     one.stop_from_state()
     for ms in (10, 1000):
-        assert one.update(NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
+        assert update(one, NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
 
 
 def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time():
     one = moving()
-    before = one.update(NOW + SECOND, Q, V).reference
+    before = update(one, NOW + SECOND, Q, V).reference
     assert not one.has_stopped
     assert one.stop() == 'stopping along the reference, then holding the position'
     assert not one.has_stopped
-    after = one.update(NOW + SECOND, Q, V).reference
+    after = update(one, NOW + SECOND, Q, V).reference
     assert after.position == pytest.approx(before.position)
     assert after.velocity == pytest.approx(before.velocity)
-    end = one.update(NOW + 20 * SECOND, Q, V).reference
+    end = update(one, NOW + 20 * SECOND, Q, V).reference
     assert one.has_stopped
     assert not end.velocity.any()
     assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
@@ -95,7 +107,7 @@ def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds):
     one.stop_from_state()
     assert one.trajectory is None
     later = Q + 1e-3 * V
-    reference = one.update(NOW + SECOND + MS, later, 1.1 * V).reference
+    reference = update(one, NOW + SECOND + MS, later, 1.1 * V).reference
     assert (reference is not None) == holds
     if reference is not None:
         assert reference.position == pytest.approx(later)
@@ -107,20 +119,20 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     """Its compensation, given too large, would drive a light joint on after each fault."""
     arm = ARM.with_friction(make_friction(NAMES, coulomb=[4.0, 1.5]))
     one = Controller(arm, default_options(arm, command=command))
-    one.update(NOW, Q, V)
-    stop = one.update(NOW + MS, Q + 1e-3 * V, V)
+    update(one, NOW, Q, V)
+    stop = update(one, NOW + MS, Q + 1e-3 * V, V)
     assert stop.reference.velocity == pytest.approx(V)
     assert np.abs(stop.law.friction).max() < 0.1
     one.followed.shift_time(MS)
-    assert np.abs(one.update(NOW + MS, Q + 1e-3 * V, V).law.friction).max() < 0.1
+    assert np.abs(update(one, NOW + MS, Q + 1e-3 * V, V).law.friction).max() < 0.1
     one.stop()  # of the same motion
-    assert np.abs(one.update(NOW + 2 * MS, Q + 2e-3 * V, V).law.friction).max() < 0.1
+    assert np.abs(update(one, NOW + 2 * MS, Q + 2e-3 * V, V).law.friction).max() < 0.1
     one.follow(quintic_point_to_point(NAMES, Q, [1.6, 1.3], 2.0), 0)
-    motion = one.update(NOW + SECOND, Q + 0.4, ZERO)
+    motion = update(one, NOW + SECOND, Q + 0.4, ZERO)
     assert motion.reference.velocity.min() > 0.3
     one.stop()
     q = motion.reference.position
-    assert one.update(NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
+    assert update(one, NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
 
 
 @pytest.mark.parametrize(('command', 'holds'), [
@@ -128,15 +140,15 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
 def test_the_first_state_is_a_reference_of_a_law_that_follows(command, holds):
     """The second one gives it its velocity."""
     one = make(stops_and_holds=holds, command=command)
-    reference = one.update(NOW, Q, ZERO).reference
+    reference = update(one, NOW, Q, ZERO).reference
     assert (reference is not None) == (holds and command == 'computed_torque')
     if reference is not None:
         assert reference.position.tolist() == Q.tolist()
         assert reference.velocity.tolist() == [0.0, 0.0]
-        reference = one.update(NOW + 2 * MS, Q + 2e-3 * V, V).reference
+        reference = update(one, NOW + 2 * MS, Q + 2e-3 * V, V).reference
         assert reference.position == pytest.approx(Q + 2e-3 * V)
         assert reference.velocity == pytest.approx(V)
-        end = one.update(NOW + 9 * SECOND, Q, ZERO).reference
+        end = update(one, NOW + 9 * SECOND, Q, ZERO).reference
         assert not end.velocity.any()
         assert (end.position > Q).all()
 
@@ -146,10 +158,10 @@ def test_a_stop_does_not_begin_while_the_caller_forbids_it():
     one = make(stops_and_holds=True)
     one.may_hold = False
     for _ in range(2):
-        assert one.update(NOW, Q, V).reference is None
+        assert update(one, NOW, Q, V).reference is None
         one.stop_from_state()
     one.may_hold = True
-    reference = one.update(NOW + MS, Q + 0.1, ZERO).reference
+    reference = update(one, NOW + MS, Q + 0.1, ZERO).reference
     assert reference.position.tolist() == (Q + 0.1).tolist()
 
 
@@ -158,11 +170,11 @@ def test_a_stop_does_not_begin_while_the_caller_forbids_it():
 @pytest.mark.parametrize('timeout', [0.2, 0.4])
 def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
     one = make(stream_timeout=timeout)
-    one.update(NOW, ZERO, ZERO)
+    update(one, NOW, ZERO, ZERO)
     one.follow(make_trajectory(NAMES, [0.0], [ZERO], [[0.2, 0.0]], (), NAMES), 0)
     velocities = []
     for ms in (200, 400, 5000):
-        reference = one.update(NOW + ms * MS, ZERO, ZERO).reference
+        reference = update(one, NOW + ms * MS, ZERO, ZERO).reference
         velocities.append(reference.velocity[0])
     assert velocities[0] > 0.15
     assert (velocities[1] > 0.15) == (timeout == 0.4)
@@ -173,12 +185,12 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
 
 def test_after_a_restart_the_next_state_is_a_first_one():
     one = make(stops_and_holds=True)
-    one.update(NOW, Q, ZERO)
+    update(one, NOW, Q, ZERO)
     one.restart_states()
     with pytest.raises(TrajectoryError, match=NO_STATE):
         one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
     one.stop_from_state()
-    reference = one.update(NOW + 40 * MS, Q - 3.0, ZERO).reference
+    reference = update(one, NOW + 40 * MS, Q - 3.0, ZERO).reference
     assert reference.position.tolist() == (Q - 3.0).tolist()
 
 
@@ -187,11 +199,11 @@ def test_after_a_restart_the_next_state_is_a_first_one():
 def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output():
     """Also if other states and another load follow."""
     one, other = make(), make()
-    output, read = (each.update(NOW, Q, V) for each in (one, other))
+    output, read = (update(each, NOW, Q, V) for each in (one, other))
     expected = read.terms
-    one.update(NOW + MS, Q + 0.3, -V)
+    update(one, NOW + MS, Q + 0.3, -V)
     one.set_payloads([LOAD], 0.0, lambda _: None)
-    one.update(NOW + 2 * MS, Q + 0.3, -V)
+    update(one, NOW + 2 * MS, Q + 0.3, -V)
     for ours, theirs in zip(output.terms, expected):
         assert np.array_equal(ours, theirs)
     assert output.gravity_compensation.tolist() == read.gravity_compensation.tolist()
@@ -201,10 +213,10 @@ def test_terms_are_computed_when_they_are_read_for_the_state_of_their_output():
 @pytest.mark.filterwarnings('error')
 def test_terms_that_are_not_finite_are_not_reported():
     one = make()
-    output = one.update(NOW, Q, np.full(2, 1e200))
+    output = update(one, NOW, Q, np.full(2, 1e200))
     assert output.terms is None  # the energy
     assert output.command == pytest.approx(output.holding_effort())
-    assert one.update(NOW + MS, Q, V).terms is not None
+    assert update(one, NOW + MS, Q, V).terms is not None
 
 
 # --- the hold in a fault -------------------------------------------------------------------------
@@ -219,7 +231,7 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads):
     """Against the motion, with half of the damping of the feedback and the inertia of the load."""
     one, v = make(), 0.2 * V
     one.set_payloads(loads, 0.0, lambda _: None)  # type: ignore[arg-type]
-    hold = one.update(NOW, Q, v).holding_effort()
+    hold = update(one, NOW, Q, v).holding_effort()
     damped = braked(one, Q, v, hold)
     assert damped == pytest.approx(hold - damping(v, loads))
     assert float(v @ (damped - hold)) < 0.0  # it takes energy away

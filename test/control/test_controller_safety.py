@@ -4,7 +4,7 @@
 """The gravity torque as hold, discarded references, and non-finite efforts."""
 
 
-from controller_bench import ARM, LIMIT, make_controller, NOW, Q, set_point, ZERO
+from controller_bench import ARM, LIMIT, make_controller, NOW, Q, set_point, update, ZERO
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -27,9 +27,9 @@ angles = st.lists(st.floats(-np.pi, np.pi), min_size=2, max_size=2).map(np.array
 @given(angles, angles, angles)
 def test_the_hold_is_the_gravity_torque_for_any_reference(q, v, goal):
     one, gravity = make_controller(), ArmDynamics(ARM).rigid_body.gravity(q)
-    assert one.update(NOW, q, v).holding_effort() == pytest.approx(gravity)
+    assert update(one, NOW, q, v).holding_effort() == pytest.approx(gravity)
     one.follow(set_point(goal), 0)
-    output = one.update(NOW, q, v)
+    output = update(one, NOW, q, v)
     assert output.computed_torque is not None
     assert output.holding_effort() == pytest.approx(gravity)
 
@@ -39,7 +39,7 @@ def test_the_hold_is_the_gravity_torque_for_any_reference(q, v, goal):
        st.sampled_from([EffortConvention(), COMPENSATES_GRAVITY]))
 def test_without_a_reference_the_command_is_the_hold(q, scale, mode, semantics):
     one = make_controller(command=mode, effort_limit_fraction=scale, effort_convention=semantics)
-    output = one.update(NOW, q, ZERO)
+    output = update(one, NOW, q, ZERO)
     assert output.command.tolist() == output.holding_effort().tolist()
 
 
@@ -52,9 +52,9 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
         effort_limit_fraction=scale,
         effort_convention=COMPENSATES_GRAVITY if robot_holds else EffortConvention())
     one.set_payloads([] if load is None else [load], 0.0, lambda _: None)
-    one.update(NOW, q, ZERO)
+    update(one, NOW, q, ZERO)
     one.follow(set_point(goal), 0)
-    output = one.update(NOW, q, ZERO)
+    output = update(one, NOW, q, ZERO)
     holding = output.holding_effort()
     assert (np.abs(output.command) <= np.maximum(scale * LIMIT, np.abs(holding))).all()
     for effort in (output.command, holding):
@@ -69,11 +69,11 @@ def test_command_and_hold_are_within_the_limits_with_what_the_robot_adds(
 @pytest.mark.parametrize('size', [1e155, 1e200, 1e300])
 def test_a_non_finite_effort_is_rejected_without_side_effects(size):
     one = make_controller()
-    before = one.update(NOW, Q, ZERO)
+    before = update(one, NOW, Q, ZERO)
     one.follow(set_point(Q), 0)
     with np.errstate(all='ignore'), pytest.raises(NonFiniteEffortError) as caught:
-        one.update(NOW, Q, np.full(2, size))
+        update(one, NOW, Q, np.full(2, size))
     assert 'position [0.8, 0.5] are not finite' in str(caught.value)
     one.followed.end()
-    after = one.update(NOW, Q, ZERO)
+    after = update(one, NOW, Q, ZERO)
     assert after.command.tolist() == before.holding_effort().tolist()

@@ -4,6 +4,7 @@
 
 from typing import Any
 
+from controller_bench import update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -47,7 +48,7 @@ def controller(arm: ArmModel, robot: tuple[str, ...], **options: Any) -> Control
 
 
 def follow(one: Controller, goal: Any, v: Any = ZERO) -> None:
-    one.update(NOW, Q, v)
+    update(one, NOW, Q, v)
     one.follow(make_trajectory(NAMES, [0.0], [goal], [ZERO], [], NAMES), 0)
 
 
@@ -57,7 +58,7 @@ def test_no_command_is_beyond_the_limits_of_the_drive(scale, offset, goal, share
     arm, drive = driven(FRICTION, scale, offset)
     one = controller(arm, robot, effort_limit_fraction=share)
     follow(one, goal)
-    output = one.update(NOW + 1, Q, ZERO)
+    output = update(one, NOW + 1, Q, ZERO)
     holding = output.holding_effort()
     for effort in (output.command, holding, braked(one, Q, V, holding)):
         assert (np.abs(effort) <= LIMIT).all()
@@ -70,7 +71,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(rob
     arm, drive = driven(FRICTION, [0.7, 1.3], [8.0, -4.0])
     one = controller(arm, robot)
     follow(one, Q, V)
-    output = one.update(NOW + 1, Q, V)
+    output = update(one, NOW + 1, Q, V)
     assert output.clamped is None
     added = np.zeros(2)
     if 'gravity' in robot:
@@ -80,7 +81,7 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(rob
     if 'friction' in robot:
         friction = controller(FRICTION, ())  # the same reference without a drive
         follow(friction, Q, V)
-        terms = friction.update(NOW + 1, Q, V).terms
+        terms = update(friction, NOW + 1, Q, V).terms
         added += terms.friction
     assert drive.torque(output.command + added) == pytest.approx(output.computed_torque)
     # the terms are those of the torque that the command causes
@@ -93,10 +94,10 @@ def test_the_drive_turns_the_command_and_what_the_robot_adds_into_the_torque(rob
 def test_in_a_fault_the_damping_is_a_torque():
     arm, drive = driven(ARM, [0.7, 1.3], [8.0, -4.0])
     without, one = controller(ARM, ()), controller(arm, ())
-    held = without.update(NOW, Q, V).holding_effort()
+    held = update(without, NOW, Q, V).holding_effort()
     damped = braked(without, Q, V, held)
     assert np.abs(damped - held).min() > 0.1
-    hold = one.update(NOW, Q, V).holding_effort()
+    hold = update(one, NOW, Q, V).holding_effort()
     assert drive.torque(braked(one, Q, V, hold)) == pytest.approx(damped)
 
 
@@ -109,7 +110,7 @@ def test_an_arm_with_drives_holds_if_the_controller_knows_them(robot, knows):
         arm, EffortConvention(robot_compensates=robot))
     simulation = released(arm, Q)
     for k in range(250):
-        command = one.update(NOW + 2_000_000 * k, *simulation.state).command
+        command = update(one, NOW + 2_000_000 * k, *simulation.state).command
         simulation.step(drives.with_own_compensation(command, *simulation.state), 2e-3)
     moved = np.abs(simulation.q - Q).max()
     assert moved < 1e-6 if knows else moved > 0.1

@@ -39,7 +39,7 @@ class Step(NamedTuple):
     effort: np.ndarray
     hold: np.ndarray
     q: np.ndarray
-    v: np.ndarray | None
+    v: np.ndarray
     dt: float
 
 
@@ -60,7 +60,7 @@ def guarded_by(one: EffortLimiter, step: Step) -> Guarded:
 
 
 STEPS = st.builds(
-    Step, vectors(300.0), vectors(50.0), vectors(3.0), st.none() | vectors(4.0),
+    Step, vectors(300.0), vectors(50.0), vectors(3.0), vectors(4.0),
     st.floats(-1.0, 1.0) | st.sampled_from([0.0, 0.001, 0.002, LONGEST_STEP]))
 
 
@@ -116,7 +116,7 @@ def forbidden(step: Step) -> np.ndarray:
     for j in range(N):
         up = step.q[j] > UPPER - MARGIN
         down = step.q[j] < LOWER + MARGIN
-        if step.v is not None and abs(step.v[j]) > SPEED:
+        if abs(step.v[j]) > SPEED:
             up, down = up or step.v[j] > 0.0, down or step.v[j] < 0.0
         signs[j] = 2 if up and down else int(up) - int(down)
     return signs
@@ -125,8 +125,7 @@ def forbidden(step: Step) -> np.ndarray:
 def toward(step):
     """Return a step in which no joint moves away from a limit that it is beyond."""
     at = (step.q > UPPER - MARGIN).astype(float) - (step.q < LOWER + MARGIN)
-    return step if step.v is None else step._replace(
-        v=np.where(at * step.v < 0.0, -step.v, step.v))
+    return step._replace(v=np.where(at * step.v < 0.0, -step.v, step.v))
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])

@@ -6,6 +6,7 @@
 from lock_step_loop import LockStep, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 
 Q = [-1.308, 4.685, 2.899, 1.793, 3.163, -0.263]
@@ -21,6 +22,6 @@ def test_late_gravity_does_not_drive_a_light_wrist(command, rate, delay):
     one = LockStep(arm, q=np.array(Q), rate=rate, delay=delay, command=command)
     one.run(1.0)
     one.v = np.array(V)
-    one.loop.fail(one.now, Fault('test', '', latched=True))
+    one.loop.end(one.now, Ending.by(Fault('test', '', latched=True)))
     trace = one.run(0.6)
     assert (np.abs(trace.v) <= 1.2 * arm.limits.velocity).all()

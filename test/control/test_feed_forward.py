@@ -11,6 +11,7 @@ import pinocchio
 import pytest
 from robot_dynamics.control.feed_forward import DriveCommand, FeedForward
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.joints.friction import make_friction
@@ -115,7 +116,7 @@ def test_gravity_compensation_lets_the_drives_damp_only():
 def test_a_fault_holds_the_position_at_which_it_began():
     bench = moving(rubbing())
     bench.track(200)
-    bench.loop.fail(bench.loop._steady, Fault('external_effort', 'a test', recovery=100))
+    bench.loop.end(bench.loop._steady, Ending.by(Fault('external_effort', 'a test', recovery=100)))
     here = bench.loop.controller.state[1] + 1e-4
     found = [bench.take(here + 1e-4 * k) for k in range(50)]
     for command in found:

@@ -3,6 +3,7 @@
 
 """The velocity at which computed torque compensates friction: of the reference, or measured."""
 
+from controller_bench import update
 import numpy as np
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
@@ -25,9 +26,9 @@ def compensated(mode: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     friction = make_friction(NAMES, viscous=2.0, coulomb=COULOMB, load_coefficient=0.1)
     one = Controller(
         ARM.with_friction(friction), ControllerOptions(GAINS, friction_compensation=mode))
-    one.update(SECOND, np.zeros(2), np.zeros(2))
+    update(one, SECOND, np.zeros(2), np.zeros(2))
     one.follow(make_trajectory(NAMES, (0.001,), [STILL], [[0.0, 0.0]], [[0.0, 0.0]]), 0)
-    return one.update(2 * SECOND, q, v).terms.friction
+    return update(one, 2 * SECOND, q, v).terms.friction
 
 
 def test_around_rest_friction_of_the_reference_has_no_step():

@@ -8,6 +8,7 @@ from typing import Any
 from lock_step_loop import LockStep
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import load_arm
@@ -17,8 +18,8 @@ from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_t
 
 @pytest.mark.parametrize(('end', 'words'), [
     (lambda loop: loop.stop(), '~/stop was called'),
-    (lambda loop: loop.fail(1.0, Fault('broken', 'words')), 'fault broken: words'),
-    (lambda loop: loop.goals.interrupt('restarted'), 'restarted')])
+    (lambda loop: loop.end(1.0, Ending.by(Fault('broken', 'words'))), 'fault broken: words'),
+    (lambda loop: loop.end(1.0, Ending(Kind.HOLD, 'restarted')), 'restarted')])
 @pytest.mark.parametrize('is_goal', [True, False])
 def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(end, words, is_goal):
     """It comes while the trajectory is prepared, or before its goal is executed."""
@@ -54,5 +55,5 @@ def test_a_fault_in_motion_is_the_reason_of_its_early_end():
     bench.run(0.3)
     bench.follow(bench.q + 0.3)
     bench.run(0.1)
-    bench.loop.goals.fail(Fault('broken', 'words'))
+    bench.loop.end(1.0, Ending.by(Fault('broken', 'words')))
     assert bench.loop.goals.interruption == 'fault broken: words'

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 import math
 
+from controller_bench import update
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
@@ -63,13 +64,13 @@ def test_gravity_changes_at_most_with_its_rate(loads):
     rate, one = 20.0, controller()
     one.set_payloads(loads, 0.0, lambda _: None)
     zero, stamp = np.zeros(6), 0
-    one.update(stamp, Q, zero)
+    update(one, stamp, Q, zero)
     one.set_gravity(np.array(CEILING), rate)
     assert one.load.planning.gravity(Q) == pytest.approx(gravity_torque(CEILING, loads))
     torques = []
     for _ in range(500):  # 19.62 m/s² at 20 m/s³ take 0.981 s
         stamp += STEP_NS
-        torques.append(one.update(stamp, Q, zero).gravity_compensation)
+        torques.append(update(one, stamp, Q, zero).gravity_compensation)
     start, end = gravity_torque(FLOOR, loads), gravity_torque(CEILING, loads)
     for k in (0, 100, 400):
         share = min(k * 2e-3 * rate / 19.62, 1.0)  # the first state begins it
@@ -80,20 +81,20 @@ def test_gravity_changes_at_most_with_its_rate(loads):
 
 def test_a_stream_that_is_faster_than_the_states_makes_progress():
     one = controller()
-    one.update(0, Q, np.zeros(6))
+    update(one, 0, Q, np.zeros(6))
     for k in range(1, 22):
         for _ in range(2):
             one.set_gravity(np.array(WALL), 40.0)
-        output = one.update(k * 10 * STEP_NS, Q, np.zeros(6))
+        output = update(one, k * 10 * STEP_NS, Q, np.zeros(6))
     assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
 
 
 def test_a_pause_of_the_states_causes_no_step():
     one = controller()
-    before = one.update(0, Q, np.zeros(6)).gravity_compensation
+    before = update(one, 0, Q, np.zeros(6)).gravity_compensation
     one.set_gravity(np.array(CEILING), 20.0)
-    assert one.update(STEP_NS, Q, np.zeros(6)).gravity_compensation.tolist() == before.tolist()
-    after = one.update(60 * 10**9, Q, np.zeros(6)).gravity_compensation
+    assert update(one, STEP_NS, Q, np.zeros(6)).gravity_compensation.tolist() == before.tolist()
+    after = update(one, 60 * 10**9, Q, np.zeros(6)).gravity_compensation
     share = 20.0 * 0.1 / 19.62
     assert after == pytest.approx(before + share * (gravity_torque(CEILING) - before), abs=1e-9)
 
@@ -114,16 +115,16 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_change():
 def test_a_robot_that_compensates_along_its_own_gravity():
     """The command and the effort of the robot add up to the gravity torque."""
     one = controller(robot_gravity=FLOOR)
-    one.update(0, Q, np.zeros(6))
+    update(one, 0, Q, np.zeros(6))
     one.set_gravity(np.array(WALL), math.inf)
-    output = one.update(STEP_NS, Q, np.zeros(6))
+    output = update(one, STEP_NS, Q, np.zeros(6))
     assert output.gravity_compensation == pytest.approx(gravity_torque(WALL), abs=1e-12)
     assert output.robot_gravity == pytest.approx(gravity_torque(FLOOR), abs=1e-12)
     assert output.command + output.robot_gravity == pytest.approx(
         gravity_torque(WALL), abs=1e-12)
     true = controller(robot_gravity=())
     true.set_gravity(np.array(WALL), math.inf)
-    command = true.update(0, Q, np.zeros(6)).command
+    command = update(true, 0, Q, np.zeros(6)).command
     assert command == pytest.approx(0.0, abs=1e-12)
 
 
@@ -131,7 +132,7 @@ def test_the_arm_holds_its_position_while_its_base_tilts():
     """The base tilts by 90° at 1 rad/s; the controller receives gravity at 50 Hz."""
     simulation = released(UR10, Q)
     one = Controller(UR10, ControllerOptions(make_gains(UR10.joint_names)))
-    one.update(0, Q, np.zeros(6))
+    update(one, 0, Q, np.zeros(6))
     one.follow(JointTrajectory(UR10.joint_names, (TrajectoryPoint(0.0, Q, np.zeros(6)),)), 0)
     error = 0.0
     for k in range(1, 1000):
@@ -140,7 +141,7 @@ def test_the_arm_holds_its_position_while_its_base_tilts():
         simulation.set_gravity(gravity)
         if k % 10 == 0:
             one.set_gravity(gravity, 20.0)
-        command = one.update(k * STEP_NS, *simulation.state).command
+        command = update(one, k * STEP_NS, *simulation.state).command
         simulation.step(command, 2e-3)
         error = max(error, float(np.abs(simulation.q - Q).max()))
     assert error < 0.01

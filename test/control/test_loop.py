@@ -18,8 +18,10 @@ from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.ending import Ending
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import Mode, SafetyOptions
+from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
@@ -85,7 +87,7 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
     one = in_motion(name)
     goal = one.q + 0.2
     if cause == 'fault':
-        one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
+        one.loop.end(one.now, Ending.by(Fault('external_effort', 'words', recovery=25)))
         with pytest.raises(TrajectoryError, match='fault external_effort: words'):
             one.follow(goal)
         assert one.loop.reference is None
@@ -107,7 +109,7 @@ def test_after_a_fault_the_arm_stops_and_is_held(name, cause):
 
 def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset():
     one = in_motion()
-    one.loop.fail(one.now, Fault('broken', 'words', latched=True))
+    one.loop.end(one.now, Ending.by(Fault('broken', 'words', latched=True)))
     trace = one.run(2.0)
     assert one.loop.supervisor.mode is Mode.FAULT
     assert trace.speed[-1] < 0.1  # damped, without a position
@@ -123,7 +125,7 @@ def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset
         one.run(1.0)
         one.follow(goal - 0.1 * k)
         one.run(0.1)
-        one.loop.fail(one.now, Fault('overspeed', 'words'))
+        one.loop.end(one.now, Ending.by(Fault('overspeed', 'words')))
     trace = one.run(3.0)
     assert one.loop.supervisor.mode is Mode.RUNNING
     assert rests(trace)
@@ -151,7 +153,7 @@ def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
 @pytest.mark.parametrize('is_same', [True, False])
 def test_a_latched_fault_continues_in_the_loop_of_the_next_model(is_same):
     one = in_motion()
-    one.loop.fail(one.now, Fault('broken', 'words', latched=True))
+    one.loop.end(one.now, Ending.by(Fault('broken', 'words', latched=True)))
     one.run(0.1)
     other = load_arm(planar_arm_urdf([3.0], [1.0], [0.5], [0.1]))
     loop = next_loop(one.loop, loaded(1.0) if is_same else other)
@@ -199,7 +201,7 @@ def test_a_stream_that_pauses_ends_with_a_stop():
 
 def test_a_stop_in_a_fault_is_a_hold_after_it():
     one = in_motion()
-    one.loop.fail(one.now, Fault('external_effort', 'words', recovery=25))
+    one.loop.end(one.now, Ending.by(Fault('external_effort', 'words', recovery=25)))
     assert one.loop.stop() == (
         'the arm will stop and hold its position after the fault external_effort: words')
     assert rests(one.run(3.0))

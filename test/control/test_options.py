@@ -13,7 +13,7 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions, default_limits, default_options
-from robot_dynamics.control.safety.supervisor import SafetyOptions
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics

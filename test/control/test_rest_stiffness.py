@@ -3,6 +3,7 @@
 
 """The stiffness at rest, and the error at which known friction holds a joint, against motion."""
 
+from controller_bench import update
 from lock_step_loop import FIRST_STAMP, MS, smooth_arm
 import numpy as np
 import pytest
@@ -29,7 +30,8 @@ def held(period_ms: int = 2, rotors: float = 0.0, friction: bool = True, **optio
 def effort_at(loop: ControlLoop, error: np.ndarray, k: int, period_ms: int = 2) -> np.ndarray:
     """Return the effort of the law at a constant position error, at rest."""
     reference = loop.controller.reference
-    output = loop.controller.update(
+    output = update(
+            loop.controller,
         FIRST_STAMP + k * period_ms * MS, reference.position - error, np.zeros(2))
     return output.law.effort
 

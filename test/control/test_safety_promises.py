@@ -30,6 +30,7 @@ import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.laws.control_law import ControlLaw, LawInput
 from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.model import ArmModel, load_arm
@@ -285,7 +286,7 @@ def test_three_faults(count, last, waits):
     for k in range(count):
         if k == count - 1:
             one.state(after=last)
-        one.loop.fail(one.now, Fault('overspeed', 'words'))
+        one.loop.end(one.now, Ending.by(Fault('overspeed', 'words')))
         one.states(2)
     assert (one.loop.obstacle != '') == waits
     assert one.loop.reset()[0] == waits
@@ -331,7 +332,7 @@ def test_the_defaults_of_the_feedback():
     assert (effort - before) / moment == pytest.approx([-40.0 * v], rel=0.05)
     one = Fed().states(300)
     before = one.state()
-    one.loop.fail(one.now, Fault('trouble', 'words', recovery=99))
+    one.loop.end(one.now, Ending.by(Fault('trouble', 'words', recovery=99)))
     effort = one.loop.answer(one.ns + 2 * MS, one.q, np.array([v])).effort
     assert (effort - before) / moment == pytest.approx([-20.0 * v], rel=0.02)
 
@@ -433,7 +434,7 @@ def test_a_fault_action_publishes_every_2_ms():
     bench = pytest.importorskip('stepped_node')
     with bench.stepped_node() as one:
         path = one.node._path
-        path.loop.fail(time.monotonic(), Fault('trouble', 'words'))
+        path.loop.end(time.monotonic(), Ending.by(Fault('trouble', 'words')))
         with path.command._changed:
             assert path.command._tick() == 0.002
 

@@ -6,8 +6,10 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode, SafetyOptions
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
 from supervised import (
     answer,
     course,
@@ -20,6 +22,7 @@ from supervised import (
     PUSH,
     RAMP_TIME,
     RATE,
+    RELEASE_NOW,
     running,
     SILENT,
     START,
@@ -97,7 +100,7 @@ def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not():
 @pytest.mark.parametrize('recovery', [1, 5, 100])
 def test_a_fault_is_over_after_so_many_good_states(recovery):
     one = running()
-    one.fail(START, Fault('trouble', 'words', recovery=recovery))
+    one.end(START, Ending.by(Fault('trouble', 'words', recovery=recovery)))
     assert states(one, recovery) == [*(recovery - 1) * [Mode.FAULT], Mode.RUNNING]
     assert one.fault_count == 1
 
@@ -107,7 +110,7 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
     easy, hard = Fault('easy', 'words'), Fault('hard', 'words', recovery=5)
     for n, (fault, in_force) in enumerate([
             (easy, easy), (hard, hard), (easy, hard), (LATCHED, LATCHED), (hard, LATCHED)]):
-        one.fail(START + 0.1 * n, fault)
+        one.end(START + 0.1 * n, Ending.by(fault))
         assert one.fault == in_force, n
     assert one.fault_count == 3
     t, _ = course(one, START + 0.4)  # the action began with the first fault
@@ -118,7 +121,7 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
 def test_efforts_resume_without_a_jump(moment, dt):
     """For any time between stamps of states: efforts were published since the last state."""
     one = running(PUSH)
-    one.fail(START, TROUBLE)
+    one.end(START, Ending.by(TROUBLE))
     last = PUSH
     for k in range(round(moment / PERIOD)):
         effort = one.tick(START + k * PERIOD)
@@ -134,7 +137,7 @@ def test_efforts_resume_without_a_jump(moment, dt):
 
 def test_a_latched_fault_waits_for_a_reset():
     one = running()
-    one.fail(START, LATCHED)
+    one.end(START, Ending.by(LATCHED))
     assert set(states(one, 2000)) == {Mode.FAULT}
     assert one.is_latched
     course(one, START + 4.0)
@@ -148,9 +151,9 @@ def test_a_latched_fault_waits_for_a_reset():
 @pytest.mark.parametrize('reset_while_inactive', [False, True])
 def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
     one = running()
-    one.fail(START, LATCHED)
+    one.end(START, Ending.by(LATCHED))
     course(one)
-    one.deactivate(START + 2.0)
+    one.end(START + 2.0, RELEASE_NOW)
     assert one.mode is Mode.INACTIVE
     if reset_while_inactive:
         one.reset()
@@ -168,7 +171,7 @@ def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
     (TROUBLE, 'ends automatically after 1 valid joint states')])
 def test_a_reset_fails_while_the_cause_persists_or_without_a_latched_fault(fault, words):
     one = running()
-    one.fail(START, fault)
+    one.end(START, Ending.by(fault))
     done, message = one.reset()
     assert not done
     assert words in message
@@ -204,7 +207,7 @@ def test_the_hold_in_a_fault_is_damped():
 
 def test_deactivation_publishes_nothing_after_the_last_effort():
     one = running()
-    one.deactivate(START + 0.04)
+    one.end(START + 0.04, RELEASE_NOW)
     assert one.mode is Mode.INACTIVE
     assert not one.is_commanding
     assert [answer(one, START + 0.05, PUSH), one.tick(START + 0.1)] == SILENT
@@ -214,9 +217,9 @@ def test_deactivation_publishes_nothing_after_the_last_effort():
 
 def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
     one = running(end_action='ramp_to_zero')
-    one.deactivate(START + 0.04)  # the ramp starts at this time, not at the last effort
+    one.end(START + 0.04, RELEASE_NOW)  # the ramp starts at this time, not at the last effort
     assert one.mode is Mode.STOPPING
-    one.deactivate(START + 0.2)  # a second request does not restart the ramp
+    one.end(START + 0.2, RELEASE_NOW)  # a second request does not restart the ramp
     t, efforts = course(one, START + 0.04)
     assert efforts[:-1] == pytest.approx(np.outer(1.0 - t[:-1] / RAMP_TIME, HOLD))
     assert efforts[-1].tolist() == [0.0, 0.0]
@@ -230,7 +233,7 @@ def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
 def test_the_time_to_stop_is_reported(rate, ramp_time, expected):
     one = running(rate=rate, ramp_time=ramp_time, end_action='ramp_to_zero')
     assert one.time_to_stop == 2.5 + expected
-    one.deactivate(START)
+    one.end(START, RELEASE_NOW)
     t, _ = course(one)
     assert t[-1] == pytest.approx(expected, abs=2 * PERIOD)
     assert one.time_to_stop == 2.5 + ramp_time  # the effort is zero already
@@ -243,7 +246,7 @@ def test_options_that_change_act_at_once():
     one.set_options(limits(), SafetyOptions(state_timeout=0.2))
     assert one.tick(START + 0.15) is None
     assert one.mode is Mode.RUNNING
-    one.fail(START + 0.15, TROUBLE)
+    one.end(START + 0.15, Ending.by(TROUBLE))
     assert one.tick(START + 0.2) is not None
     one.set_options(limits(), SafetyOptions(fault_action='stop_publishing'))
     assert one.tick(START + 0.21) is None
@@ -272,7 +275,7 @@ def test_three_faults_of_the_motion_within_ten_seconds_wait_for_a_reset(
     assert str(one.standing_fault) == (
         f'fault {names[-1]}: words; 3 faults of the motion within 10 s; waits for ~/reset_fault')
     if is_followed:  # by another fault
-        one.fail(now + 0.1, TROUBLE)
+        one.end(now + 0.1, Ending.by(TROUBLE))
         assert one.standing_fault is TROUBLE
         answer(one, now + 0.2)
         assert one.standing_fault is not None
@@ -287,7 +290,7 @@ def fails(one: CommandSupervisor, now: float, name: str) -> float:
     """End a reference by a fault; return the time when it has ended and the arm is held."""
     fault = Fault(name, 'words')
     one.last_state = now
-    one.fail(now, fault)
+    one.end(now, Ending.by(fault))
     one.recurring.count(fault, now)
     answer(one, now + PERIOD)
     assert one.mode is Mode.RUNNING

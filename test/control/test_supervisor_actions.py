@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.supervisor import Mode
 from supervised import (
     answer,
@@ -17,6 +18,8 @@ from supervised import (
     PUSH,
     RAMP_TIME,
     RATE,
+    RELEASE,
+    RELEASE_NOW,
     running,
     START,
     TROUBLE,
@@ -34,7 +37,7 @@ def toward(last: np.ndarray, goal: np.ndarray, dt: float) -> np.ndarray:
 def test_hold_gravity_then_ramp():
     """To the gravity torque at the rate limit; this for the hold time; then linearly to zero."""
     one = running(PUSH)
-    one.fail(START, TROUBLE)
+    one.end(START, Ending.by(TROUBLE))
     t, efforts = course(one)
     reached = np.abs(PUSH - HOLD).max() / RATE
     for j in range(2):
@@ -50,9 +53,10 @@ def test_a_stop_that_has_failed_ends_with_the_end_action(is_fault):
     """An arm that is lost in the stop before the end is not held for the rest of its time."""
     one = running(HOLD, end_action='ramp_to_zero')
     if is_fault:
-        one.fail(START, TROUBLE)
-    assert one.brake(START)
-    one.act(START + 0.1)
+        one.end(START, Ending.by(TROUBLE))
+    one.end(START, RELEASE)
+    assert one.mode is Mode.BRAKING
+    one.end(START + 0.1, Ending.by(TROUBLE, Kind.RELEASE_NOW))
     assert one.mode is Mode.STOPPING
     half = one.tick(START + 0.1 + 0.5 * RAMP_TIME)
     assert half == pytest.approx(0.5 * HOLD)
@@ -60,7 +64,7 @@ def test_a_stop_that_has_failed_ends_with_the_end_action(is_fault):
 
 def test_the_hold_is_the_gravity_torque_of_the_newest_state():
     one = running()
-    one.fail(START, LATCHED)
+    one.end(START, Ending.by(LATCHED))
     state = START + 0.1  # the last state
     assert answer(one, state, PUSH, OTHER_HOLD) == OTHER_HOLD.tolist()
     begin = state + one.options.state_timeout
@@ -75,7 +79,7 @@ def test_ramp_to_zero():
     """The gravity torque decreases linearly, the rest at the rate limit; no effort grows."""
     command = HOLD * [1.0, 3.0]
     one = running(command, fault_action='ramp_to_zero')
-    one.fail(START, TROUBLE)
+    one.end(START, Ending.by(TROUBLE))
     t, efforts = course(one)
     line = np.outer(1.0 - t / RAMP_TIME, HOLD)
     line[-1] = 0.0
@@ -97,9 +101,9 @@ def test_a_ramp_never_grows_an_effort(is_deactivated, later):
     one = running(command, fault_action='ramp_to_zero', end_action='ramp_to_zero')
     begin = START + later
     if is_deactivated:
-        one.deactivate(begin)
+        one.end(begin, RELEASE_NOW)
     else:
-        one.fail(begin, LATCHED)
+        one.end(begin, Ending.by(LATCHED))
     _, efforts = course(one, begin)
     sizes = np.abs(np.vstack([command, efforts]))
     assert (np.diff(sizes, axis=0) <= 0.0).all()
@@ -123,7 +127,7 @@ def test_the_damped_hold_remains_until_the_states_time_out():
 @pytest.mark.parametrize('action', ACTIONS)
 def test_after_the_action_the_next_effort_is_the_gravity_torque(action):
     one = running(PUSH, fault_action=action)
-    one.fail(START, TROUBLE)
+    one.end(START, Ending.by(TROUBLE))
     course(one)
     assert not one.acts_alone
     assert answer(one, START + 10.0, PUSH, OTHER_HOLD, dt=0.002) == OTHER_HOLD.tolist()

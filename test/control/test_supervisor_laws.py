@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import initialize, invariant, rule, RuleBasedStateMachine
 import numpy as np
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.ending import Ending
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.faults import Fault
-from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode, SafetyOptions
-from supervised import NAMES
+from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
+from supervised import NAMES, RELEASE, RELEASE_NOW
 
 REACH, LARGEST = 1.0, 100.0
 FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
@@ -81,7 +83,7 @@ class Supervised(RuleBasedStateMachine):
     @rule(pause=pauses, q=positions, v=velocities, command=efforts, hold=efforts,
           stamped=st.booleans())
     def a_good_state(
-        self, pause: float, q: np.ndarray, v: np.ndarray | None, command: np.ndarray,
+        self, pause: float, q: np.ndarray, v: np.ndarray, command: np.ndarray,
         hold: np.ndarray, stamped: bool,
     ) -> None:
         silent_before = self.one.mode in (Mode.INACTIVE, Mode.WAITING)
@@ -109,7 +111,7 @@ class Supervised(RuleBasedStateMachine):
     def a_fault(self, pause: float, fault: Fault) -> None:
         self.now += pause
         is_active = self.one.mode not in (Mode.INACTIVE, Mode.STOPPING)
-        self.one.fail(self.now, fault)
+        self.one.end(self.now, Ending.by(fault))
         if is_active:
             assert self.one.mode in (Mode.FAULT, Mode.BRAKING)
             self.must_be_reset = self.must_be_reset or fault.latched
@@ -130,8 +132,8 @@ class Supervised(RuleBasedStateMachine):
     def braked(self) -> None:
         """Begin a stop; a second request does not extend its time."""
         was_braking, is_commanding = self.one.mode is Mode.BRAKING, self.one.is_commanding
-        is_braking = self.one.brake(self.now)
-        assert is_braking == (self.one.mode is Mode.BRAKING)
+        self.one.end(self.now, RELEASE)
+        is_braking = self.one.mode is Mode.BRAKING
         assert is_braking or self.one.mode in (Mode.INACTIVE, Mode.STOPPING)
         assert is_commanding or not is_braking
         if is_braking and not was_braking:
@@ -149,7 +151,7 @@ class Supervised(RuleBasedStateMachine):
 
     @rule()
     def deactivated(self) -> None:
-        self.one.deactivate(self.now)
+        self.one.end(self.now, RELEASE_NOW)
         assert self.one.mode in (Mode.INACTIVE, Mode.STOPPING)
         self.receives(None)
 

@@ -5,6 +5,8 @@
 
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending
+from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from supervised import answer, HOLD, make, PERIOD, PUSH, running, START
 
@@ -77,3 +79,18 @@ def test_a_push_toward_a_limit_is_taken_away(q, v):
     active = one.limiter.active
     assert active.position.tolist() == [bool(q[0]), bool(q[1])]
     assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
+
+
+@pytest.mark.parametrize(('name', 'is_released'), [
+    ('following_error', True), ('frozen_joint', False)])
+def test_a_joint_that_becomes_faster_against_its_damping_is_released(name, is_released):
+    """But not while a joint without a signal may drive it: then its damping is all that brakes."""
+    one = running(HOLD, velocity=1.0)
+    one.end(START, Ending.by(Fault(name, 'words', recovery=999)))
+    for k in range(1, 31):
+        v = np.array([1.1 + 0.01 * k, 0.0])
+        effort = one.answer(
+            START + k * PERIOD, np.zeros(2), v, PUSH, HOLD.copy, PERIOD,
+            lambda *_, v=v: HOLD - 5.0 * v)
+    assert (one.fault.name == 'wrong_drive') == is_released
+    assert (effort[0] == 0.0) == is_released

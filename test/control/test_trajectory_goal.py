@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from lock_step_loop import directions, FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.trajectory_goal import (
     default_tolerances,
@@ -161,7 +162,7 @@ def test_a_joint_is_at_rest_if_it_moves_less_than_half_a_milliradian_in_20_ms(
     times = np.arange(-0.1, 0.5, 1.0 / rate) + phase
     q = bench.q[0] + (1e-3 * np.sin(2.0 * np.pi * 50.0 * times) if vibrates else speed * times)
     for t, one in zip(times, q):
-        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), None)
+        goal.judge(end_ns + round(1e9 * t), np.array([one, bench.q[1]]), np.zeros(2))
     if vibrates or speed > 0.02525:
         assert goal.result is None
     elif speed < 0.02475:
@@ -174,7 +175,7 @@ def test_a_cancelled_arm_that_does_not_come_to_rest_is_a_violation_after_five_se
     end_ns = FIRST_STAMP + bench.k * MS + round(1e9 * cancel(bench, goal))
     for seconds, is_over in ((4.99, False), (5.01, True)):
         for k in (-2, -1, 0):
-            goal.judge(end_ns + round(1e9 * seconds) + k * MS, bench.q + 0.1 * k, None)
+            goal.judge(end_ns + round(1e9 * seconds) + k * MS, bench.q + 0.1 * k, np.zeros(2))
         assert (goal.result is not None) == is_over
     assert goal.result[:2] == (
         ResultCode.GOAL_TOLERANCE_VIOLATED,
@@ -198,7 +199,8 @@ def test_a_new_goal_ends_the_one_before(bench):
     (lambda bench: bench.follow(bench.q), 'another goal has replaced this one'),
     (lambda bench: bench.loop.deactivate(bench.now), 'the node was deactivated'),
     (lambda bench: setattr(bench, 'sensor', None), 'fault state_timeout'),
-    (lambda bench: bench.loop.goals.end('another model was loaded'), 'another model was loaded')])
+    (lambda bench: bench.loop.goals.end(Ending(Kind.HOLD, 'another model was loaded')),
+     'another model was loaded')])
 def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
@@ -215,7 +217,8 @@ def test_what_ends_the_motion_ends_the_goal_with_its_reason(bench, end, words):
 def test_the_fault_determines_the_code_not_its_message(bench, name, code):
     goal = bench.loop.execute(plan(bench))
     bench.run(0.5)
-    bench.loop.fail(bench.now, Fault(name, 'unlike following_error, a message has any words'))
+    bench.loop.end(bench.now, Ending.by(
+        Fault(name, 'unlike following_error, a message has any words')))
     assert goal.result[:2] == (
         code, f'fault {name}: unlike following_error, a message has any words')
     assert bench.loop.goals.goal is None

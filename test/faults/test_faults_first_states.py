@@ -49,7 +49,7 @@ def test_nothing_before_the_first_valid_state(bench):
        'rejected with the reason; the first command is g(q), and the arm is held')
 def test_the_first_effort(bench):
     bench.set_point([Q[0] + 2.0, Q[1]])
-    bench.node.wait_for_log('no joint state with velocities has been received')
+    bench.node.wait_for_log('no joint state has been received')
     bench.driver.go_on()
     bench.check_hold(100)
     bench.check_alive()

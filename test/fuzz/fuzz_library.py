@@ -10,6 +10,7 @@ exceptions.
 
 from typing import Any
 
+from controller_bench import update
 from fuzz_arms import ARMS, CROWD
 from fuzz_law import accepts, check_finite, check_words, over_the_wire, RefusalError
 import numpy as np
@@ -74,7 +75,7 @@ def take_states(arm: ArmModel, events: list[Any]) -> None:
             controller.set_payloads(loads_of(arm, event), 0.5, payloads_done.append)
         else:
             q, v = reader.read(event)
-            output = controller.update(stamp, q, 0.0 * q if v is None else v)
+            output = update(controller, stamp, q, 0.0 * q if v is None else v)
             check_finite(floats_to_ros(output.gravity_compensation), 'gravity')
             if output.computed_torque is not None:
                 check_finite(floats_to_ros(output.computed_torque), 'computed_torque')

@@ -5,6 +5,7 @@
 
 from typing import Any
 
+from controller_bench import update
 import numpy as np
 import pytest
 from robot_dynamics.control.control_output import ControlOutput
@@ -107,17 +108,17 @@ def make_controller(compensates: tuple[str, ...], **changes: Any) -> Controller:
         make_gains(NAMES), effort_convention=semantics, **changes))
 
 
-def update(controller: Controller, target: Any = None) -> ControlOutput:
-    controller.update(1, Q, V)
+def answered(controller: Controller, target: Any = None) -> ControlOutput:
+    update(controller, 1, Q, V)
     if target is not None:
         controller.follow(make_trajectory(NAMES, [0.0], [target], [V], [], NAMES), 0)
-    return controller.update(2, Q, V)
+    return update(controller, 2, Q, V)
 
 
 @pytest.mark.parametrize('compensates', [('gravity',), ALL])
 def test_the_command_and_what_the_robot_adds_are_computed_torque(compensates):
-    output = update(make_controller(compensates), Q + 0.01)
-    whole = update(make_controller(()), Q + 0.01)
+    output = answered(make_controller(compensates), Q + 0.01)
+    whole = answered(make_controller(()), Q + 0.01)
     assert np.abs(whole.terms.friction).min() > 1.0
     assert output.computed_torque.tolist() == whole.computed_torque.tolist()
     added = ('gravity' in compensates) * G + ('friction' in compensates) * whole.terms.friction
@@ -134,7 +135,7 @@ def test_a_load_that_only_this_node_knows_of_stays_in_the_command():
     controller = make_controller(('gravity',))
     load = make_payload('tool0', 2.0)
     controller.set_payloads([load], 0.0, lambda _: None)
-    output = update(controller)
+    output = answered(controller)
     loaded = ArmDynamics(ARM.with_payloads([load])).rigid_body.gravity(Q)
     assert output.command == pytest.approx(loaded - G)
     assert output.gravity_compensation == pytest.approx(loaded)
@@ -156,7 +157,7 @@ def test_joint_and_command_keep_within_their_limits(compensates, scale, target):
 
     A share that is below the gravity torque is raised to it, so that the arm does not fall.
     """
-    output = update(make_controller(compensates, effort_limit_fraction=scale), target)
+    output = answered(make_controller(compensates, effort_limit_fraction=scale), target)
     added = G if compensates else ZERO
     hold = G - added
     assert output.holding_effort() == pytest.approx(hold)
@@ -195,11 +196,11 @@ def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against():
     assert arm.limits.effort[0] == 30.0 < abs(G[0])
     controller = Controller(arm, ControllerOptions(
         make_gains(NAMES), effort_convention=EffortConvention(robot_compensates=('gravity',))))
-    rest = controller.update(1, Q, ZERO)
+    rest = update(controller, 1, Q, ZERO)
     assert rest.command.tolist() == [0.0, 0.0]
     assert rest.clamped is None
     for step, expected in ((-0.1, 0.0), (0.1, 30.0)):  # g(q) is negative
         controller.follow(make_trajectory(
             NAMES, [0.0], [Q + [step, 0.0]], [ZERO], [], NAMES), 0)
-        output = controller.update(2, Q, ZERO)
+        output = update(controller, 2, Q, ZERO)
         assert output.command[0] == expected

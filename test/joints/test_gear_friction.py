@@ -3,6 +3,7 @@
 
 """Friction of gears and drives: its law, in inverse and forward dynamics, and presliding."""
 
+from controller_bench import update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -76,10 +77,10 @@ def test_computed_torque_has_it(mode):
     arm = arm_with_gears()
     controller = Controller(arm, ControllerOptions(make_gains(NAMES), friction_compensation=mode))
     q, v = np.array([0.5, -0.3]), np.array([0.2, -0.1])
-    controller.update(1, q, v)
+    update(controller, 1, q, v)
     controller.follow(make_trajectory(
         NAMES, [0.0], [[1.0, 0.2]], [[0.1, -0.1]], [[0.3, 0.4]], NAMES), 1)
-    output = controller.update(2_000_000_000, q, v)
+    output = update(controller, 2_000_000_000, q, v)
     terms = output.terms
     load = terms.inertial + terms.coriolis + terms.gravity
     dynamics = ArmDynamics(arm)

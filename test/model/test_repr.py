@@ -3,6 +3,7 @@
 
 """The representation of an object is one short line with its main properties."""
 
+from controller_bench import update
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
@@ -24,7 +25,7 @@ LONG = load_arm(planar_arm_urdf(ONES, ONES, [0.5] * 60, [0.1] * 60))
 def test_a_controller():
     controller = Controller(ARM, ControllerOptions(make_gains(ARM.joint_names)))
     assert repr(controller) == f'<Controller of {MODEL}, computed_torque, no reference>'
-    controller.update(0, np.zeros(2), np.zeros(2))
+    update(controller, 0, np.zeros(2), np.zeros(2))
     controller.stop()
     assert repr(controller) == (
         f'<Controller of {MODEL}, computed_torque, following a reference>')

@@ -6,6 +6,7 @@
 from collections import deque
 from collections.abc import Callable
 
+from controller_bench import update
 from lock_step_loop import FIRST_STAMP, middle, MS, smooth_arm
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +95,8 @@ class CartesianArm:
         rows, h = [], 1e-3 / fine
         for _ in range(round(1e3 * seconds)):
             if self._k % self._period == 0:
-                self._pending.append((self._k + self._delay, self.controller.update(
+                self._pending.append((self._k + self._delay, update(
+                    self.controller,
                     FIRST_STAMP + self._k * MS, self.q, self.v).command))
             while self._pending and self._pending[0][0] <= self._k:
                 self._tau = self._pending.popleft()[1]

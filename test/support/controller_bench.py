@@ -6,7 +6,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from robot_dynamics.control import Controller, ControllerOptions, make_gains
+from robot_dynamics.control import Controller, ControllerOptions, ControlOutput, make_gains
 from robot_dynamics.model import ArmDynamics, load_arm, make_payload, Payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, make_trajectory
@@ -25,6 +25,14 @@ def options(**changes: object) -> ControllerOptions:
 
 def make_controller(**changes: object) -> Controller:
     return Controller(ARM, options(**changes))
+
+
+def update(controller: Controller, stamp_ns: int, q: np.ndarray, v: np.ndarray) -> ControlOutput:
+    """Pass a state as `ControlLoop` does."""
+    with controller.lock, np.errstate(over='ignore', invalid='ignore'):
+        output = controller.answer(stamp_ns, q, v)
+        controller.evaluate()
+        return output
 
 
 def set_point(

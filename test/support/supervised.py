@@ -8,7 +8,14 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from robot_dynamics.control import CommandSupervisor, EffortLimits, Fault, SafetyOptions
+from robot_dynamics.control import (
+    CommandSupervisor,
+    EffortLimits,
+    Ending,
+    Fault,
+    Kind,
+    SafetyOptions,
+)
 
 NAMES = ('shoulder', 'elbow')
 HOLD, OTHER_HOLD = np.array([-50.0, 11.0]), np.array([-40.0, -6.0])
@@ -21,6 +28,7 @@ START = 100.0
 SILENT = [None, None]
 TROUBLE = Fault('trouble', 'something went wrong')
 LATCHED = Fault('broken', 'something is wrong', latched=True)
+RELEASE, RELEASE_NOW = Ending(Kind.RELEASE, 'words'), Ending(Kind.RELEASE_NOW, 'words')
 
 
 def limits(rate: float = RATE, reach: float = np.inf, velocity: float = np.inf) -> EffortLimits:

@@ -128,7 +128,6 @@ class CartesianImpedance(ModalImpedance):
         self, state: LawInput, e: FloatArray, e_dot: FloatArray, spring: FloatArray,
     ) -> FloatArray:
         """Return D ė without the approach of a surface off which the arm bounces, and brakes."""
-        assert state.v is not None
         damper = np.asarray(self._D @ e_dot)
         bounce = self._bounce
         bounce.take(
@@ -148,7 +147,6 @@ class CartesianImpedance(ModalImpedance):
         effort at other joints would keep their springs from returning them. A reference beyond the
         margin, or faster, is no limit of its joint: the arm follows it undisturbed.
         """
-        assert state.v is not None
         rate, v, fastest = 0.5 * self.largest_frequency, state.v, self._fastest
         above = np.maximum(
             -e_dot - rate * np.maximum(self._upper - state.q, e), np.minimum(v - fastest, -e_dot))

@@ -55,8 +55,8 @@ class ComputedTorque(ControlLaw):
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort that follows the reference."""
         dynamics, q_ahead, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
-        if trajectory is None or v is None:
-            raise ValueError('computed torque needs a reference and a velocity')
+        if trajectory is None:
+            raise ValueError('computed torque needs a reference')
         a, v_ref, e, exceeds_limit, change = self.feedback.track(
             trajectory, state.stamp_ns, state.q, v)
         scale = 1.0
@@ -82,6 +82,6 @@ class ComputedTorque(ControlLaw):
         return state.reference.acceleration + share * proportional + s * damping, s
 
     def _terms(self, state: LawInput, a: FloatArray, friction: FloatArray) -> EffortTerms:
-        q, v = state.q_ahead, state.v if state.v is not None else self._friction.none
+        q, v = state.q_ahead, state.v
         gravity = state.gravity if q is state.q else state.dynamics.rigid_body.gravity(q)
         return equation_terms(state.dynamics, q, v, a, friction, gravity)

@@ -31,16 +31,15 @@ class LawInput(NamedTuple):
     """
     The input of a law; arrays are (n,), in the order of the joints.
 
-    `q` [rad] or [m] is measured at `stamp_ns`; `v` [rad/s] or [m/s] is None if it is unknown.
+    `q` [rad] or [m] and `v` [rad/s] or [m/s] are those of the gate at `stamp_ns`.
     `q_ahead` is the position half a period of the states later, when the effort acts; it is `q`
-    itself if the difference does not matter. `trajectory` is the reference to follow, or None; if
-    there is one, `v` is known.
+    itself if the difference does not matter. `trajectory` is the reference to follow, or None.
     """
 
     dynamics: UncheckedArmDynamics
     stamp_ns: int
     q: FloatArray
-    v: FloatArray | None
+    v: FloatArray
     q_ahead: FloatArray
     trajectory: ActiveTrajectory | None
     feedback: ErrorFeedback
@@ -66,9 +65,7 @@ class LawInput(NamedTuple):
 
     @property
     def velocity_error(self) -> FloatArray:
-        """Reference minus measured velocity; raise ValueError without one."""
-        if self.v is None:
-            raise ValueError('a law that follows needs a velocity')
+        """Reference minus measured velocity."""
         return np.asarray(self.reference.velocity - self.v)
 
     @property
@@ -102,8 +99,7 @@ class ControlLaw:
 
     A law that follows references is used while a reference is active; otherwise the controller
     uses gravity compensation. A law that does not follow references is used without a reference,
-    also for states without a velocity; for the reference of `~/stop` the controller uses computed
-    torque.
+    for the reference of `~/stop` the controller uses computed torque.
     """
 
     follows: ClassVar[bool] = True
@@ -160,9 +156,9 @@ LawFactory = Callable[[ErrorFeedback, ControllerOptions], ControlLaw]
 
 def _terms_of_effort(state: LawInput, effort: FloatArray) -> EffortTerms:
     """Return the terms of an effort: the feedback is part of the term `inertial`."""
-    v, zero = state.v if state.v is not None else np.zeros_like(effort), np.zeros_like(effort)
-    a = state.dynamics.rigid_body.forward_dynamics(state.q, v, effort)
-    return equation_terms(state.dynamics, state.q, v, a, zero, state.gravity)
+    a = state.dynamics.rigid_body.forward_dynamics(state.q, state.v, effort)
+    return equation_terms(
+        state.dynamics, state.q, state.v, a, np.zeros_like(effort), state.gravity)
 
 
 class GravityCompensation(ControlLaw):
@@ -183,8 +179,6 @@ class GravityCompensation(ControlLaw):
     def _terms(self, state: LawInput, gravity: FloatArray) -> EffortTerms:
         terms = equation_terms(
             state.dynamics, state.q, self._zero, self._zero, self._zero, gravity)
-        if state.v is None:
-            return terms
         return terms._replace(
             kinetic_energy=state.dynamics.rigid_body.kinetic_energy(state.q, state.v))
 

@@ -33,6 +33,6 @@ class FrictionCompensation:
             if state.trajectory is not None and state.trajectory.is_from_measurement:
                 v_ref = self.none
             return state.dynamics.friction.tracking_effort(v_ref, e, rate, load)
-        if self._mode == 'none' or state.v is None:
+        if self._mode == 'none':
             return self.none
         return state.dynamics.friction_effort(state.v, load)

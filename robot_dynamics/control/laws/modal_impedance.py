@@ -95,8 +95,8 @@ class ModalImpedance(ControlLaw):
     def __call__(self, state: LawInput) -> LawOutput:
         """Return the effort of spring and damper, and that of the arm along the reference."""
         dynamics, q, v, trajectory = state.dynamics, state.q_ahead, state.v, state.trajectory
-        if trajectory is None or v is None:
-            raise ValueError('an impedance needs a reference and a velocity')
+        if trajectory is None:
+            raise ValueError('an impedance needs a reference')
         a_ref, v_ref, e, exceeds_limit, _ = self._reference.track(
             trajectory, state.stamp_ns, state.q, v)
         e_dot, s, at = v_ref - v, 1.0, self._gains_at
@@ -132,7 +132,6 @@ class ModalImpedance(ControlLaw):
         self, state: LawInput, a_ref: FloatArray, feedback: FloatArray, friction: FloatArray,
     ) -> EffortTerms:
         q, v, body = state.q_ahead, state.v, state.dynamics.rigid_body
-        assert v is not None
         a = a_ref + np.linalg.solve(body.mass_matrix(q), feedback)
         return equation_terms(state.dynamics, q, v, a, friction, body.gravity(q))
 

@@ -60,14 +60,14 @@ class EffortLimits:
         """Return where the margin before the upper limits begins, (n,)."""
         return self.upper - self.margin
 
-    def is_clear(self, q: FloatArray, v: FloatArray | None) -> bool:
+    def is_clear(self, q: FloatArray, v: FloatArray) -> bool:
         """
         Return whether neither a position limit nor a velocity limit acts at (q, v).
 
         Every joint is then before the margin of its position limits, and not above its velocity
-        limit; `v` may be unknown (None).
+        limit.
         """
-        if v is not None and not math.hypot(*v.tolist()) <= self._least_velocity and (
+        if not math.hypot(*v.tolist()) <= self._least_velocity and bool(
                 (np.abs(v) > self.velocity).any()):
             return False
         values, (center, clearance) = q.tolist(), self._clear
@@ -103,8 +103,8 @@ class EffortLimits:
 
 
 MotionEquation = Callable[
-    [FloatArray, FloatArray | None], tuple[FloatArray, FloatArray]]
-"""Returns M(q) (n, n), and C(q, v) v + friction (n,); the velocity v may be unknown (None)."""
+    [FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+"""Returns M(q) (n, n), and C(q, v) v + friction (n,)."""
 
 BRAKING = 20.0
 """[1/s]: acceleration toward a limit, by the velocity away from it, that only brakes a joint."""
@@ -133,15 +133,15 @@ class EffortLimiter:
 
     def apply(
         self, effort: FloatArray, holding: Callable[[], FloatArray], q: FloatArray,
-        v: FloatArray | None, dt: float, equation: MotionEquation | None = None,
+        v: FloatArray, dt: float, equation: MotionEquation | None = None,
     ) -> FloatArray:
         """
         Return the effort that may be published dt [s] after the last effort.
 
         `holding` returns the command (n,) that holds the arm still, which is the first effort.
-        `effort`, q and v are (n,). Without a velocity (None) the velocity limit does not act.
-        `equation` returns M(q) (n, n), and C(q, v) v with the compensation of friction (n,), by
-        default the unit matrix and 0: joints that do not move each other.
+        `effort`, q and v are (n,). `equation` returns M(q) (n, n), and C(q, v) v with the
+        compensation of friction (n,), by default the unit matrix and 0: joints that do not move
+        each other.
         """
         limits, allowed = self.limits, effort
         by_position = by_velocity = by_rate = limits.no_joint
@@ -151,11 +151,10 @@ class EffortLimiter:
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
-            braking = 0.0 if v is None else -BRAKING * v  # of a joint that moves away from a limit
+            braking = -BRAKING * v  # of a joint that moves away from a limit
             by_position = ((a > np.maximum(braking, 0.0)) & (q > limits.soft_upper)) | (
                 (a < np.minimum(braking, 0.0)) & (q < limits.soft_lower))
-            if v is not None:
-                by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)
+            by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)
             is_held = by_position | by_velocity
             if is_held.any():
                 most = np.maximum(np.maximum(np.abs(still), np.abs(effort)), limits.effort)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 
 FOLLOWING_ERROR, OVERSPEED, POSITION_LIMIT = 'following_error', 'overspeed', 'position_limit'
 """Faults: the arm is too far from its reference, a joint is too fast, or beyond its range."""
+FROZEN_JOINT = 'frozen_joint'
+"""Fault: the position of a joint repeats."""
 RECURRENCES, RECURRENCE_TIME = 3, 10.0
 """Number of these faults, within this time [s], after which references wait for a reset."""
 

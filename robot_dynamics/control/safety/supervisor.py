@@ -19,10 +19,9 @@ Times are those of a steady clock: a system clock that stops or jumps has no eff
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from functools import partial
-import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -31,17 +30,15 @@ from robot_dynamics.control.safety.effort_limiter import (
     EffortLimits,
     MotionEquation,
 )
+from robot_dynamics.control.safety.ending import Ending, Kind
+from robot_dynamics.control.safety.fault_action import FaultAction, SafetyOptions
 from robot_dynamics.control.safety.faults import (
     Fault,
-    OVERSPEED,
+    FROZEN_JOINT,
     POSITION_LIMIT,
     RecurringFaults,
 )
-from robot_dynamics.control.safety.undamped_joints import UndampedJoints
-
-FAULT_ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
-END_ACTIONS = ('hold_then_silence', 'ramp_to_zero')
-
+from robot_dynamics.control.safety.motion_checks import beyond_a_limit, too_fast
 
 HoldingEffort = Callable[[], FloatArray]
 """Returns the command (n,) that holds the arm still; it is computed only when it is needed."""
@@ -53,6 +50,9 @@ BRAKING_TIME = 2.5
 """[s] within which the arm stops before the command ends; then it ends in any case."""
 LONGEST_PAUSE = 0.25
 """[s] without a state after which a stop before the end of the command has failed."""
+STOP_TIME, CALM = 0.5, 0.1
+"""[s] after the loss of a joint in which the others stop, and the fraction of their velocity limit
+up to which they are held then: above it the lost joint moves them."""
 
 
 class Mode(Enum):
@@ -66,25 +66,6 @@ class Mode(Enum):
     STOPPING = 'stopping'
 
 
-@dataclass(frozen=True)
-class SafetyOptions:
-    """
-    Times are in [s]. A position `fault_margin` [rad] or [m] past its limit is a fault.
-
-    A velocity above `overspeed` times its limit is a fault; infinite disables this check.
-    """
-
-    state_timeout: float = 0.05
-    fault_action: str = FAULT_ACTIONS[0]
-    hold_time: float = 1.0
-    ramp_time: float = 0.5
-    fault_margin: float = 0.0087
-    overspeed: float = 1.2
-    end_action: str = END_ACTIONS[0]
-    is_lock_step: bool = False
-    """Whether a simulation waits for the answer to each state."""
-
-
 class CommandSupervisor:
     """
     Passes the efforts of n joints on, or replaces them with the fault action; for one thread.
@@ -95,7 +76,7 @@ class CommandSupervisor:
     def __init__(
         self, joint_names: tuple[str, ...], limits: EffortLimits, options: SafetyOptions,
     ) -> None:
-        self._names = joint_names
+        self.joint_names = joint_names
         self.limiter = EffortLimiter(limits)
         self.options = options
         self.mode = Mode.INACTIVE
@@ -108,12 +89,9 @@ class CommandSupervisor:
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
         """Times [s] of the last valid state and of the last effort."""
-        self._ramped = self._braked = np.zeros(len(joint_names))
-        self._since = self._brake_until = 0.0
-        self._is_damped = self._acts = False
-        self._good = 0
+        self._action = FaultAction(joint_names, self.limiter)
+        self._brake_until, self._stop_has_fault, self._good = 0.0, False, 0
         self.recurring = RecurringFaults()
-        self._undamped = UndampedJoints(len(joint_names))
         self.keeps_law = False
         """Whether the law continues in a fault, because a position limit is its only cause."""
         self.was_inside = False
@@ -123,40 +101,67 @@ class CommandSupervisor:
         """Apply limits and options, also those of another model of the same joints."""
         self.limiter.limits, self.options = limits, options
 
+    # ------------------------------------------------------------------ begin and end
+
     def activate(self) -> None:
         """Wait for the first state; a latched fault stays."""
         if self.mode is Mode.INACTIVE:
             self.mode = Mode.FAULT if self.is_latched else Mode.WAITING
             self.was_inside = False
 
-    def brake(self, now: float) -> bool:
+    def end(self, now: float, ending: Ending) -> None:
         """
-        Let the caller stop the arm, for at most BRAKING_TIME; return whether there is a command.
+        Execute an ending, from wherever it was raised.
 
-        `deactivate` ends the stop. Without a command, or without valid states, it begins at once.
+        A fault begins: a fault that is harder to leave replaces the active one. A command that is
+        to be released lets the arm stop first (braking), for at most BRAKING_TIME, if valid states
+        arrive. An arm that is released now by its fault runs the fault action although they do.
         """
-        if self.mode is Mode.BRAKING:
-            return True
+        kind, fault = ending.kind, ending.fault
+        if fault is not None:
+            self._fail(now, fault)
+        if kind is Kind.HOLD:
+            return
+        if fault is not None and self.mode is Mode.FAULT:
+            self._action.force(now, self.options)
+        elif kind is Kind.RELEASE and self._can_stop(now):
+            self._stop_has_fault, self.mode = self.mode is Mode.FAULT, Mode.BRAKING
+            self._brake_until = now + BRAKING_TIME
+        elif kind is Kind.RELEASE_NOW or self.mode is not Mode.BRAKING:
+            self._end_command(now)
+
+    def _can_stop(self, now: float) -> bool:
         is_supplied = now - self.last_state <= min(self.options.state_timeout, LONGEST_PAUSE)
-        if self.mode not in (Mode.RUNNING, Mode.FAULT) or self.limiter.last is None or (
-                not is_supplied):
-            self.deactivate(now)
-            return False
-        self._is_damped, self.mode = self.mode is Mode.FAULT, Mode.BRAKING
-        self._brake_until = now + BRAKING_TIME
-        return True
+        return is_supplied and self.mode in (Mode.RUNNING, Mode.FAULT) and (
+            self.limiter.last is not None)
 
-    def resume(self) -> None:
-        """Continue with the command instead of its end."""
-        if self.mode is Mode.BRAKING:
-            self.mode = Mode.FAULT if self._is_damped else Mode.RUNNING
-
-    def deactivate(self, now: float) -> None:
+    def _end_command(self, now: float) -> None:
         """End the command by the `end_action`: at once, or after the ramp; then be inactive."""
         if self.limiter.last is None or self.options.end_action == 'hold_then_silence':
             self.limiter.last, self.mode = None, Mode.INACTIVE
         elif self.mode is not Mode.STOPPING:
-            self._begin(Mode.STOPPING, now)
+            self.mode = Mode.STOPPING
+            self._action.begin(now, self.holding())
+
+    def resume(self) -> None:
+        """Continue with the command instead of its end."""
+        if self.mode is Mode.BRAKING:
+            self.mode = Mode.FAULT if self._stop_has_fault else Mode.RUNNING
+
+    def _fail(self, now: float, fault: Fault) -> None:
+        if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
+            return
+        self._good = 0
+        is_new = not self.is_damped
+        if self.mode is Mode.BRAKING:
+            self._stop_has_fault = True
+        elif is_new:
+            self.mode = Mode.FAULT
+            self._action.begin(now, self.holding())
+        if is_new or self.fault is None or (
+                (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
+            self.fault, self.fault_count = fault, self.fault_count + 1
+            self.failed_at = now
 
     def reset(self) -> tuple[bool, str]:
         """
@@ -171,32 +176,17 @@ class CommandSupervisor:
             return True, f'reset {recurring.name}: {recurring.message}'
         if fault is None or not (self.is_latched or self.mode is Mode.FAULT):
             return False, 'there is no fault'
+        persists = f'{fault.name} persists: {fault.message}; '
         if not fault.latched:
             return False, (
-                f'{fault.name} persists: {fault.message}; it ends automatically after '
-                f'{fault.recovery} valid joint states')
+                f'{persists}it ends automatically after {fault.recovery} valid joint states')
         if self.mode is Mode.FAULT and not self._good:
-            return False, (
-                f'{fault.name} persists: {fault.message}; no valid joint state has been received '
-                'since')
+            return False, f'{persists}no valid joint state has been received since'
         self.fault = replace(fault, latched=False)
         self._good = 0
         return True, f'reset {fault.name}: {fault.message}'
 
-    def fail(self, now: float, fault: Fault) -> None:
-        """Begin the fault action; a fault that is harder to leave replaces the active fault."""
-        if self.mode not in (Mode.WAITING, Mode.RUNNING, Mode.FAULT, Mode.BRAKING):
-            return
-        self._good = 0
-        is_new = not self._is_damped if self.mode is Mode.BRAKING else self.mode is not Mode.FAULT
-        if self.mode is Mode.BRAKING:
-            self._is_damped = True
-        elif is_new:
-            self._begin(Mode.FAULT, now)
-        if is_new or self.fault is None or (
-                (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
-            self.fault, self.fault_count = fault, self.fault_count + 1
-            self.failed_at = now
+    # ------------------------------------------------------------------ efforts
 
     def usual(
         self, now: float, q: FloatArray, v: FloatArray, command: FloatArray,
@@ -225,54 +215,62 @@ class CommandSupervisor:
         a fault. `equation` is that of `EffortLimiter.apply`. `follows` is whether the command
         follows a reference.
         """
-        beyond = self._beyond_a_limit(q)
+        names, limits = self.joint_names, self.limiter.limits
+        beyond = beyond_a_limit(names, limits, self.options.fault_margin, q)
         self.was_inside = self.was_inside or beyond is None
-        other = self._overspeed(v) or fault
+        other = too_fast(names, limits, self.options.overspeed, v) or fault
         cause = beyond or other
         if cause is None and self.mode is Mode.RUNNING and (
                 now - self.last_state > self.options.state_timeout):
             cause = self._timeout()
         self.last_state, self.holding = now, holding
         if cause is not None:
-            self.fail(now, cause)
+            self._fail(now, cause)
         elif self.mode is Mode.WAITING:
             self.mode = Mode.RUNNING
         elif self.mode is Mode.FAULT and self._recovers():
             self.mode, dt = Mode.RUNNING, None  # efforts may have been published since that state
-            self._undamped.restart()
-        if self.mode is Mode.FAULT and self._acts and cause is not None:
-            return self._action(now)
-        is_damped = self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._is_damped
-        self.keeps_law = is_damped and other is None and self.was_inside and (
+            self._action.undamped.restart()
+        if self.mode is Mode.FAULT and self._action.is_forced and cause is not None:
+            return self._acting(now)
+        self.keeps_law = self.is_damped and other is None and self.was_inside and (
             self.fault is not None and self.fault.name == POSITION_LIMIT)
-        if self.keeps_law and follows and self.limiter.last is not None:
-            passed = min(now - self.last_output, math.inf if dt is None else dt)
-            effort = self.limiter.apply(command, holding, q, v, passed, equation)
-            self._since, self._braked, self.last_output = (
-                now + self.options.state_timeout, effort, now)
-            return effort
-        if is_damped:
-            still = holding()
-            braked = still if brake is None else brake(q, v, still)
-            self._release(now, v, braked - still)
-            return self._hold_on(now, braked, dt)
+        passed = now - self.last_output
+        if self.is_damped:
+            passed = passed if dt is None else min(passed, dt)
+            if self.keeps_law and follows and self.limiter.last is not None:
+                return self._lawful(now, q, v, command, holding, passed, equation)
+            return self._damped(now, q, v, holding(), passed, brake)
         if self.mode not in (Mode.RUNNING, Mode.BRAKING):
-            return self._action(now)
-        passed, self.last_output = now - self.last_output, now
+            return self._acting(now)
+        self.last_output = now
         return self.limiter.apply(command, holding, q, v, passed if dt is None else dt, equation)
 
-    def act(self, now: float) -> None:
-        """
-        Let the fault action run although states are valid, without its `hold_time`.
+    def _lawful(
+        self, now: float, q: FloatArray, v: FloatArray, command: FloatArray,
+        holding: HoldingEffort, passed: float, equation: MotionEquation | None,
+    ) -> FloatArray:
+        """Answer a state beyond a position limit with the law, and postpone the fault action."""
+        effort = self.limiter.apply(command, holding, q, v, passed, equation)
+        self._action.postpone(now + self.options.state_timeout, effort, holding())
+        self.last_output = now
+        return effort
 
-        A stop before the end of the command has failed then: the command ends.
-        """
-        if self.mode is Mode.BRAKING:
-            self.deactivate(now)
-        elif self.mode is Mode.FAULT and not self._acts:
-            self._acts, self._since = True, now
-            if self.options.fault_action == 'hold_gravity_then_ramp':
-                self._since -= self.options.hold_time
+    def _damped(
+        self, now: float, q: FloatArray, v: FloatArray, still: FloatArray, passed: float,
+        brake: Brake | None,
+    ) -> FloatArray | None:
+        """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
+        braked = still if brake is None else brake(q, v, still)
+        if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
+            fault = self._action.release(now, v, braked - still)
+            if fault is not None:
+                self._fail(now, fault)
+        self._action.postpone(now + self.options.state_timeout, braked, still)
+        if self.limiter.last is None:  # no effort has begun, or the action has ended
+            return None
+        self.last_output = now
+        return self._action.limited(braked, passed)
 
     def repeat(self) -> FloatArray | None:
         """Return the effort of the last state again, or None if no efforts are published."""
@@ -284,16 +282,28 @@ class CommandSupervisor:
 
         `coasting` brakes and holds an arm in a fault while no states arrive, by default `holding`.
         """
-        timeout = self.options.state_timeout
-        if coasting is not None and self.mode is Mode.FAULT and now > self._since and (
-                now <= self._since + self.options.hold_time):
-            self._ramped = coasting(self.holding(), now - self.last_state, timeout)
-        is_overdue = now - self.last_state > timeout
-        if is_overdue and self.mode is Mode.RUNNING:
-            self.fail(now, self._timeout())
+        timeout, passed = self.options.state_timeout, now - self.last_state
+        if coasting is not None and self.mode is Mode.FAULT and (
+                self._action.coasts(now, self.options)):
+            self._action.coast(coasting(self.holding(), passed, timeout))
+        if passed > timeout and self.mode is Mode.RUNNING:
+            self._fail(now, self._timeout())
         elif self.mode is Mode.BRAKING and now > self.deadline:
-            self.deactivate(now)
-        return self._action(now)
+            self._end_command(now)
+        return self._acting(now)
+
+    def _acting(self, now: float) -> FloatArray | None:
+        """Return the next effort of the fault action, or of the ramp at the end of a command."""
+        if self.mode not in (Mode.FAULT, Mode.STOPPING):
+            return None
+        effort = self._action.effort(
+            now, self.options.fault_action if self.mode is Mode.FAULT else 'ramp_to_zero',
+            self.options, now - self.last_output)
+        if effort is not None:
+            self.last_output = now
+        if self.mode is Mode.STOPPING and not self.acts_alone:
+            self.mode = Mode.INACTIVE
+        return effort
 
     def _timeout(self) -> Fault:
         limit = self.options.state_timeout
@@ -301,33 +311,22 @@ class CommandSupervisor:
             'state_timeout', f'no valid joint state for {limit:g} s (state_timeout): check the '
             'driver, and the status `joint states` for dropped ones')
 
-    def _hold_on(
-        self, now: float, braked: FloatArray, dt: float | None,
-    ) -> FloatArray | None:
-        """Answer a valid state in a fault: hold the arm and postpone the fault action."""
-        self._since, self._braked = now + self.options.state_timeout, braked
-        self._ramped = self.holding()
-        if self.limiter.last is None:  # no effort has begun, or the action has ended
-            return None
-        passed = now - self.last_output
-        effort = self.limiter.rate_limited(braked, passed if dt is None else min(passed, dt))
-        self.last_output = now
-        return self._without_released(effort)
+    def _recovers(self) -> bool:
+        """Count a good state; return whether it ends the fault."""
+        self._good += 1
+        return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
 
-    def _release(self, now: float, v: FloatArray, damping: FloatArray) -> None:
-        """Release a joint that its damping (n,) does not damp."""
-        j = self._undamped.take(now, v, damping, self.limiter.limits.velocity)
-        if j >= 0:
-            self.fail(now, Fault(
-                'wrong_drive', f'{self._names[j]!r} becomes faster ({v[j]:.3g}) against its '
-                f'effort ({damping[j]:.3g}) and is released: the sign or the unit of its command, '
-                'or its measured velocity, is wrong, or a load drives it', latched=True))
+    # ------------------------------------------------------------------ what others ask
 
-    def _without_released(self, effort: FloatArray) -> FloatArray:
-        """Return an effort (n,) that is 0 at released joints, whatever the rate limit."""
-        if self._undamped.released.any():
-            effort = self.limiter.last = np.where(self._undamped.released, 0.0, effort)
-        return effort
+    @property
+    def is_damped(self) -> bool:
+        """Whether a fault is active: the arm is held with damping instead of by the law."""
+        return self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._stop_has_fault
+
+    def is_held_in_vain(self, now: float, v: FloatArray) -> bool:
+        """Return whether joints move at v (n,) although their fault began STOP_TIME ago."""
+        return self.mode is Mode.FAULT and now - self.failed_at > STOP_TIME and bool(
+            (np.abs(v) > CALM * self.limiter.limits.velocity).any())
 
     @property
     def is_latched(self) -> bool:
@@ -364,69 +363,3 @@ class CommandSupervisor:
         last, rate = self.limiter.last, self.limiter.limits.rate
         return BRAKING_TIME + max(
             self.options.ramp_time, 0.0 if last is None else float(np.max(np.abs(last) / rate)))
-
-    # ------------------------------------------------------------------ what ends an effort
-
-    def _recovers(self) -> bool:
-        """Count a good state; return whether it ends the fault."""
-        self._good += 1
-        return self.fault is None or not self.fault.latched and self._good >= self.fault.recovery
-
-    def _begin(self, mode: Mode, now: float) -> None:
-        self.mode, self._since, self._is_damped, self._acts = mode, now, False, False
-        self._braked = self._ramped = self.holding()
-
-    def _action(self, now: float) -> FloatArray | None:
-        """Return the next effort of the fault action, or of the ramp of `deactivate`."""
-        last = self.limiter.last
-        if self.mode not in (Mode.FAULT, Mode.STOPPING) or last is None:
-            return None
-        action = self.options.fault_action if self.mode is Mode.FAULT else 'ramp_to_zero'
-        passed = now - self._since
-        if action == 'stop_publishing' and passed >= 0.0:
-            self._finish()
-            return None
-        if action == 'hold_gravity_then_ramp' and passed >= 0.0:
-            passed = max(passed - self.options.hold_time, 0.0)
-        goal = self._braked if passed < 0.0 else self._fraction_left(passed) * self._ramped
-        if action == 'ramp_to_zero' and passed >= 0.0:  # toward zero only
-            goal = np.clip(goal, np.minimum(last, 0.0), np.maximum(last, 0.0))
-        effort = self._without_released(
-            self.limiter.rate_limited(goal, now - self.last_output))
-        self.last_output = now
-        if passed < self.options.ramp_time or effort.any():
-            return effort
-        self._finish()
-        return np.zeros(len(self._names))
-
-    def _fraction_left(self, passed: float) -> float:
-        """Return the remaining fraction of an effort `passed` [s] after its ramp began."""
-        if passed <= 0.0:
-            return 1.0
-        return 0.0 if passed >= self.options.ramp_time else 1.0 - passed / self.options.ramp_time
-
-    def _finish(self) -> None:
-        """Publish nothing; the next command begins with `holding`."""
-        self.limiter.last = None
-        if self.mode is Mode.STOPPING:
-            self.mode = Mode.INACTIVE
-
-    def _beyond_a_limit(self, q: FloatArray) -> Fault | None:
-        limits, margin = self.limiter.limits, self.options.fault_margin
-        past = np.maximum(q - limits.upper, limits.lower - q)
-        j = int(np.argmax(past))
-        if not past[j] > margin:
-            return None
-        return Fault(
-            POSITION_LIMIT, f'position of {self._names[j]!r} is {q[j]:g}, {past[j]:g} past its '
-            f'limit, expected at most {margin:g} (position_limit_tolerance)', recovery=5)
-
-    def _overspeed(self, v: FloatArray) -> Fault | None:
-        limit, factor = self.limiter.limits.velocity, self.options.overspeed
-        ratio = np.abs(v) / limit
-        j = int(np.argmax(ratio))
-        if not ratio[j] > factor:
-            return None
-        return Fault(
-            OVERSPEED, f'velocity of {self._names[j]!r} is {v[j]:g}, {ratio[j]:.3g} times its '
-            f'limit, expected at most {factor:g} times (overspeed_factor)')

@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.control.scaled_laws import NO_COMMAND
@@ -218,7 +219,7 @@ class CommandOutput:
         """Start the fault action."""
         with self._changed:
             if self.loop is not None:
-                self.loop.fail(time.monotonic(), fault)
+                self.loop.end(time.monotonic(), Ending.by(fault))
                 self.log_changes()
                 self._changed.notify()
 

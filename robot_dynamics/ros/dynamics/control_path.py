@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
+from robot_dynamics.control.safety.ending import Ending, Kind
 from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
@@ -130,7 +131,7 @@ class ControlPath:
         loop.monitor.max_age, loop.monitor.has_age = self._state_max_age, self._has_age
         before = self.loop
         if before is not None:
-            before.goals.end('another model was loaded')
+            before.goals.end(Ending(Kind.HOLD, 'another model was loaded'))
             if before.controller.trajectory is not None:
                 loop.goals.interruption = 'another model was loaded'
         with self.lock:
@@ -146,7 +147,7 @@ class ControlPath:
         """Serve no arm."""
         with self.lock:
             if self.loop is not None:
-                self.loop.goals.end('the model was unloaded')
+                self.loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
             self._served = None
             self.estimates.forget()
             self.markers.forget()

@@ -23,7 +23,7 @@ from robot_dynamics.control.options import (
     POSITION_MARGIN,
 )
 from robot_dynamics.control.safety.effort_limiter import EffortLimits
-from robot_dynamics.control.safety.supervisor import END_ACTIONS, FAULT_ACTIONS, SafetyOptions
+from robot_dynamics.control.safety.fault_action import END_ACTIONS, FAULT_ACTIONS, SafetyOptions
 from robot_dynamics.control.scaled_laws import command_modes
 from robot_dynamics.control.trajectory_goal import (
     DEFAULT_GOAL_TIME,

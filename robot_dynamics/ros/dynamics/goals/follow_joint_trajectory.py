@@ -241,7 +241,7 @@ class FollowJointTrajectoryServer:
         message.actual = _point(q, progress.velocity)
         message.error = _point(
             controller.position_error(desired.position, q),
-            None if progress.velocity is None else desired.velocity - progress.velocity)
+            desired.velocity - progress.velocity)
         return message
 
     def _result(self, code: ResultCode, message: str) -> Any:
@@ -249,10 +249,10 @@ class FollowJointTrajectoryServer:
 
 
 def _point(
-    q: FloatArray, v: FloatArray | None, a: FloatArray | None = None,
+    q: FloatArray, v: FloatArray, a: FloatArray | None = None,
 ) -> JointTrajectoryPoint:
     return JointTrajectoryPoint(
-        positions=floats_to_ros(q), velocities=[] if v is None else floats_to_ros(v),
+        positions=floats_to_ros(q), velocities=floats_to_ros(v),
         accelerations=[] if a is None else floats_to_ros(a))
 
 

@@ -1,0 +1,40 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""The faults of a measured motion: a joint beyond its range, too fast, or without a signal."""
+
+import numpy as np
+from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.gate import LOST
+from robot_dynamics.control.safety.effort_limiter import EffortLimits
+from robot_dynamics.control.safety.faults import Fault, FROZEN_JOINT, OVERSPEED, POSITION_LIMIT
+
+
+def beyond_a_limit(
+    names: tuple[str, ...], limits: EffortLimits, margin: float, q: FloatArray,
+) -> Fault | None:
+    """Return the fault of a position q (n,) that is `margin` [rad] or [m] past a limit."""
+    past = np.maximum(q - limits.upper, limits.lower - q)
+    j = int(np.argmax(past))
+    return None if not past[j] > margin else Fault(
+        POSITION_LIMIT, f'position of {names[j]!r} is {q[j]:g}, {past[j]:g} past its limit, '
+        f'expected at most {margin:g} (position_limit_tolerance)', recovery=5)
+
+
+def too_fast(
+    names: tuple[str, ...], limits: EffortLimits, factor: float, v: FloatArray,
+) -> Fault | None:
+    """Return the fault of a velocity v (n,) above `factor` times its limit."""
+    ratio = np.abs(v) / limits.velocity
+    j = int(np.argmax(ratio))
+    return None if not ratio[j] > factor else Fault(
+        OVERSPEED, f'velocity of {names[j]!r} is {v[j]:g}, {ratio[j]:.3g} times its limit, '
+        f'expected at most {factor:g} times (overspeed_factor)')
+
+
+def frozen_joint(names: tuple[str, ...], lost: BoolArray) -> Fault:
+    """Return the fault of joints that are `lost` (n,)."""
+    found = [name for name, is_lost in zip(names, lost) if is_lost]
+    return Fault(
+        FROZEN_JOINT, f'the position of {found} has not changed for more than {LOST:g} s, '
+        'although it moved before: check the encoder or its driver', recovery=25)
