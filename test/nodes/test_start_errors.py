@@ -21,6 +21,7 @@ from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import (
     DYNAMICS,
     log_of_failed_start,
+    MONITOR,
     NodeProcess,
     SIMULATED_ARM,
     TIMEOUT,
@@ -52,9 +53,11 @@ CASES = {
     'unknown joint': Case(
         {'robot_description': ARM, 'joints': ['joint1', 'elbow']},
         r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]"),
-    'unknown frame': Case(
-        {'external_wrench.frame': 'hand'},
-        r"external_wrench.frame is 'hand', expected one of the links \['base_link', 'link1'"),
+    'parameter of another node': Case(
+        {'residual_bandwidth': 5.0}, "unknown parameter 'residual_bandwidth'; expected"),
+    'no name of a node': Case(
+        {'dynamics': 'left dynamics'}, "dynamics is 'left dynamics', expected the name of a node",
+        MONITOR),
     'two descriptions': Case(
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),

@@ -61,11 +61,11 @@ def test_a_recording_has_the_description_and_all_topics(ask, tmp_path):
 def test_topics_by_name_and_the_table(ask, tmp_path):
     bag = tmp_path / 'bag'
     status, out, err = ask(
-        'record', 'joint_states', '~/residual', '-o', str(bag), '--duration', '0.5')
+        'record', 'joint_states', 'dynamics_monitor/residual', '-o', str(bag), '--duration', '0.5')
     assert status == 0
     assert err == f'Recording 2 topics to {bag}; ends after 0.5 s.\n'
     lines = [line.split() for line in out.splitlines()]
-    assert [line[0] for line in lines[:3]] == ['topic', '/joint_states', '/dynamics/residual']
+    assert [line[0] for line in lines[:3]] == ['topic', '/joint_states', '/dynamics_monitor/residual']
 
 
 def test_a_signal_ends_the_recording_in_order(tmp_path):
