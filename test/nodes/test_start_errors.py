@@ -21,7 +21,6 @@ from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
 from ros_harness import (
     DYNAMICS,
     log_of_failed_start,
-    MONITOR,
     NodeProcess,
     SIMULATED_ARM,
     TIMEOUT,
@@ -55,9 +54,6 @@ CASES = {
         r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]"),
     'parameter of another node': Case(
         {'residual_bandwidth': 5.0}, "unknown parameter 'residual_bandwidth'; expected"),
-    'no name of a node': Case(
-        {'dynamics': 'left dynamics'}, "dynamics is 'left dynamics', expected the name of a node",
-        MONITOR),
     'two descriptions': Case(
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),

@@ -66,7 +66,8 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
 
     with collecting(
             client, '/pushed', 'joint_states', 'dynamics_monitor/external_effort',
-            'dynamics_monitor/residual', 'dynamics_monitor/residual_deviation') as (states, estimates, residuals, deviations), \
+            'dynamics_monitor/residual', 'dynamics_monitor/residual_deviation') as (
+                states, estimates, residuals, deviations), \
             closed_loop('/pushed', {
                 **ROBOT, 'gains.natural_frequency': [40.0]}, monitor={}, **ROBOT, rate=250.0):
         first = estimates.wait_count(20, LONG)[-1]
@@ -142,9 +143,10 @@ def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArra
     """Return a predicate: a status of the estimates has these words and this figure."""
     def fits(message: DiagnosticArray) -> bool:
         status = next((s for s in message.status if s.name.endswith(': estimates')), None)
-        return status is not None and words in status.message and (status.level == DiagnosticStatus.WARN) == (
-            words.startswith('none')) and (not key or any(
-                pair.key == key and pair.value == value for pair in status.values))
+        return status is not None and words in status.message and (
+            status.level == DiagnosticStatus.WARN) == words.startswith('none') and (
+                not key or any(
+                    pair.key == key and pair.value == value for pair in status.values))
 
     return fits
 

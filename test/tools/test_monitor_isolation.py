@@ -87,7 +87,8 @@ class Arm:
 
 
 def commands(
-    client: RosClient, monitor: NodeProcess | None = None, at_step: Callable[[], None] | None = None,
+    client: RosClient, monitor: NodeProcess | None = None,
+    at_step: Callable[[], None] = lambda: None,
 ) -> list[bytes]:
     """Return the commands of a motion; call `at_step` at each state after DISTURBED_AT."""
     arm, found = Arm(), []
@@ -103,7 +104,7 @@ def commands(
                 motion.publish(trajectory())
                 motion.wait_for_all_acked()
                 client.get_parameter(f'{NAMESPACE}/dynamics', 'joints')  # answered after it
-            if k >= DISTURBED_AT and at_step is not None:
+            if k >= DISTURBED_AT:
                 at_step()
             message = arm.state(round(1e9 * STEP * (k + 1)))
             command = client.answer_to(states, message, efforts)

@@ -56,8 +56,8 @@ def swing() -> JointTrajectory:
 
 def ask(client: RosClient, **fields: Any) -> Any:
     return client.call(
-        EstimatePayload, '/carried/dynamics_monitor/estimate_payload', EstimatePayload.Request(**fields),
-        LONG)
+        EstimatePayload, '/carried/dynamics_monitor/estimate_payload',
+        EstimatePayload.Request(**fields), LONG)
 
 
 def test_a_hidden_payload_is_estimated_and_applied(client):
