@@ -146,8 +146,12 @@ class FollowedModel:
         if model is None:
             words = self._obstacle or 'none yet'
             return [Status('model', ERROR if self._obstacle else WARN, words, {})]
+        imu = None if self._imu is None else self._imu.status()
+        level, words = (OK, '') if imu is None or imu.level == OK else (
+            imu.level, f'; {imu.message}')
         return [
-            Status('model', OK, model.arm.name, {}),
+            Status('model', level, f'{model.arm.name}{words}', {
+                'gravity': [round(float(g), 3) for g in model.arm.gravity]}),
             Status('payload', OK, describe_payloads(model.payloads), {
-                'mass': math.fsum(one.mass for one in model.payloads)}),
-            *([] if self._imu is None else [self._imu.status()])]
+                'payloads': len(model.payloads),
+                'mass': math.fsum(one.mass for one in model.payloads)})]

@@ -57,7 +57,8 @@ class JointTable:
                 (client.joint_state_topic(), self._on_state),
                 (client.resolve('effort_command'), lambda m: self._keep(m, 'effort_command')),
                 (client.resolve('~/gravity_compensation'), lambda m: self._keep(m, 'gravity')),
-                (client.resolve(f'{MONITOR}/external_effort'), lambda m: self._keep(m, 'external_effort')))]
+                (client.resolve(f'{MONITOR}/external_effort'),
+                 lambda m: self._keep(m, 'external_effort')))]
 
     def _on_state(self, message: JointState) -> None:
         self._received = time.monotonic()
