@@ -199,8 +199,8 @@ def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
     if distance > LARGEST_SAG:
         raise RuntimeError(f'{hidden.name}: {distance:.2f} rad from the last point, expected at '
                            f'most {LARGEST_SAG:g} rad')
-    answer = session.call(EstimatePayload, 'dynamics_monitor/estimate_payload', EstimatePayload.Request(
-        stop=True))
+    answer = session.call(
+        EstimatePayload, 'dynamics_monitor/estimate_payload', EstimatePayload.Request(stop=True))
     least = 0.9 * trajectory.duration
     if answer.duration < least:
         raise RuntimeError(

@@ -35,6 +35,6 @@ def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm', namespace=None),
         switch('simulated', 'true: simulated_arm is started for both arms; false: the robots are '
-               'running, and dynamics_node is started for each, with the monitor of the follower.'),
+               'running, and dynamics_node is started for each, and the monitor of the follower.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -48,7 +48,7 @@ def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm'),
         switch('nodes', 'Whether simulated_arm and dynamics_node are started as well.'),
-        switch('monitor', 'Whether dynamics_monitor, which publishes the markers, is started as well.'),
+        switch('monitor', 'Whether dynamics_monitor is started as well, for markers.'),
         switch('tf', 'Whether robot_state_publisher is started as well.'),
         OpaqueFunction(function=_nodes),
     ])
