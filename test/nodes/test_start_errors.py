@@ -52,9 +52,6 @@ CASES = {
     'unknown joint': Case(
         {'robot_description': ARM, 'joints': ['joint1', 'elbow']},
         r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]"),
-    'parameter of another node': Case(
-        {'residual_bandwidth': 5.0},
-        "unknown parameter 'residual_bandwidth'.*of other nodes in a section with their name"),
     'two descriptions': Case(
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),

@@ -3,7 +3,8 @@
 
 """`dynamics_monitor` takes model, parameters and payloads from `dynamics`, and follows them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 import re
 from typing import Any
 
@@ -16,6 +17,8 @@ import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics.ros.parameters.declared_parameters import OF_MONITOR
+from robot_dynamics.tools.monitor.parameters import SPECS
 from robot_dynamics_interfaces.srv import EstimatePayload
 from ros_harness import (
     DYNAMICS,
@@ -134,10 +137,19 @@ def test_bad_requests_are_rejected_by_name(client, asked, fields, words):
 
 
 @pytest.fixture(scope='module')
-def asked():
-    with running(NodeProcess(DYNAMICS, UNHURRIED, namespace='/asked'),
-                 NodeProcess(MONITOR, namespace='/asked')):
+def asked() -> Iterator[str]:
+    """Run both nodes on one parameter file, which has parameters of either."""
+    file = Path(__file__).parents[2] / 'config' / 'default_arm.yaml'
+    with running(*(NodeProcess(
+            node, {**UNHURRIED, 'residual_bandwidth': 5.0}, namespace='/asked',
+            arguments=('--ros-args', '--params-file', str(file), '--'))
+            for node in (DYNAMICS, MONITOR))):
         yield '/asked/dynamics_monitor'
+
+
+def test_both_nodes_share_a_parameter_file(client, asked):
+    assert {spec.name for spec in SPECS} == OF_MONITOR
+    assert client.get_parameter(asked, 'residual_bandwidth') == 5.0
 
 
 @pytest.mark.parametrize(('parameters', 'words'), [
