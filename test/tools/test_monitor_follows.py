@@ -4,6 +4,7 @@
 """`dynamics_monitor` takes model, parameters and payloads from `dynamics`, and follows them."""
 
 from collections.abc import Callable, Iterator
+import math
 from pathlib import Path
 import re
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from closed_loop import NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from disturbances import set_payload
+from geometry_msgs.msg import Quaternion
 from held_robot import HeldRobot
 import numpy as np
 import pytest
@@ -32,7 +34,7 @@ from ros_harness import (
     UNHURRIED,
     wait_until,
 )
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_srvs.srv import Trigger
 
 ARM = load_arm(default_arm_urdf())
@@ -82,6 +84,21 @@ def test_parameters_and_payloads_of_another_node_are_followed(client):
         external(client, robot, weight - G, node=node)
         set_payload(client, '/led/dynamics')
         external(client, robot, [0.0, 0.0], node=node)
+
+
+def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
+    """The base is tilted by 0.3 rad about y."""
+    message = Imu(orientation=Quaternion(y=math.sin(0.15), w=math.cos(0.15)))
+    gravity = 9.81 * np.array([math.sin(0.3), 0.0, -math.cos(0.3)])
+    effort = ArmDynamics(ARM.with_gravity(gravity)).rigid_body.gravity(np.array(START))
+    with running(
+            NodeProcess(DYNAMICS, {
+                **UNHURRIED, 'joints': NAMES, 'gravity_from_imu': True,
+                'external_effort_bandwidth': 50.0}, namespace='/tilted'),
+            NodeProcess(MONITOR, namespace='/tilted')):
+        robot = HeldRobot(client, '/tilted', position=START, effort=effort.tolist())
+        client.publisher(Imu, '/tilted/base_imu', 1, subscribers=2).publish(message)
+        external(client, robot, [0.0, 0.0], node='/tilted/dynamics_monitor')
 
 
 def test_it_waits_for_its_node_and_takes_another_one_that_replaces_it(client):

@@ -125,7 +125,8 @@ class FollowedModel:
             xml = xml or self._description or robot_description.embedded_description()
             base = current.base if current is not None and not is_other else (
                 arm_from_parameters(xml, values))
-            gravity = np.array(values['gravity']) if self._gravity is None else self._gravity
+            gravity = self._gravity if values['gravity_from_imu'] and (
+                self._gravity is not None) else np.array(values['gravity'])
             self._current = Followed(
                 base, xml, values, gravity, self._payloads, is_embedded)
             self._use(self._current)
@@ -146,7 +147,7 @@ class FollowedModel:
         if model is None:
             words = self._obstacle or 'none yet'
             return [Status('model', ERROR if self._obstacle else WARN, words, {})]
-        imu = None if self._imu is None else self._imu.status()
+        imu = self._imu.status() if self._imu and model.values['gravity_from_imu'] else None
         level, words = (OK, '') if imu is None or imu.level == OK else (
             imu.level, f'; {imu.message}')
         return [
