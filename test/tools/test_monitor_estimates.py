@@ -99,7 +99,7 @@ def node() -> Iterator[NodeProcess]:
 
 @pytest.fixture(scope='module')
 def robot(client: RosClient, node: NodeProcess) -> HeldRobot:
-    return HeldRobot(client, '/held', **HELD)
+    return HeldRobot(client, '/held', is_paced=True, **HELD)
 
 
 def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client, robot):

@@ -71,7 +71,7 @@ def test_parameters_and_payloads_of_another_node_are_followed(client):
                 **UNHURRIED, 'joints': NAMES, 'effort.scale': [0.5],
                 'external_effort_bandwidth': 50.0}, namespace='/led', node_name='dynamics'),
             NodeProcess(MONITOR, namespace='/led')):
-        robot = HeldRobot(client, '/led', position=START, effort=(2.0 * G).tolist())
+        robot = HeldRobot(client, '/led', True, position=START, effort=(2.0 * G).tolist())
         external(client, robot, [0.0, 0.0], node=node)
         client.set_parameters('/led/dynamics', {'gravity': [0.0, 0.0, -9.0]})
         external(client, robot, G * (9.0 / 9.81 - 1.0), node=node)
@@ -96,7 +96,7 @@ def test_gravity_of_the_imu_is_that_of_the_monitor_too(client):
                 **UNHURRIED, 'joints': NAMES, 'gravity_from_imu': True,
                 'external_effort_bandwidth': 50.0}, namespace='/tilted'),
             NodeProcess(MONITOR, namespace='/tilted')):
-        robot = HeldRobot(client, '/tilted', position=START, effort=effort.tolist())
+        robot = HeldRobot(client, '/tilted', True, position=START, effort=effort.tolist())
         client.publisher(Imu, '/tilted/base_imu', 1, subscribers=2).publish(message)
         external(client, robot, [0.0, 0.0], node='/tilted/dynamics_monitor')
 

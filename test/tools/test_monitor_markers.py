@@ -76,7 +76,7 @@ def node() -> Iterator[None]:
 
 @pytest.fixture(scope='module')
 def robot(client: RosClient) -> HeldRobot:
-    return HeldRobot(client, '/marked', position=Q)
+    return HeldRobot(client, '/marked', True, position=Q)
 
 
 def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(client, robot):
