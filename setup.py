@@ -22,6 +22,7 @@ EXECUTABLES = {
     'check_model': 'robot_dynamics.tools.check_model:main',
     'demo': 'robot_dynamics.tools.demo.cli:main',
     'dynamics': 'robot_dynamics.tools.ros2_dynamics.cli:main',
+    'dynamics_monitor': 'robot_dynamics.tools.monitor.entry_points:dynamics_monitor',
     'estimate_payload': 'robot_dynamics.tools.estimate_payload:main',
     'excite': 'robot_dynamics.tools.excite:main',
     'export_mjcf': 'robot_dynamics.tools.export_mjcf:main',

@@ -31,6 +31,8 @@ from robot_dynamics.ros.simulated_arm.mujoco_arm import MujocoArmNode
 from robot_dynamics.ros.simulated_arm.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics.tools.monitor.node import DynamicsMonitor
+from robot_dynamics.tools.monitor.parameters import SPECS as MONITOR_SPECS
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,6 +42,7 @@ REFERENCE = ROOT / 'docs' / 'reference'
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
+    'dynamics_monitor': (DynamicsMonitor, MONITOR_SPECS, ()),
     'simulated_arm': (SimulatedArmNode, SIMULATED_ARM_SPECS, ('-p', 'publish_clock:=true')),
     'mujoco_arm': (MujocoArmNode, MUJOCO_ARM_SPECS, ('-p', 'publish_clock:=true')),
 }
@@ -231,7 +234,7 @@ def _executables_page() -> str:
         _table(('status', 'meaning'), EXIT_STATUSES)]
     for name, module, function in sorted(_entry_points()):
         text.append(f'## {name}\n')
-        if module == 'robot_dynamics.ros.entry_points':
+        if module.endswith('.entry_points'):
             doc = getattr(import_module(module), function).__doc__.strip()
             text.append(f'{doc} Its options are `--help` and those of ROS: [topics and services]'
                         '(topics.md), [parameters](parameters.md).'

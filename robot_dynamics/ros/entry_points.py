@@ -17,20 +17,21 @@ from robot_dynamics.ros.middleware.shutdown import handle_end_signals, leave
 
 def dynamics_node() -> int:
     """Run the node `dynamics`."""
-    return _run('robot_dynamics.ros.dynamics.node')
+    return run_module('robot_dynamics.ros.dynamics.node')
 
 
 def simulated_arm() -> int:
     """Run the node `simulated_arm`."""
-    return _run('robot_dynamics.ros.simulated_arm.node')
+    return run_module('robot_dynamics.ros.simulated_arm.node')
 
 
 def mujoco_arm() -> int:
     """Run the node `mujoco_arm`."""
-    return _run('robot_dynamics.ros.simulated_arm.mujoco_arm')
+    return run_module('robot_dynamics.ros.simulated_arm.mujoco_arm')
 
 
-def _run(module: str) -> int:
+def run_module(module: str) -> int:
+    """Run the `main` of a module."""
     handle_end_signals(_leave)
     dependencies = importlib.import_module('robot_dynamics.dependencies')
     try:

@@ -60,7 +60,7 @@ def arm_of(
 def node(
     arm: ArmArguments, name: str, remappings: Sequence[tuple[str, str]] = (), **parameters: Any,
 ) -> Node:
-    """Return the node `dynamics`, `simulated_arm` or `mujoco_arm` of an arm."""
+    """Return the node `dynamics`, its monitor, `simulated_arm` or `mujoco_arm` of an arm."""
     return Node(
         package='robot_dynamics', executable='dynamics_node' if name == 'dynamics' else name,
         namespace=arm.namespace, parameters=arm.parameter_files(name, **parameters),

@@ -22,7 +22,8 @@ import pytest
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w.]+)\n')
 NO_STATUSES: Mapping[str, int] = {}
-NODES = ('dynamics_node', 'mujoco_arm', 'simulated_arm')
+NODES = ('dynamics_monitor', 'dynamics_node', 'mujoco_arm', 'simulated_arm')
+PACKAGES = ('robot_dynamics', 'robot_dynamics_tools')
 
 
 def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
@@ -40,17 +41,18 @@ def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
 
 
 def executable(name: str) -> str:
-    """Return the path of an executable of this package, found as by `ros2 run`."""
+    """Return the path of an executable of these packages, found as by `ros2 run`."""
     for prefix in os.environ['AMENT_PREFIX_PATH'].split(':'):
-        path = Path(prefix) / 'lib' / 'robot_dynamics' / name
-        if path.exists():
-            return str(path)
+        for package in PACKAGES:
+            path = Path(prefix) / 'lib' / package / name
+            if path.exists():
+                return str(path)
     raise AssertionError(f'robot_dynamics has no executable {name!r}')
 
 
 def resolved(command: list[str]) -> list[str]:
     """Return the command to run for a command of the page; no other form is allowed."""
-    if command[:3] == ['ros2', 'run', 'robot_dynamics']:
+    if command[:2] == ['ros2', 'run'] and command[2] in PACKAGES:
         return [executable(command[3]), *command[4:]]
     if command[:2] == ['ros2', 'dynamics']:
         return [executable('dynamics'), *command[2:]]

@@ -39,6 +39,10 @@ NODES = (
     'robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated_arm.node',
     'robot_dynamics.ros.simulated_arm.mujoco_arm')
 """Modules whose SPECS are those of the nodes, which may share a parameter file."""
+OF_MONITOR = {
+    'dynamics', 'residual_bandwidth', 'external_wrench.frame', 'external_wrench.largest_force',
+    'external_wrench.largest_torque'}
+"""Parameters of `dynamics_monitor`, which may share the file too, and is in another package."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +204,7 @@ class DeclaredParameters:
         node = self._node
         unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
         others = [import_module(module).SPECS for module in NODES] if unknown else []
-        of_others = {spec.name for specs in others for spec in specs}
+        of_others = OF_MONITOR.union(spec.name for specs in others for spec in specs)
         for name in unknown:
             if name not in of_others:
                 close = get_close_matches(name, self._specs, n=1)
