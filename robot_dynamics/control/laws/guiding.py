@@ -17,7 +17,7 @@ DEFAULT_SHARE, LARGEST_SHARE = 0.6, 0.7
 """Of the friction that hand guiding compensates; below 1 of friction given 1.4 times too large."""
 USUAL_SPEED, SPEED_SHARE = {'prismatic': 0.25}, 0.5
 """Default speed limit: [m/s] of prismatic joints, and the largest share of the velocity limit."""
-USUAL_TURN = 0.6
+USUAL_TURN = 1.0
 """The same for other joints [rad/s]."""
 DEFAULT_FEEDBACK_GAIN, LARGEST_FEEDBACK_GAIN, FEEDBACK_SHARE = 0.3, 0.5, 0.25
 """Of `~/force_feedback`: gains, and the largest effort as a share of the effort limit."""
@@ -49,7 +49,7 @@ def make_guiding(
     """
     Return options; each argument is one number for all joints, or one value per joint.
 
-    An empty `speed` is half of the velocity limit, and at most 0.6 rad/s or 0.25 m/s. Raises
+    An empty `speed` is half of the velocity limit, and at most 1 rad/s or 0.25 m/s. Raises
     InvalidInputError for another number of values, a negative one, a share above LARGEST_SHARE, or
     a gain above LARGEST_FEEDBACK_GAIN.
     """
