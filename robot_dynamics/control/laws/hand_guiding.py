@@ -13,19 +13,18 @@ feedback K_p e + K_d ė would bring it there; at rest beyond the limit the effor
 spring, M K_p e, and a joint that returns receives no energy of it. K_p and K_d are those of
 computed torque, scaled by rate and noise of the joint states.
 
-Only a person starts or keeps a motion. With P_f = F |q̇|, the power of the known friction, which is
-at most OVERESTIMATE times the true one, and u = τ − g, a person supplies at least
+Only a person starts or keeps a motion. With the power P_f of the known friction, of which the true
+one is at least the share λ = LARGEST_SHARE, and u = τ − g, a person supplies at least
 
-    P = d(½ q̇ᵀ M q̇)/dt + σ (P_f / OVERESTIMATE − uᵀ q̇)
+    P = d(½ q̇ᵀ M' q̇)/dt + σ (λ P_f − uᵀ q̇),  M' = M + usual rotors
 
-P fills a tank of CAPACITY P_f to the share s. If it is not full, the speed x = √(q̇ᵀ M q̇) may be at
+P fills a tank of CAPACITY P_f to the share s. If it is not full, the speed x = √(q̇ᵀ M' q̇) is at
 most w, which falls from its value at the last full tank to 0 in STOPPING. Of the excess
 
     δ = (1 − s) (1 − w/x),  >= 0,
 
-α is lowered by α δ, and the brake −min(K_d) δ M q̇ acts, whose power is negative. Since α is at
-most LARGEST_SHARE < 1 / OVERESTIMATE (`guiding`), the command without gravity gives less than
-friction takes: the energy of a released arm falls, and its tank empties.
+the compensation loses its part, and the brake −min(K_d) δ M q̇ with negative power acts. Since
+α <= λ, u gives less energy than friction takes: a released arm loses energy, and its tank empties.
 
 Compensation of dry friction at the measured velocity is negative damping, and where friction
 yields before it slides it feeds a vibration (`JointFriction.tracking_effort`). The direction z of
@@ -50,20 +49,19 @@ from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
+from robot_dynamics.control.laws.guiding import LARGEST_SHARE
 from robot_dynamics.control.laws.rate_limited_feedback import REVERSAL_TIME
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
-OVERESTIMATE = 1.4
-"""Known friction by the true one, at most."""
-INERTIA = 0.5
-"""σ: M(q), by that with unknown rotors, at least."""
+INERTIA = 0.6
+"""σ: M' by the true one, at least. A hand that slows the arm feels at most M' q̈ (1/σ − 1)."""
 CAPACITY = 0.03
-"""[s]: at the least true friction, a released arm is noticed after 9 times this time."""
+"""[s]: the tank of an arm with the least true friction is empty 18 times this after a release."""
 STOPPING = 0.6
-"""[s]: with the time until a released arm is noticed, it stands within 1 s."""
+"""[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
 SLOWNESS = 0.02
@@ -128,7 +126,7 @@ class HandGuiding(ControlLaw):
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
         M = dynamics.rigid_body.mass_matrix(state.q)
-        excess = self._excess(v, M, dynamics.friction, dt)
+        excess = self._excess(v, v @ M @ v + self._guiding.rotors @ v**2, dynamics.friction, dt)
         friction = (1.0 - excess) * friction
         damping = excess * np.min(self.scale * self._gains.kd)
         a = self._braking(state, v, *allowed) - damping * v
@@ -183,16 +181,16 @@ class HandGuiding(ControlLaw):
         return compensation, (1.0 - spare - more) * dry
 
     def _excess(
-        self, v: FloatArray, M: FloatArray, friction: JointFriction, dt: float,
+        self, v: FloatArray, x2: float, friction: JointFriction, dt: float,
     ) -> float:
         """Return δ, by how much an arm exceeds the speed for which a person supplies energy."""
         speed = np.abs(v)
         known = float((friction.at_rest.static + friction.viscous * speed) @ speed)
-        last, self._energy = self._energy, 0.5 * float(v @ M @ v)
+        last, self._energy = self._energy, 0.5 * float(x2)
         if not known:
             return 0.0
         supplied = self._energy - last + INERTIA * dt * (
-            known / OVERESTIMATE - float(self._added @ v))
+            LARGEST_SHARE * known - float(self._added @ v))
         self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
         x = math.sqrt(2.0 * self._energy)
         if self._tank == 1.0:
