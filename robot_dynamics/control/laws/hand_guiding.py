@@ -126,7 +126,8 @@ class HandGuiding(ControlLaw):
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
         M = dynamics.rigid_body.mass_matrix(state.q)
-        excess = self._excess(v, v @ M @ v + self._guiding.rotors @ v**2, dynamics.friction, dt)
+        energy = 0.5 * float(v @ M @ v + self._guiding.rotors @ v**2)
+        excess = self._excess(v, energy, dynamics.friction, dt)
         friction = (1.0 - excess) * friction
         damping = excess * np.min(self.scale * self._gains.kd)
         a = self._braking(state, v, *allowed) - damping * v
@@ -181,18 +182,18 @@ class HandGuiding(ControlLaw):
         return compensation, (1.0 - spare - more) * dry
 
     def _excess(
-        self, v: FloatArray, x2: float, friction: JointFriction, dt: float,
+        self, v: FloatArray, energy: float, friction: JointFriction, dt: float,
     ) -> float:
         """Return δ, by how much an arm exceeds the speed for which a person supplies energy."""
         speed = np.abs(v)
         known = float((friction.at_rest.static + friction.viscous * speed) @ speed)
-        last, self._energy = self._energy, 0.5 * float(x2)
+        last, self._energy = self._energy, energy
         if not known:
             return 0.0
-        supplied = self._energy - last + INERTIA * dt * (
+        supplied = energy - last + INERTIA * dt * (
             LARGEST_SHARE * known - float(self._added @ v))
         self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
-        x = math.sqrt(2.0 * self._energy)
+        x = math.sqrt(2.0 * energy)
         if self._tank == 1.0:
             self._allowed_speed, self._slowing = x, x / STOPPING
         self._allowed_speed = max(self._allowed_speed - self._slowing * dt, 0.0)
