@@ -8,7 +8,7 @@ The friction of the plant yields before it slides (`bristled_arm`), its rotors a
 loop, and the loop knows 0.6 to 1.4 times its friction.
 """
 
-from bristled_arm import BristledArm, Case, COULOMB, ROTORS
+from bristled_arm import BristledArm, Case, ROTORS
 from lock_step_loop import middle, smooth_arm
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 
 ARMS = ('default', 'panda', 'ur5', 'ur10', 'xarm7')
-LAST = {'panda': 3, 'xarm7': 5, 'ur5': 4, 'ur10': 4}
+LAST = {'panda': 3, 'xarm7': 5, 'ur5': 3, 'ur10': 3}
 """Last joint that the hand moves, the last one by default: links behind it are light."""
 
 
@@ -40,7 +40,7 @@ class Released(BristledArm):
 
         def hand(t: float) -> FloatArray:
             speed = goal * min(1.0, 4.0 * (t - 0.1))
-            return self.inertia @ (40.0 * (speed - self.v)) + COULOMB[name] * np.sign(goal)
+            return self.inertia @ (40.0 * (speed - self.v)) + 0.4 * self.coulomb * np.sign(goal)
         self.push = hand
         self.run(0.4)
         self.push = lambda t: 0.0
