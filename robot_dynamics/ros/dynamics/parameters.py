@@ -166,7 +166,7 @@ SPECS = (
         'Share of friction that hand_guiding compensates'), default=[guiding.DEFAULT_SHARE]),
     numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
         'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
-        '. If empty, half of the velocity limit, at most 0.6 rad/s or 0.25 m/s.')),
+        '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
     numbers_per_joint('hand_guiding.feedback_gain', 0.0, guiding.LARGEST_FEEDBACK_GAIN, (
         'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
         default=[guiding.DEFAULT_FEEDBACK_GAIN]),
