@@ -16,6 +16,7 @@ EXECUTABLES = {
     'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
     'check_model': 'robot_dynamics.tools.check_model:main',
+    'dynamics_monitor': 'robot_dynamics.tools.monitor.entry_points:dynamics_monitor',
     'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
 }
 # colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts

@@ -158,12 +158,11 @@ def _measure(node: Node, ids: dict[str, int]) -> None:
     _side_by_side(askers, ids)
     with running({'watcher': module('benchmarks.control_path', 'watcher')}):
         deadline = time.monotonic() + TIMEOUT
-        while not node.count_subscribers('dynamics/markers'):
+        while not node.count_subscribers('dynamics/terms'):
             if time.monotonic() > deadline:
                 raise TimeoutError(f'the watcher does not subscribe within {TIMEOUT:g} s')
             time.sleep(0.01)
-        print('the same, with the subscriptions of the viewer to ~/markers, ~/terms and '
-              '~/reference:')
+        print('the same, with the subscriptions of the viewer to ~/terms and ~/reference:')
         _side_by_side(askers, ids)
 
 

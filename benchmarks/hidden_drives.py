@@ -14,7 +14,14 @@ from pathlib import Path
 import time
 from typing import Any, NamedTuple
 
-from benchmarks.processes import bench_node, DYNAMICS, node_command, running, SIMULATED_ARM
+from benchmarks.processes import (
+    bench_node,
+    DYNAMICS,
+    MONITOR,
+    node_command,
+    running,
+    SIMULATED_ARM,
+)
 from benchmarks.safe_motion_cases import arm_named, description_of
 import numpy as np
 from rcl_interfaces.srv import SetParameters
@@ -95,7 +102,7 @@ class HiddenArm:
 
     @contextmanager
     def nodes(self, directory: Path, *files: Path, **parameters: Any) -> Iterator['Session']:
-        """Run both nodes, `dynamics` with these parameters and files; yield a client."""
+        """Run all nodes, `dynamics` with these parameters and files; yield a client."""
         path = directory / 'arm.urdf'
         path.write_text(description_of(self.name), encoding='utf-8')
         common = {
@@ -104,6 +111,7 @@ class HiddenArm:
             'actuator.rotor_inertia': (ROTOR * self.arm.limits.effort).tolist()}
         low, high = position_range(self.arm)
         with running({
+                'dynamics_monitor': node_command(MONITOR, {}),
                 'dynamics': [*node_command(DYNAMICS, {
                     **common, **self.friction(False), 'effort_check': False,
                     'state_timeout': TIMEOUT, 'overspeed_factor': 10.0,

@@ -192,15 +192,15 @@ def _estimated(session: Session, hidden: HiddenArm, kind: str) -> Result:
     session.move_to(trajectory.points[0].position)
     session.set_payload('simulated_arm', load)
     session.wait(SETTLING)
-    session.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
+    session.call(EstimatePayload, 'dynamics_monitor/estimate_payload', EstimatePayload.Request(
         start=True, link=load.link))
     session.follow(trajectory)
     distance = float(np.abs(session.position() - trajectory.points[-1].position).max())
     if distance > LARGEST_SAG:
         raise RuntimeError(f'{hidden.name}: {distance:.2f} rad from the last point, expected at '
                            f'most {LARGEST_SAG:g} rad')
-    answer = session.call(EstimatePayload, 'dynamics/estimate_payload', EstimatePayload.Request(
-        stop=True))
+    answer = session.call(
+        EstimatePayload, 'dynamics_monitor/estimate_payload', EstimatePayload.Request(stop=True))
     least = 0.9 * trajectory.duration
     if answer.duration < least:
         raise RuntimeError(

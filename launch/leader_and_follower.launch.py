@@ -22,18 +22,19 @@ def _nodes(context, *_):
     leader, follower = (
         arm_of(context, *simulated, 'dynamics', values={**given, 'namespace': name})
         for name in (LEADER, FOLLOWER))
-    effort = f'/{FOLLOWER}/dynamics/external_effort'
+    effort = f'/{FOLLOWER}/dynamics_monitor/external_effort'
     felt = [('~/force_feedback', effort), ('~/force_feedback_deviation', f'{effort}_deviation')]
     led = [('~/set_point', f'/{LEADER}/joint_states')]
     return [
         *(node(arm, name) for arm in (leader, follower) for name in simulated),
-        node(leader, 'dynamics', felt, command='hand_guiding'), node(follower, 'dynamics', led)]
+        node(leader, 'dynamics', felt, command='hand_guiding'), node(follower, 'dynamics', led),
+        node(follower, 'dynamics_monitor')]
 
 
 def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm', namespace=None),
         switch('simulated', 'true: simulated_arm is started for both arms; false: the robots are '
-               'running, and only dynamics_node is started for each.'),
+               'running, and dynamics_node is started for each, and the monitor of the follower.'),
         OpaqueFunction(function=_nodes),
     ])

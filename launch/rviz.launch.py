@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-RViz with the arm and its `~/markers`, `robot_state_publisher`, and the closed loop.
+RViz with the arm and the markers of `dynamics_monitor`, `robot_state_publisher`, and the loop.
 
 ros2 launch robot_dynamics rviz.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
-If the nodes are already running: nodes:=false, and tf:=false if robot_state_publisher runs.
+If nodes are already running: nodes:=false, monitor:=false, tf:=false (robot_state_publisher).
 """
 
 from launch.actions import OpaqueFunction
@@ -26,7 +26,7 @@ from robot_dynamics.urdf.parser import parse_urdf
 
 from launch import LaunchDescription
 
-TOPICS = [(f'/{topic}', topic) for topic in ('dynamics/markers', 'robot_description')]
+TOPICS = [(f'/{topic}', topic) for topic in ('dynamics_monitor/markers', 'robot_description')]
 """Remappings that move the topics of the displays into the namespace of the node."""
 
 
@@ -34,19 +34,21 @@ def _nodes(context, *_):
     arm = arm_of(context, 'simulated_arm', 'dynamics')
     loop = [node(arm, 'simulated_arm'), node(arm, 'dynamics')]
     nodes = loop if is_true(context, 'nodes') else []
+    monitor = [node(arm, 'dynamics_monitor')] if is_true(context, 'monitor') else []
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
     display = PathJoinSubstitution([FindPackageShare('robot_dynamics'), 'rviz', 'dynamics.rviz'])
     rviz = Node(
         package='rviz2', executable='rviz2', namespace=arm.namespace,
         parameters=[clock(arm)], remappings=[*TF, *TOPICS],
         arguments=['-d', display, '-f', parse_urdf(arm.description).root_link])
-    return [*nodes, *transforms, rviz]
+    return [*nodes, *monitor, *transforms, rviz]
 
 
 def generate_launch_description():
     return LaunchDescription([
         *declared(otherwise='the planar two-link arm'),
         switch('nodes', 'Whether simulated_arm and dynamics_node are started as well.'),
+        switch('monitor', 'Whether dynamics_monitor is started as well, for markers.'),
         switch('tf', 'Whether robot_state_publisher is started as well.'),
         OpaqueFunction(function=_nodes),
     ])

@@ -29,6 +29,8 @@ from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
+from robot_dynamics.tools.monitor.node import DynamicsMonitor
+from robot_dynamics.tools.monitor.parameters import SPECS as MONITOR_SPECS
 from robot_dynamics_tools.mujoco.mujoco_arm import MujocoArmNode
 from robot_dynamics_tools.mujoco.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics_tools.ros2_dynamics.verbs import VERBS
@@ -43,6 +45,7 @@ NODE_MODULES = 'robot_dynamics.ros.entry_points', 'robot_dynamics_tools.mujoco.e
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
+    'dynamics_monitor': (DynamicsMonitor, MONITOR_SPECS, ()),
     'simulated_arm': (SimulatedArmNode, SIMULATED_ARM_SPECS, ('-p', 'publish_clock:=true')),
     'mujoco_arm': (MujocoArmNode, MUJOCO_ARM_SPECS, ('-p', 'publish_clock:=true')),
 }

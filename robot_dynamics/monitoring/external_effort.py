@@ -14,8 +14,20 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.joints.effort_convention import EffortConvention, joint_from_measured
+from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.momentum_observer import MomentumObserver
+
+
+def joint_effort(
+    arm: ArmModel, convention: EffortConvention, measured: FloatArray, v: FloatArray,
+    robot_gravity: FloatArray,
+) -> FloatArray:
+    """Return the joint effort (n,) for an effort (n,) that the robot or the drives report."""
+    effort = joint_from_measured(
+        convention.measured_effort, measured, v, robot_gravity, arm.actuators)
+    return effort if arm.drive is None else arm.drive.torque(effort)
 
 
 class _Known(NamedTuple):

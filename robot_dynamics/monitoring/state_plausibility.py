@@ -111,7 +111,7 @@ class StatePlausibility:
         self._has_several = False
         """Whether there were several publishers when it was rejected."""
         self.is_lock_step = False
-        """Whether a simulation waits for the answer to each state: none is rejected."""
+        """Whether a simulation waits for each answer: no state is rejected, and 0 is a stamp."""
         self._contradiction = 0
         """Number of good states until a contradiction between publishers has ended."""
 
@@ -144,7 +144,7 @@ class StatePlausibility:
         passed = 1e-9 * (steady - self._received)
         if not 0.0 <= passed <= LONGEST_GAP:
             self._stamp = None
-        is_unstamped, shift = stamp == 0, 0
+        is_unstamped, shift = stamp == 0 and not self.is_lock_step, 0
         if is_unstamped:
             stamp = clock
         elif self._is_unstamped and self._stamp is not None:  # stamps begin

@@ -13,7 +13,15 @@ from xml.etree import ElementTree
 from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM, UNHURRIED
+from ros_harness import (
+    DYNAMICS,
+    MONITOR,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+    UNHURRIED,
+)
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -26,7 +34,7 @@ TYPES: dict[str, type] = {
     '/joint_states': JointState, '/effort_command': JointState,
     '/dynamics/gravity_compensation': JointState, '/dynamics/computed_torque': JointState,
     '/dynamics/terms': DynamicsTerms, '/dynamics/reference': JointState,
-    '/dynamics/external_effort': JointState, '/dynamics/residual': JointState,
+    '/dynamics_monitor/external_effort': JointState, '/dynamics_monitor/residual': JointState,
     '/diagnostics': DiagnosticArray,
 }
 NUMBER = r'[-+]?(nan|inf|\d*\.?\d+(e[-+]?\d+)?)'
@@ -37,7 +45,9 @@ PATH = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\$?\w+\])?)+)$')
 @pytest.fixture(scope='module')
 def messages(client: RosClient) -> Iterator[dict[str, Any]]:
     """Return a message of each topic, while the arm follows a reference."""
-    with running(NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0})):
+    with running(
+            NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
+            NodeProcess(MONITOR)):
         collectors = {
             topic: client.collect(kind, topic) for topic, kind in TYPES.items()}
         collectors['/effort_command'].wait_for()  # nothing is followed before the first state
@@ -129,10 +139,11 @@ def found(path: str, messages: dict[str, Any]) -> Any:
 
 
 def test_every_path_of_foxglove_leads_to_a_number_and_its_scene_is_published(client, messages):
-    published = {name for name, _ in client.node.get_publisher_names_and_types_by_node(
-        'dynamics', '/')}
+    published = {
+        name for node in ('dynamics', 'dynamics_monitor')
+        for name, _ in client.node.get_publisher_names_and_types_by_node(node, '/')}
     shown = set(FOXGLOVE['configById']['3D!arm']['topics'])
-    assert '/dynamics/markers' in shown
+    assert '/dynamics_monitor/markers' in shown
     assert shown - published == {'/robot_description'}  # from robot_state_publisher
     assert len(PLOTS) >= 5
     for name, plot in PLOTS.items():

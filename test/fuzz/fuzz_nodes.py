@@ -24,7 +24,6 @@ from robot_dynamics.model import arm_from_parameters, ArmModel
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.dynamics.model_source import check_or_refuse
 from robot_dynamics.ros.dynamics.node import DynamicsNode, options_from, SPECS
-from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation, PayloadSamples
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.middleware.guarded_callbacks import GuardedCallbacks
@@ -80,8 +79,7 @@ class RunningNodes:
         if name not in self._servers:
             node = GuardedCallbacks(f'services_of_{name}')
             keeper = PayloadKeeper(node, lambda: DEFAULTS)
-            self._servers[name] = node, DynamicsServices(
-                node, keeper, PayloadEstimation(node, PayloadSamples(), keeper))
+            self._servers[name] = node, DynamicsServices(node, keeper)
         return self._servers[name][1]
 
     # ------------------------------------------------------------------ services

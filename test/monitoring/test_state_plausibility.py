@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.monitoring.state_plausibility import StateVerdict
+from robot_dynamics.monitoring.state_plausibility import StatePlausibility, StateVerdict
 from watched_states import CONFIRMATIONS, LIMIT, PERIOD, Q, started, Watched
 
 LONGEST_GAP = 30.0  # [s] without a state, after which any state is a first one
@@ -193,3 +193,15 @@ def test_stamps_far_ahead_reset_the_time():
     one.judge(0.0)
     assert one.confirmed(LONGEST_GAP + 1.0, 0.01) == StateVerdict(
         True, None, 'stamp jumped ahead')
+
+
+@pytest.mark.parametrize('is_lock_step', [True, False])
+def test_a_first_state_of_time_0_that_is_repeated_is_new_only_if_0_may_mean_no_stamp(is_lock_step):
+    """In lock-step it is published until it is answered, and must be one state."""
+    one = StatePlausibility(('a', 'b'), LIMIT, 0.2, np.zeros(2, dtype=bool))
+    one.is_lock_step = is_lock_step
+    clock = 1_790_000_000 * 10**9
+    verdicts = [one.judge(0, clock + k * 10**7, Q, lambda: False, k * 10**7) for k in range(5)]
+    assert [each.is_new for each in verdicts] == [True, *[not is_lock_step] * 4]
+    assert one.judge(2_000_000, clock + 10**8, Q, lambda: False, 10**8).dt == (
+        pytest.approx(0.002) if is_lock_step else None)

@@ -23,9 +23,9 @@ NOISE = 0.02
 def test_known_drives_hold_and_move_the_arm_with_efforts_of_the_driver(client):
     with client.collect(Float64MultiArray, '/holds/dynamics/commands') as bare, collecting(
             client, '/holds', 'joint_states', 'effort_command',
-            'dynamics/gravity_compensation', 'dynamics/residual') as topics:
+            'dynamics/gravity_compensation', 'dynamics_monitor/residual') as topics:
         states, commands, gravity, residuals = topics
-        with closed_loop('/holds', DRIVES, **DRIVES, rate=250.0,
+        with closed_loop('/holds', DRIVES, monitor={}, **DRIVES, rate=250.0,
                          effort_noise=NOISE) as node:
             node.wait_for_log('Effort check passed: ', LONG)
             still = states.messages

@@ -9,7 +9,16 @@ import re
 from closed_loop import closed_loop, NAMES, START
 from disturbances import push, ZERO
 import numpy as np
-from ros_harness import DYNAMICS, LONG, NodeProcess, running, SIMULATED_ARM, UNHURRIED, wait_until
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    MONITOR,
+    NodeProcess,
+    running,
+    SIMULATED_ARM,
+    UNHURRIED,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
@@ -52,7 +61,7 @@ def test_a_force_is_felt_and_ends_with_its_messages(client):
 
 def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(client):
     """Nodes and remappings are those of leader_and_follower.launch.py."""
-    effort = '/follower/dynamics/external_effort'
+    effort = '/follower/dynamics_monitor/external_effort'
     leader = NodeProcess(DYNAMICS, {**UNHURRIED, **LAW, **ROUGH}, namespace='/leader', arguments=(
         '--ros-args', '-r', f'~/force_feedback:={effort}', '-r',
         f'~/force_feedback_deviation:={effort}_deviation'))
@@ -61,7 +70,8 @@ def test_a_follower_follows_its_leader_which_feels_a_push_at_the_follower(client
             '--ros-args', '-r', '~/set_point:=/leader/joint_states'))
     options = {'rate': 125.0, 'initial_position': START}
     arms = [NodeProcess(SIMULATED_ARM, {**options, **ROUGH}, namespace='/leader'),
-            NodeProcess(SIMULATED_ARM, options, namespace='/follower')]
+            NodeProcess(SIMULATED_ARM, options, namespace='/follower'),
+            NodeProcess(MONITOR, namespace='/follower')]
 
     def error() -> float:
         at = [one.messages[-1].position for one in (led, followed)]

@@ -57,9 +57,9 @@ def test_dynamics_answers_joint_states(client, process, state_thread):
 
 
 def test_the_periods_of_its_timers(process):
-    """[ms] of markers, of the feedback of a goal, of the looks at statuses and subscribers."""
+    """[ms] of the feedback of a goal, of the looks at statuses and subscribers."""
     periods = sorted(round(1e-6 * timer.timer_period_ns, 1) for timer in process.dynamics().timers)
-    assert periods == [33.3, 50.0, 100.0, 100.0]
+    assert periods == [50.0, 100.0, 100.0]
 
 
 @pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])

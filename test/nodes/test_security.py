@@ -13,6 +13,7 @@ import pytest
 from ros_harness import (
     DYNAMICS,
     log_of_failed_start,
+    MONITOR,
     NodeProcess,
     SIMULATED_ARM,
     wait_until,
@@ -20,12 +21,14 @@ from ros_harness import (
 
 ROOT = Path(__file__).parents[2]
 POLICY = ROOT / 'config' / 'security' / 'robot_dynamics.policy.xml'
-NODES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM}
+NODES = {'dynamics': DYNAMICS, 'dynamics_monitor': MONITOR, 'simulated_arm': SIMULATED_ARM}
 FILES = ('identity_ca.cert.pem', 'cert.pem', 'key.pem', 'permissions_ca.cert.pem',
          'governance.p7s', 'permissions.p7s')
 """What a complete enclave consists of."""
 WITH_DRIVES = {'/dynamics/feed_forward'}
 """Subscribed by simulated_arm instead of effort_command."""
+WITH_MARKERS = {'/effort_command'}
+"""Subscribed by dynamics_monitor while there are subscribers of markers."""
 
 
 def allowed(node: str, kind: str) -> set[str]:
@@ -42,8 +45,9 @@ def allowed(node: str, kind: str) -> set[str]:
 
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
-    """Run both nodes with all topics that parameters can add."""
+    """Run the nodes with all topics that parameters can add."""
     with NodeProcess(DYNAMICS, {'use_sim_time': True}), \
+            NodeProcess(MONITOR, {'use_sim_time': True}), \
             NodeProcess(SIMULATED_ARM, {'publish_clock': True}):
         yield
 
@@ -59,6 +63,8 @@ def test_the_policy_is_that_of_the_running_node(client, node, kind):
     expected = allowed(node, kind)
     if (node, kind) == ('simulated_arm', 'subscribe'):
         expected -= WITH_DRIVES
+    if (node, kind) == ('dynamics_monitor', 'subscribe'):
+        expected -= WITH_MARKERS
 
     def running() -> set[str]:
         try:
@@ -80,7 +86,8 @@ def test_the_policy_allows_the_action_of_the_running_node(client):
 def test_the_policy_allows_drives_no_other_nodes_and_one_controller():
     assert allowed('simulated_arm', 'subscribe') > WITH_DRIVES
     profiles = ElementTree.parse(POLICY).findall('.//profile')
-    assert [profile.get('node') for profile in profiles] == list(NODES)
+    assert [node for node in (profile.get('node') for profile in profiles)
+            if node != '_dynamics_monitor_requests'] == list(NODES)
     assert [node for node in NODES if '/effort_command' in allowed(node, 'publish')] == [
         'dynamics']
 

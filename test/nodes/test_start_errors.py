@@ -52,9 +52,6 @@ CASES = {
     'unknown joint': Case(
         {'robot_description': ARM, 'joints': ['joint1', 'elbow']},
         r"joints has 'elbow', expected joints out of \['joint1', 'joint2'\]"),
-    'unknown frame': Case(
-        {'external_wrench.frame': 'hand'},
-        r"external_wrench.frame is 'hand', expected one of the links \['base_link', 'link1'"),
     'two descriptions': Case(
         {'robot_description': ARM, 'robot_description_file': 'arm.urdf'},
         r"robot_description_file is 'arm.urdf' and robot_description is given too"),

@@ -89,9 +89,9 @@ def test_every_common_argument_has_a_description_and_is_used():
 def test_launch_files_name_executables_that_are_installed():
     names = {word for path in FILES for call in calls(path, 'node') for word in (
         ast.literal_eval(one) for one in call.args[1:2] if isinstance(one, ast.Constant))}
-    assert names == {'dynamics', 'simulated_arm', 'mujoco_arm'}
-    for directory, executables in zip(
-            DIRECTORIES, (('dynamics_node', 'simulated_arm'), ('mujoco_arm',))):
+    assert names == {'dynamics', 'dynamics_monitor', 'simulated_arm', 'mujoco_arm'}
+    for directory, executables in zip(DIRECTORIES, (
+            ('dynamics_node', 'simulated_arm'), ('dynamics_monitor', 'mujoco_arm'))):
         setup = (directory.parent / 'setup.py').read_text(encoding='utf-8')
         for executable in executables:
             assert f"'{executable}': " in setup

@@ -9,7 +9,15 @@ from typing import Any
 
 from builtin_interfaces.msg import Duration
 from children import TIMEOUT
-from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    MONITOR,
+    NodeProcess,
+    RosClient,
+    running,
+    SIMULATED_ARM,
+)
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -20,12 +28,12 @@ START = [0.8, 0.5]
 @contextmanager
 def closed_loop(
     namespace: str, dynamics: Mapping[str, Any] | None = None,
-    arguments: Sequence[str] = (), **arm: Any,
+    arguments: Sequence[str] = (), monitor: Mapping[str, Any] | None = None, **arm: Any,
 ) -> Iterator[NodeProcess]:
     """
     Run `dynamics` and `simulated_arm` with these parameters; yield the process of `dynamics`.
 
-    `arguments` are those of `dynamics`.
+    `arguments` are those of `dynamics`. With parameters `monitor`, `dynamics_monitor` runs too.
 
     By default the arm starts at `START` and runs in lock-step at 125 Hz, at twice real time: a
     loop at full speed would use two cores also while the test waits for something else.
@@ -36,7 +44,8 @@ def closed_loop(
     node = NodeProcess(
         DYNAMICS, {'lock_step': arm['lock_step'], **(dynamics or {})}, namespace=namespace,
         arguments=arguments)
-    with running(node, NodeProcess(SIMULATED_ARM, arm, namespace=namespace)):
+    others = [] if monitor is None else [NodeProcess(MONITOR, monitor, namespace=namespace)]
+    with running(node, NodeProcess(SIMULATED_ARM, arm, namespace=namespace), *others):
         yield node
 
 

@@ -3,6 +3,7 @@
 
 """The joint states of a robot of two joints that is held at rest."""
 
+import time
 from typing import Any
 
 from robot_dynamics.ros.middleware.conversions import stamp_to_ros
@@ -16,8 +17,15 @@ STEP = 0.01
 class HeldRobot:
     """A robot at rest that sends states on request; a node answers each of them."""
 
-    def __init__(self, client: RosClient, namespace: str, **fields: Any) -> None:
-        """`fields` are those of its joint states."""
+    def __init__(
+        self, client: RosClient, namespace: str, is_paced: bool = False, **fields: Any,
+    ) -> None:
+        """
+        Send joint states with these fields.
+
+        With `is_paced`, states are as far apart as their stamps, for a node that may skip some.
+        """
+        self._is_paced = is_paced
         self._fields = {'name': ['joint1', 'joint2'], 'velocity': [0.0, 0.0], **fields}
         self._client = client
         self._states = client.publisher(JointState, f'{namespace}/joint_states')
@@ -33,4 +41,6 @@ class HeldRobot:
             message = JointState(**{**self._fields, **fields})
             message.header.stamp = stamp_to_ros(self.stamp)
             self._client.answer_to(self._states, message, self._answers)
+            if self._is_paced:
+                time.sleep(step)
         return self.stamp

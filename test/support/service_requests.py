@@ -18,7 +18,7 @@ SERVICES: dict[str, Any] = {
     name: getattr(srv, name.title().replace('_', '')) for name in (
         'inverse_dynamics', 'inverse_dynamics_batch', 'inverse_dynamics_trajectory',
         'retime_trajectory', 'forward_dynamics', 'manipulator_equation', 'task_space',
-        'set_payload', 'estimate_payload')}
+        'set_payload')}
 Q = (math.pi / 4, math.pi / 6)
 
 BAD_STATES: list[tuple[dict[str, Any], str]] = [
@@ -78,10 +78,5 @@ REFUSALS: list[tuple[str, dict[str, Any], str]] = [
      r"payload\.header\.frame_id is 'hand'"),
     ('set_payload', {'transition_time': -1.0}, 'transition_time is -1, expected'),
     ('set_payload', {'transition_time': NAN}, 'transition_time is nan'),
-    ('estimate_payload', {}, 'no estimation is active, expected an earlier call with start'),
-    ('estimate_payload', {'start': True, 'link': 'hand'}, "link is 'hand', expected one of the"),
-    ('estimate_payload', {'start': True, 'link': 'tool0', 'apply': True},
-     'start is true together with apply or stop'),
-    ('estimate_payload', {'apply': True, 'transition_time': -1.0}, 'transition_time is -1, exp'),
 ]
 """Service, fields of the request, and a pattern of the response message."""

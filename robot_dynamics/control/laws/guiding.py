@@ -17,12 +17,14 @@ DEFAULT_SHARE, LARGEST_SHARE = 0.6, 0.7
 """Of the friction that hand guiding compensates; below 1 of friction given 1.4 times too large."""
 USUAL_SPEED, SPEED_SHARE = {'prismatic': 0.25}, 0.5
 """Default speed limit: [m/s] of prismatic joints, and the largest share of the velocity limit."""
-USUAL_TURN = 0.6
+USUAL_TURN = 1.0
 """The same for other joints [rad/s]."""
 DEFAULT_FEEDBACK_GAIN, LARGEST_FEEDBACK_GAIN, FEEDBACK_SHARE = 0.3, 0.5, 0.25
 """Of `~/force_feedback`: gains, and the largest effort as a share of the effort limit."""
 UNLIMITED_FEEDBACK = 1.0
 """Largest effort [N·m] or [N] of `~/force_feedback` at a joint without an effort limit."""
+ROTOR = 200.0
+"""Effort limit by the usual rotor [rad/s²] or [m/s²]: 145 at a Panda, 330 at a UR10."""
 
 
 class Guiding(NamedTuple):
@@ -31,7 +33,8 @@ class Guiding(NamedTuple):
 
     `friction_share` is the compensated share of friction; `speed` [rad/s] or [m/s] the speed above
     which a joint is braked; `lower` and `upper` [rad] or [m] are the position limits;
-    `feedback_limit` [N·m] or [N] is the largest effort of a force feedback, after its gain.
+    `feedback_limit` [N·m] or [N] is the largest effort of a force feedback, after its gain;
+    `rotors` [kg·m²] or [kg] are the usual ones of joints whose rotors the model lacks.
     """
 
     friction_share: FloatArray
@@ -40,6 +43,7 @@ class Guiding(NamedTuple):
     upper: FloatArray
     feedback_gain: FloatArray
     feedback_limit: FloatArray
+    rotors: FloatArray
 
 
 def make_guiding(
@@ -49,7 +53,7 @@ def make_guiding(
     """
     Return options; each argument is one number for all joints, or one value per joint.
 
-    An empty `speed` is half of the velocity limit, and at most 0.6 rad/s or 0.25 m/s. Raises
+    An empty `speed` is half of the velocity limit, and at most 1 rad/s or 0.25 m/s. Raises
     InvalidInputError for another number of values, a negative one, a share above LARGEST_SHARE, or
     a gain above LARGEST_FEEDBACK_GAIN.
     """
@@ -62,8 +66,11 @@ def make_guiding(
     most = np.minimum(SPEED_SHARE * limits.velocity, usual) if is_empty(speed) else per_joint(
         'hand_guiding.speed', speed, names)
     lower, upper = np.clip((limits.lower, limits.upper), -LARGEST_VALUE, LARGEST_VALUE)
-    return Guiding(share, most, lower, upper, gain, np.where(
-        np.isfinite(limits.effort), FEEDBACK_SHARE * limits.effort, UNLIMITED_FEEDBACK))
+    is_limited = np.isfinite(limits.effort)
+    return Guiding(
+        share, most, lower, upper, gain,
+        np.where(is_limited, FEEDBACK_SHARE * limits.effort, UNLIMITED_FEEDBACK),
+        np.where(is_limited & (arm.reflected_inertia == 0.0), limits.effort / ROTOR, 0.0))
 
 
 def _at_most(field: str, value: npt.ArrayLike, most: float, arm: ArmModel) -> FloatArray:

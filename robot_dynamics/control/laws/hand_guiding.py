@@ -13,15 +13,18 @@ feedback K_p e + K_d ė would bring it there; at rest beyond the limit the effor
 spring, M K_p e, and a joint that returns receives no energy of it. K_p and K_d are those of
 computed torque, scaled by rate and noise of the joint states.
 
-Only a person starts or keeps a motion: α is at most LARGEST_SHARE, below the least true friction
-(`guiding`), so that the energy of a released arm falls, at constant friction with P = Σ F_s |q̇|:
-dP/dt = −(S F_s)ᵀ M⁻¹ S (F − α F_s) < 0, S = diag(sgn q̇). If P is below its mean P_m of the last
-MEMORY, no person supplies what friction takes, and the share of release
+Only a person starts or keeps a motion. With the power P_f of the known friction, of which the true
+one is at least the share λ = LARGEST_SHARE, and u = τ − g, a person supplies at least
 
-    β = RELEASE ((P_m − P) / P − SLOWED / max |q̇|), within 0 and 1,
+    P = d(½ q̇ᵀ M' q̇)/dt + σ (λ P_f − uᵀ q̇),  M' = M + usual rotors
 
-adds the brake −BRAKE β M q̇, whose power is negative. It amplifies the slowing until the arm
-stands. A hand that keeps the speed does not feel it.
+P fills a tank of CAPACITY P_f to the share s. If it is not full, the speed x = √(q̇ᵀ M' q̇) is at
+most w, which falls from its value at the last full tank to 0 in STOPPING. Of the excess
+
+    δ = (1 − s) (1 − w/x),  >= 0,
+
+the compensation loses its part, and the brake −min(K_d) δ M q̇ with negative power acts. Since
+α <= λ, u gives less energy than friction takes: a released arm loses energy, and its tank empties.
 
 Compensation of dry friction at the measured velocity is negative damping, and where friction
 yields before it slides it feeds a vibration (`JointFriction.tracking_effort`). The direction z of
@@ -38,6 +41,7 @@ on average (`gain_scaling`): late gravity is negative damping, and accelerates l
 """
 
 from functools import partial
+import math
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
@@ -45,20 +49,19 @@ from robot_dynamics.control.gains.gain_scaling import LOOP_DELAY
 from robot_dynamics.control.laws.control_law import ControlLaw, equation_terms, LawInput, LawOutput
 from robot_dynamics.control.laws.error_feedback import ErrorFeedback
 from robot_dynamics.control.laws.force_feedback import ForceFeedback
+from robot_dynamics.control.laws.guiding import LARGEST_SHARE
 from robot_dynamics.control.laws.rate_limited_feedback import REVERSAL_TIME
 from robot_dynamics.control.options import ControllerOptions
 from robot_dynamics.exceptions import InvalidInputError
+from robot_dynamics.joints.friction import JointFriction
 from robot_dynamics.model.arm_dynamics import EffortTerms
 
-BRAKE, RELEASE = 10.0, 2.0
-"""Of a released arm: brake [1/s], and its share per relative loss of speed. Their product is the
-rate [1/s] at which the brake grows."""
-SLOWED = 0.01
-"""[rad/s] or [m/s] that a hand loses: twice the noise of the speed by positions of 0.1 mrad."""
-MEMORY, RISE = 0.5, 0.1
-"""Time constants [s] of P_m: a hand that slows within MEMORY feels the brake."""
-SMOOTHING = 0.04
-"""Time constant [s] of the speeds of P."""
+INERTIA = 0.6
+"""σ: M' by the true one, at least. A hand that slows the arm feels at most M' q̈ (1/σ − 1)."""
+CAPACITY = 0.03
+"""[s]: the tank of an arm with the least true friction is empty 18 times this after a release."""
+STOPPING = 0.6
+"""[s]: with the time in which the tank empties, a released arm stands within 1 s."""
 FULL_SPEED = 0.05
 """v_d [rad/s] or [m/s]."""
 SLOWNESS = 0.02
@@ -96,8 +99,8 @@ class HandGuiding(ControlLaw):
         self._last: tuple[int, FloatArray] | None = None
         self._zero = np.zeros(len(self._gains.kp))
         self._reversible = 0.5 * REVERSAL_TIME * np.asarray(options.effort_rate)
-        self._z = self._v = self._way = self._external = self._slow = self._zero
-        self._mean_power: float | None = None
+        self._z = self._v = self._way = self._external = self._added = self._zero
+        self._energy = self._tank = self._allowed_speed = self._slowing = 0.0
         self._felt_until_ns = 0
 
     def feel(self, external: FloatArray, stamp_ns: int) -> None:
@@ -122,11 +125,15 @@ class HandGuiding(ControlLaw):
         gravity, allowed = state.gravity, self._allowed(state.q)
         if not dynamics.is_frictionless:
             friction, remaining = self._friction(state, gravity, moved, dt, *allowed)
-        released = self._released(dynamics.friction.at_rest.static, moved, dt)
-        a = self._braking(state, v, *allowed) - BRAKE * released * v
+        M = dynamics.rigid_body.mass_matrix(state.q)
+        energy = 0.5 * float(v @ M @ v + self._guiding.rotors @ v**2)
+        excess = self._excess(v, energy, dynamics.friction, dt)
+        friction = (1.0 - excess) * friction
+        damping = excess * np.min(self.scale * self._gains.kd)
+        a = self._braking(state, v, *allowed) - damping * v
         effort = gravity + friction
         if a.any():
-            brake = dynamics.rigid_body.mass_matrix(state.q) @ a
+            brake = M @ a
             share = self._share(brake, effort, dynamics.arm.limits.effort)
             a, effort = share * a, effort + share * brake
         if state.stamp_ns > self._felt_until_ns:
@@ -134,6 +141,7 @@ class HandGuiding(ControlLaw):
         else:
             f = self._feedback.effort(self._external, moved, self._v, dt, remaining)
             effort = effort + f
+        self._added = effort - gravity
         return LawOutput(
             effort, partial(self._terms, state, gravity, a, friction, f), friction, False,
             gravity)
@@ -143,8 +151,8 @@ class HandGuiding(ControlLaw):
         last, self._last = self._last, (state.stamp_ns, state.q)
         dt = 0.0 if last is None else 1e-9 * (state.stamp_ns - last[0])
         if last is None or not 0.0 < dt <= LONGEST_STEP:
-            self._z = self._v = self._way = self._slow = self._zero
-            self._mean_power = None
+            self._z = self._v = self._way = self._added = self._zero
+            self._energy = self._tank = 0.0
             self._feedback.restart()
             return self._zero, 0.0
         moved = state.feedback.position_error(state.q, last[1])
@@ -173,18 +181,23 @@ class HandGuiding(ControlLaw):
         compensation = alpha * friction.directed_effort(self._v, direction, direction, gravity)
         return compensation, (1.0 - spare - more) * dry
 
-    def _released(self, dry: FloatArray, moved: FloatArray, dt: float) -> float:
-        """Return β: how far the power of dry friction (n,) is below that of the last MEMORY."""
-        self._slow = self._slow + (moved - self._slow * dt) / (SMOOTHING + dt)
-        speed = np.abs(self._slow)
-        power, mean = float(dry @ speed), self._mean_power
-        mean = power if mean is None else mean
-        mean += dt / ((RISE if power > mean else MEMORY) + dt) * (power - mean)
-        self._mean_power = mean
-        if not 0.0 < power < mean:
+    def _excess(
+        self, v: FloatArray, energy: float, friction: JointFriction, dt: float,
+    ) -> float:
+        """Return δ, by how much an arm exceeds the speed for which a person supplies energy."""
+        speed = np.abs(v)
+        known = float((friction.at_rest.static + friction.viscous * speed) @ speed)
+        last, self._energy = self._energy, energy
+        if not known:
             return 0.0
-        return float(np.clip(
-            RELEASE * ((mean - power) / power - SLOWED / speed.max()), 0.0, 1.0))
+        supplied = energy - last + INERTIA * dt * (
+            LARGEST_SHARE * known - float(self._added @ v))
+        self._tank = min(max(self._tank + supplied / (CAPACITY * known), 0.0), 1.0)
+        x = math.sqrt(2.0 * energy)
+        if self._tank == 1.0:
+            self._allowed_speed, self._slowing = x, x / STOPPING
+        self._allowed_speed = max(self._allowed_speed - self._slowing * dt, 0.0)
+        return (1.0 - self._tank) * max(1.0 - self._allowed_speed / x, 0.0)
 
     def _braking(
         self, state: LawInput, v: FloatArray, least: FloatArray, most: FloatArray,

@@ -6,13 +6,13 @@
 from collections.abc import Callable
 import math
 import time
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
@@ -46,13 +46,20 @@ GRAVITY_SPECS = (
 )
 
 
+class TakesGravity(Protocol):
+    """What gets the gravity (3,) [m/s²], and its largest rate of change [m/s³]."""
+
+    def set_gravity(self, gravity: FloatArray, rate: float) -> None:
+        ...
+
+
 class BaseGravity:
     """Passes gravity to the controller; called in the executor."""
 
     def __init__(self, node: Node, values: Callable[[], Values]) -> None:
         """Subscribe to the IMU if the parameters demand it; `values` returns the parameters."""
         self._node, self._values = node, values
-        self._controller: Controller | None = None
+        self._controller: TakesGravity | None = None
         self._gravity: FloatArray | None = None
         """Gravity (3,) [m/s²] of the newest valid message of the IMU."""
         self._received_at, self._changed_at = -math.inf, -math.inf
@@ -62,7 +69,7 @@ class BaseGravity:
             self._R = rotation(np.array(values()['imu_rpy'] or (0.0, 0.0, 0.0)))
             node.create_subscription(Imu, TOPIC, self._on_imu, NEWEST)
 
-    def set_controller(self, controller: Controller) -> None:
+    def set_controller(self, controller: TakesGravity) -> None:
         """Change the gravity of this controller from now on, first to that of the IMU."""
         self._controller = controller
         if self._gravity is not None:

@@ -17,17 +17,13 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.control_output import NonFiniteEffortError
 from robot_dynamics.control.loop import ControlLoop, LoopAnswer
 from robot_dynamics.control.safety.ending import Ending, Kind
-from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.monitoring.contact_levels import OTHER_CAUSES
 from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.ros.dynamics.command_output import CommandOutput
 from robot_dynamics.ros.dynamics.drive_commands import DriveCommands
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
-from robot_dynamics.ros.dynamics.live_estimates import Estimates, LiveEstimates
-from robot_dynamics.ros.dynamics.markers import LiveMarkers
-from robot_dynamics.ros.dynamics.payload_estimation import PayloadSamples
+from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.dynamics.state_log import ControlCounters, StateLog
 from robot_dynamics.ros.middleware.cdr_templates import (
     effort_template,
@@ -44,8 +40,6 @@ from robot_dynamics.ros.middleware.state_assembly import ForeignJointsError, Sta
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from sensor_msgs.msg import JointState
 
-EXTERNAL_RECOVERY = 25
-"""Valid states in a row without an excess after which the fault external_effort ends."""
 DISCOVERY_TIME = 2.0
 """[s] after the start within which a publisher of robot_description may be discovered."""
 NEWEST_ONLY = QoSProfile(depth=1)
@@ -56,10 +50,12 @@ class _Served:
     """The arm that is served: its loop, and what reads and writes its messages."""
 
     def __init__(
-        self, loop: ControlLoop, check: EffortCheck, sample_max_age: float, is_exact: bool,
+        self, loop: ControlLoop, check: EffortCheck, external: ExternalEffortFault,
+        sample_max_age: float, is_exact: bool,
     ) -> None:
         names = loop.controller.arm.joint_names
         self.loop, self.check, self.names = loop, check, list(names)
+        self.external = external
         self.assembly = StateAssembly(names, sample_max_age, is_exact)
         self.reader = JointStateReader(names)
         self.template: MessageTemplate = effort_template(names)
@@ -104,9 +100,6 @@ class ControlPath:
         self._drives = DriveCommands(node, NEWEST_ONLY)
         self._counts = [*(subscription_count(one) for one in (
             gravity, computed_torque, self._terms, self._reference)), *self._drives.counts]
-        self.markers = LiveMarkers(node)
-        self.estimates = LiveEstimates(node, lambda: self.markers.is_on)
-        self.payload_samples = PayloadSamples()
         self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
 
     @property
@@ -120,7 +113,7 @@ class ControlPath:
         return self.command.lock
 
     def set_loop(
-        self, loop: ControlLoop, check: EffortCheck, estimates: Estimates,
+        self, loop: ControlLoop, check: EffortCheck, external: ExternalEffortFault,
         is_embedded: bool = False,
     ) -> None:
         """
@@ -135,11 +128,10 @@ class ControlPath:
             if before.controller.trajectory is not None:
                 loop.goals.interruption = 'another model was loaded'
         with self.lock:
-            self._served = _Served(loop, check, self._sample_max_age, is_embedded)
+            self._served = _Served(loop, check, external, self._sample_max_age, is_embedded)
             self._foreign_joints = ''
             self._awaits_description = is_embedded
             self._used_at = time.monotonic()
-            self.estimates.set_estimates(estimates)
             self._drives.set_loop(loop)
             self.command.set_loop(loop)
 
@@ -149,8 +141,6 @@ class ControlPath:
             if self.loop is not None:
                 self.loop.goals.end(Ending(Kind.HOLD, 'the model was unloaded'))
             self._served = None
-            self.estimates.forget()
-            self.markers.forget()
             self.command.forget()
 
     def set_limits(self, state_max_age: float, sample_max_age: float) -> None:
@@ -282,45 +272,24 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        estimates = self.estimates
-        wanted = estimates.is_on or estimates.is_lacking or (
-            estimates.has_limits or self.payload_samples.is_on
-            or self.markers.is_on or not served.check.done)
-        for count in estimates.counts:
-            wanted = wanted or count() > 0
-        if wanted:
-            self._estimate(served, state, answer, q)
+        if served.external.is_on or not served.check.done:
+            self._examine(served, state, answer, q)
 
-    def _estimate(
+    def _examine(
         self, served: _Served, state: SensedState, answer: LoopAnswer, q: FloatArray,
     ) -> None:
-        output, verdict = answer.output, answer.verdict
-        v = output.velocity
-        gravity = output.robot_gravity
-        self.estimates.update(served.reader, state, q, v, verdict, gravity)
-        self.payload_samples.take(served.reader, state, q, v, verdict, gravity)
-        if self.estimates.has_limits:
-            joint = self.estimates.excess()
-            if joint is not None:
-                self._fail_by_external_effort(served, joint)
-        if self.markers.is_on:
-            self.markers.update(
-                state.stamp_ns, q, output, self.estimates.external_effort,
-                self.estimates.wrench.newest)
+        """Compare the measured effort with its limit, and with the command."""
+        output, reader = answer.output, served.reader
+        v, gravity = output.velocity, output.robot_gravity
+        if served.external.is_on:
+            fault = served.external.fault(reader, state, q, v, answer.verdict, gravity)
+            if fault is not None:
+                self.command.fail(fault)
         if not served.check.done:
             served.check.add_state(
-                served.reader, state, q, v, gravity,
+                reader, state, q, v, gravity,
                 answer.effort if self.command.has_listeners() or self._drives.has_listeners()
                 else None)
-
-    def _fail_by_external_effort(self, served: _Served, j: int) -> None:
-        effort, limit = self.estimates.external_effort, self.estimates.limit
-        if effort is not None and limit is not None:
-            self.command.fail(Fault(
-                'external_effort', f'external effort at {served.names[j]!r} is {effort[j]:.3g}, '
-                f'expected at most {limit[j]:.3g} (external_effort_limit or contact.effort): a '
-                f'contact, or {OTHER_CAUSES}',
-                recovery=EXTERNAL_RECOVERY))
 
     def _has_age(self) -> bool:
         """Return whether stamps have an age: with use_sim_time they have none."""

@@ -39,7 +39,7 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class UseModel(Protocol):
     """Serves an arm from now on; raises RobotDynamicsError if that is not possible."""
 
-    def __call__(self, xml: str, arm: ArmModel, is_embedded: bool) -> None:
+    def __call__(self, arm: ArmModel, is_embedded: bool) -> None:
         ...
 
 
@@ -111,7 +111,7 @@ class ModelSource:
             self._refuse(error)
 
     def _take(self, model: _Model) -> None:
-        self._use(*model)
+        self._use(model.arm, model.is_embedded)
         self._current = model
 
     def _obstacle_of_embedded_arm(self) -> str:

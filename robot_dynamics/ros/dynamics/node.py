@@ -5,7 +5,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.control.controller import Controller
@@ -18,21 +17,19 @@ from robot_dynamics.ros.dynamics.base_gravity import BaseGravity
 from robot_dynamics.ros.dynamics.command_status import active_words
 from robot_dynamics.ros.dynamics.control_path import ControlPath
 from robot_dynamics.ros.dynamics.effort_check import EffortCheck
+from robot_dynamics.ros.dynamics.external_effort_fault import ExternalEffortFault
 from robot_dynamics.ros.dynamics.goals.follow_joint_trajectory import FollowJointTrajectoryServer
 from robot_dynamics.ros.dynamics.goals.teleoperation import Teleoperation
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
-from robot_dynamics.ros.dynamics.live_estimates import Estimates
 from robot_dynamics.ros.dynamics.model_source import ModelSource
 from robot_dynamics.ros.dynamics.parameters import (
     effort_limits,
     GAINS,
-    optional_values,
     options_from,
     safety_options,
     SPECS,
     state_timeout,
 )
-from robot_dynamics.ros.dynamics.payload_estimation import PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.dynamics.services import DynamicsServices
 from robot_dynamics.ros.dynamics.state_log import StateReport
@@ -50,7 +47,6 @@ from robot_dynamics.ros.middleware.urgent_service import UrgentService
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.urdf.parser import parse_urdf
 from robot_dynamics.validation import check_vector
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -123,7 +119,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._arm: ArmModel | None = None
         self._controller: Controller | None = None
         self._effort_check: EffortCheck | None = None
-        self._estimates: Estimates | None = None
+        self._external: ExternalEffortFault | None = None
         self._configuring_failed: Exception | None = None
         self._is_starting = False
         self._settings = DeclaredParameters(self, SPECS, self._check, self._apply)
@@ -133,8 +129,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self, lambda: self._loop.publisher_count(), Diagnostics(self, self._statuses).look_now)
         self._graph = GraphWatch(
             self, self._path.command.topics, 'Stop all but one publisher of a command topic.')
-        self._estimation = PayloadEstimation(self, self._path.payload_samples, self._payloads)
-        self._dynamics_services = DynamicsServices(self, self._payloads, self._estimation)
+        self._dynamics_services = DynamicsServices(self, self._payloads)
         self._models = ModelSource(
             self, lambda: self._settings.values, self._payloads,
             lambda: self._path.command.is_commanding, self._use_model)
@@ -223,8 +218,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         self._path.forget()
         self._dynamics_services.forget()
         self._gravity.forget()
-        self._estimation.forget()
-        self._arm = self._controller = self._effort_check = self._estimates = None
+        self._arm = self._controller = self._effort_check = self._external = None
         self._models.forget()
         return TransitionCallbackReturn.SUCCESS
 
@@ -253,7 +247,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     # ------------------------------------------------------------------ the model
 
-    def _use_model(self, xml: str, arm: ArmModel, is_embedded: bool) -> None:
+    def _use_model(self, arm: ArmModel, is_embedded: bool) -> None:
         values = self._settings.values
         options = options_from(values, arm)
         self._payloads.check(arm)
@@ -266,15 +260,12 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
         loop = ControlLoop(
             controller, effort_limits(values, arm), safety_options(values), monitor,
             self._path.loop)
-        estimates = Estimates(controller, options.effort_convention, values)
-        self._path.set_loop(loop, check, estimates, is_embedded)
-        self._limit_path(values, arm)
-        self._path.markers.set_controller(
-            controller, parse_urdf(xml).root_link, estimates.wrench.frame)
+        external = ExternalEffortFault(self, controller, options.effort_convention, values)
+        self._path.set_loop(loop, check, external, is_embedded)
+        self._limit_path(values)
         self._dynamics_services.set_controller(controller)
-        self._estimation.set_convention(options.effort_convention)
         self._arm, self._controller = arm, controller
-        self._effort_check, self._estimates = check, self._path.estimates.estimates
+        self._effort_check, self._external = check, external
         self._warn_of_loop(controller)
         self.get_logger().info(f'Model {arm.name!r}: joints {list(arm.joint_names)}')
         for name, position in arm.locked_joints.items():
@@ -295,8 +286,8 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             options_from(values, self._arm)
 
     def _apply(self, values: Values) -> None:
-        if self._estimates is not None:
-            self._estimates.set_bandwidths(values)
+        if self._external is not None:
+            self._external.set_limits(values)
         if self._controller is not None and self._arm is not None:
             options = options_from(values, self._arm)
             loop = self._path.loop
@@ -307,13 +298,9 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             self._gravity.take(values)
             if any(values[name] != self._settings.values[name] for name in LOOP_PARAMETERS):
                 self._warn_of_loop(self._controller)
-            self._limit_path(values, self._arm)
+            self._limit_path(values)
 
-    def _limit_path(self, values: Values, arm: ArmModel) -> None:
-        limit = optional_values('external_effort_limit', values, arm)
-        self._path.estimates.set_limits(
-            None if limit is None or not limit.any() else np.where(limit > 0.0, limit, np.inf),
-            values, arm)
+    def _limit_path(self, values: Values) -> None:
         self._path.set_limits(values['state_max_age'], values['joint_sample_max_age'])
 
     # ------------------------------------------------------------------ diagnostics
@@ -325,7 +312,6 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
             *self._report.statuses(state_timeout(self._settings.values)),
             self._trajectories.status(),
             self._path.command.status(),
-            self._path.estimates.status(),
             self._graph.status(),
             self._payloads.status(),
             self._gravity.status(),
@@ -335,7 +321,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
                  'a new one waits': self._models.has_waiting,
                  'callbacks that failed': self.callback_errors}),
         ]
-        return statuses + ([] if self._effort_check is None else [self._effort_check.status()])
+        return statuses + [one.status() for one in (self._external, self._effort_check) if one]
 
 
 def main(args: Sequence[str] | None = None) -> int:

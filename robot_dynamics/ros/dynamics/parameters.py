@@ -35,8 +35,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import check_order_is_given, convention_from_parameters
 from robot_dynamics.model_check.finding import CHECKS
 from robot_dynamics.ros.dynamics.base_gravity import GRAVITY_SPECS
-from robot_dynamics.ros.dynamics.external.live_contacts import contact_levels
-from robot_dynamics.ros.dynamics.live_estimates import ESTIMATE_SPECS
+from robot_dynamics.ros.dynamics.external_effort_fault import (
+    contact_levels,
+    CONTACT_SPECS,
+    OBSERVER_SPECS,
+)
 from robot_dynamics.ros.parameters import robot_description
 from robot_dynamics.ros.parameters.declared_parameters import (
     flag,
@@ -108,10 +111,8 @@ SAFETY_SPECS = (
         ', 0 for no limit. If empty, the limit is the distance at the velocity limit in 0.3 s.')),
     number('overspeed_factor', 1.2, 0.0, 1e9, (
         'Multiple of a URDF velocity limit above which a fault occurs; 0 disables this check.')),
-    numbers_per_joint('external_effort_limit', 0.0, 1e9, (
-        'Estimated external effort [N·m] or [N] above which a fault occurs'), (
-        '. 0 or an empty array disables this check. The estimate is published on '
-        '~/external_effort.')),
+    *OBSERVER_SPECS,
+    *CONTACT_SPECS,
     number('effort_rate_limit', 0.0, 0.0, 1e9, (
         'Largest rate of change [N·m/s] or [N/s] of effort_command for every joint; 0 for the '
         'effort limit of each joint per 0.1 s.')),
@@ -165,7 +166,7 @@ SPECS = (
         'Share of friction that hand_guiding compensates'), default=[guiding.DEFAULT_SHARE]),
     numbers_per_joint('hand_guiding.speed', 0.0, 1e8, (
         'Speed [rad/s] or [m/s] above which hand_guiding brakes a joint'), (
-        '. If empty, half of the velocity limit, at most 0.6 rad/s or 0.25 m/s.')),
+        '. If empty, half of the velocity limit, at most 1 rad/s or 0.25 m/s.')),
     numbers_per_joint('hand_guiding.feedback_gain', 0.0, guiding.LARGEST_FEEDBACK_GAIN, (
         'Share of the effort on ~/force_feedback that hand_guiding lets feel'),
         default=[guiding.DEFAULT_FEEDBACK_GAIN]),
@@ -210,7 +211,6 @@ SPECS = (
     flag('effort_check', True, (
         'Compare measured effort, command and g(q) once while the arm holds still, and log a '
         'warning if gravity is compensated twice or not as declared.'), read_only=True),
-    *ESTIMATE_SPECS,
     *SAFETY_SPECS,
     *GOAL_SPECS,
     flag('autostart', True, (

@@ -16,12 +16,10 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.derivatives import ArmDerivatives
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.joint_order import JointOrder
-from robot_dynamics.ros.dynamics.payload_estimation import estimate_to_ros, PayloadEstimation
 from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
 from robot_dynamics.ros.middleware.conversions import (
     add_task_space,
     floats_to_ros,
-    payload_to_ros,
     stamp_to_ros,
     terms_to_ros,
     trajectory_from_ros,
@@ -59,13 +57,11 @@ class DynamicsServices:
     The response to an invalid request has success = false and the reason.
     """
 
-    def __init__(
-        self, node: GuardedCallbacks, payloads: PayloadKeeper, estimation: PayloadEstimation,
-    ) -> None:
+    def __init__(self, node: GuardedCallbacks, payloads: PayloadKeeper) -> None:
         """Offer the services on a node; ~/set_payload changes `payloads`."""
         self._node = node
         self._controller: Controller | None = None
-        self._payloads, self._estimation = payloads, estimation
+        self._payloads = payloads
 
         def offer(service_type: type, name: str, handler: Handler) -> None:
             node.create_service(
@@ -79,7 +75,6 @@ class DynamicsServices:
         offer(srv.ManipulatorEquation, 'manipulator_equation', self._manipulator_equation)
         offer(srv.TaskSpace, 'task_space', self._task_space)
         offer(srv.SetPayload, 'set_payload', self._set_payload)
-        offer(srv.EstimatePayload, 'estimate_payload', self._estimate_payload)
 
     def set_controller(self, controller: Controller) -> None:
         """Use this arm from the next request on."""
@@ -258,29 +253,6 @@ class DynamicsServices:
         controller = self._used()
         response.message = self._payloads.change(controller, request.payload, seconds)
         response.warnings = self._payloads.warnings(controller.arm)
-
-    def _estimate_payload(
-        self, request: srv.EstimatePayload.Request, response: srv.EstimatePayload.Response,
-    ) -> None:
-        seconds = check_scalar('transition_time', request.transition_time, minimum=0.0)
-        controller = self._used()
-        if request.start:
-            if request.apply or request.stop:
-                raise InvalidInputError(
-                    'start is true together with apply or stop, expected separate calls')
-            self._estimation.start(controller, request.link)
-            response.link = request.link
-            response.message = f'estimation for {request.link!r} started'
-            return
-        estimate = self._estimation.estimate(request.link)
-        estimate_to_ros(estimate, response)
-        if request.apply:
-            change = self._payloads.change(
-                controller, payload_to_ros(estimate.payload()), seconds)
-            response.message += f'; applied: {change}'
-            response.warnings += self._payloads.warnings(controller.arm)
-        if request.stop:
-            self._estimation.stop()
 
 
 def _in_order(trajectory: JointTrajectory, order: JointOrder) -> JointTrajectory:

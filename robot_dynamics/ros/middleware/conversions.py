@@ -71,8 +71,12 @@ def _vector_from_ros(field: str, vector: Vector3) -> FloatArray:
         field, (vector.x, vector.y, vector.z), 3, ('x', 'y', 'z'), LARGEST_VALUE)
 
 
-def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:
-    """Return a checked payload, or None for m = 0, which removes it; raise InvalidInputError."""
+def payload_from_ros(arm: ArmModel | None, message: InertiaStamped) -> Payload | None:
+    """
+    Return a checked payload, or None for m = 0, which removes it; raise InvalidInputError.
+
+    Without an arm, the link is not checked.
+    """
     inertia = message.inertia
     payload = make_payload(
         message.header.frame_id, inertia.m, (inertia.com.x, inertia.com.y, inertia.com.z),
@@ -81,7 +85,8 @@ def payload_from_ros(arm: ArmModel, message: InertiaStamped) -> Payload | None:
          [inertia.ixz, inertia.iyz, inertia.izz]])
     if payload.mass == 0.0:
         return None
-    arm.link_frame(payload.link, 'payload.header.frame_id')
+    if arm is not None:
+        arm.link_frame(payload.link, 'payload.header.frame_id')
     return payload
 
 

@@ -20,7 +20,7 @@ from robot_dynamics_tools.recordings.message_encoding import (
 from robot_dynamics_tools.recordings.reader import JOINT_STATE, RecordingWriter
 from robot_dynamics_tools.recordings.topics import DYNAMICS_TERMS, DYNAMICS_TERMS_TEXT
 
-TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics/residual'
+TERMS_TOPIC, RESIDUAL_TOPIC = '/dynamics/terms', '/dynamics_monitor/residual'
 _ROWS = 1000
 """Number of lines that are formatted at a time."""
 

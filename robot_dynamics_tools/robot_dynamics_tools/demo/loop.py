@@ -120,7 +120,8 @@ def run_closed_loop(
 
 
 def _open_page(session: Session, page: ViewerPage) -> None:
-    """Start the viewer, print its address, and record until a browser opens the page."""
+    """Start viewer and monitor, print the address, and record until a browser opens the page."""
+    session.processes.start('dynamics_monitor', processes.MONITOR, {})
     viewer = session.processes.start('viewer', processes.VIEWER, {}, arguments=(
         '--port', str(page.port), *(() if page.robot is None else ('--robot', page.robot))))
     session.wait_for(lambda: _address(viewer) is not None, 'the page of the viewer')

@@ -33,8 +33,10 @@ _SETTLE = 0.5
 """[s] after the first node in which others may be found too, as long as ros2cli takes."""
 _GLANCE = 0.2
 """[s] in which a publisher is found that has been there before the node was found."""
+MONITOR = 'dynamics_monitor'
 _OFFERED = '/inverse_dynamics'
 _SERVICE = 'robot_dynamics_interfaces/srv/InverseDynamics'
+_OFFERED_BY_MONITOR = '/estimate_payload'
 Answer = TypeVar('Answer')
 Client = TypeVar('Client', bound='DynamicsClient')
 
@@ -108,6 +110,31 @@ class DynamicsClient:
             name.removesuffix(_OFFERED)
             for name, kinds in self.node.get_service_names_and_types()
             if name.endswith(_OFFERED) and _SERVICE in kinds)
+
+    @property
+    def monitor(self) -> str:
+        """The full name of the `dynamics_monitor` beside the node; raises NoAnswerError."""
+        name = self.resolve(MONITOR)
+        if not self.wait(lambda: self.has_monitor):
+            raise NoAnswerError(
+                f'no node {name} in {self.timeout:g} s; start it with: {self.start_of_monitor}')
+        return name
+
+    @property
+    def has_monitor(self) -> bool:
+        """Whether the `dynamics_monitor` of the node is discovered."""
+        service = f'{self.resolve(MONITOR)}{_OFFERED_BY_MONITOR}'
+        return any(name == service for name, _ in self.node.get_service_names_and_types())
+
+    @property
+    def start_of_monitor(self) -> str:
+        """The command that starts the `dynamics_monitor` of the node."""
+        namespace, _, name = self.name.rpartition('/')
+        options = [f'-r __ns:={namespace}'] if namespace else []
+        options += [] if name == 'dynamics' else [f'-p dynamics:={name}']
+        return ' '.join([
+            'ros2 run robot_dynamics_tools dynamics_monitor',
+            *(['--ros-args', *options] if options else [])])
 
     # ------------------------------------------------------------------ services and topics
 

@@ -22,10 +22,11 @@ def answer_estimate_payload(client: DynamicsClient, arguments: Namespace) -> Ans
     request = EstimatePayload.Request(
         start=bool(arguments.link), link=arguments.link or '', apply=arguments.apply,
         stop=arguments.stop, transition_time=arguments.transition)
-    response = client.call(EstimatePayload, 'estimate_payload', request)
-    text = f'{client.name}: {response.message}'
+    monitor = client.monitor
+    response = client.call(EstimatePayload, f'{monitor}/estimate_payload', request)
+    text = f'{monitor}: {response.message}'
     data = {
-        'node': client.name, 'message': response.message, 'link': response.link,
+        'node': monitor, 'message': response.message, 'link': response.link,
         'duration_s': response.duration, 'holds': response.holds,
         'parameters': list(response.parameters), 'values': list(response.values),
         'deviations': [value if math.isfinite(value) else None for value in response.deviations],

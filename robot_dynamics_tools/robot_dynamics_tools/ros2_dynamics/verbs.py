@@ -186,7 +186,7 @@ def _watch_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _record_arguments(parser: argparse.ArgumentParser) -> None:
     _add(parser, complete_topics, 'topics', nargs='*', metavar='TOPIC',
-         help='Topics to record, such as joint_states, ~/residual (of the node) or /tf. The '
+         help='Topics to record, such as joint_states, ~/terms (of the node) or /tf. The '
               'default is joint_states, effort_command, ~/terms, ~/computed_torque, '
               '~/gravity_compensation, ~/reference, ~/payload and /diagnostics.')
     parser.add_argument(

@@ -17,7 +17,7 @@ from robot_dynamics.reporting.text_table import percent
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools.ros2_dynamics.answers import Units, values_at_rest
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
+from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, MONITOR, NoAnswerError
 from sensor_msgs.msg import JointState
 
 COMMAND_TIME = 1.5
@@ -57,7 +57,8 @@ class JointTable:
                 (client.joint_state_topic(), self._on_state),
                 (client.resolve('effort_command'), lambda m: self._keep(m, 'effort_command')),
                 (client.resolve('~/gravity_compensation'), lambda m: self._keep(m, 'gravity')),
-                (client.resolve('~/external_effort'), lambda m: self._keep(m, 'external_effort')))]
+                (client.resolve(f'{MONITOR}/external_effort'),
+                 lambda m: self._keep(m, 'external_effort')))]
 
     def _on_state(self, message: JointState) -> None:
         self._received = time.monotonic()
@@ -147,6 +148,9 @@ def answer_watch(client: DynamicsClient, arguments: Namespace) -> None:
             if not client.wait(lambda: table.stamp_ns is not None):
                 raise NoAnswerError(f'no joint states on {topics[1][1]} in {client.timeout:g} s')
             client.wait(table.is_complete, COMMAND_TIME)
+            if not client.has_monitor:
+                print('no external efforts: no node dynamics_monitor; start it with: '
+                      f'{client.start_of_monitor}', file=sys.stderr)
             rewrites, lines, printed = sys.stdout.isatty() and not arguments.json, 0, 0
             while True:
                 text = json.dumps(table.data()) if arguments.json else table.text()

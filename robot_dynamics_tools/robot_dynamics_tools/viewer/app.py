@@ -221,6 +221,9 @@ class Viewer:
             lines.append('follows a reference')
         else:
             lines.append('follows no reference')
+        if node.has_dynamics and not node.has_monitor:
+            lines.append(f'no node {node.monitor}, which draws efforts: start it with `ros2 run '
+                         'robot_dynamics_tools dynamics_monitor`')
         if self._load:
             lines.append(f'payload of the controller: {self._load}')
         if self._shown is not None and self._shown.scene.missing:

@@ -70,6 +70,9 @@ def _parser() -> Parser:
         '--dynamics', default='dynamics', metavar='NAME',
         help='Name of the dynamics node (default: %(default)s)')
     parser.add_argument(
+        '--monitor', default='dynamics_monitor', metavar='NAME',
+        help='Name of the monitor that draws efforts (default: %(default)s)')
+    parser.add_argument(
         '--simulated-arm', default='simulated_arm', metavar='NAME',
         help='Name of the node for pushes and loads (default: %(default)s)')
     return parser
@@ -114,7 +117,8 @@ def _run(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     try:
         rclpy.init(args=list(ros_arguments), signal_handler_options=SignalHandlerOptions.NO)
         node = ViewerNode(
-            rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm)
+            rclpy.create_node('viewer'), arguments.dynamics, arguments.simulated_arm,
+            arguments.monitor)
     except (NameValidationException, *MiddlewareError) as error:
         stop_server(server)
         rclpy.try_shutdown()

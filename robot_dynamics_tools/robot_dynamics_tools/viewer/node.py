@@ -50,9 +50,11 @@ class Received:
 
 
 class ViewerNode:
-    """The node `viewer`, for a `dynamics` and a `simulated_arm` node with these names."""
+    """The node `viewer`, for nodes with these names."""
 
-    def __init__(self, node: Node, dynamics: str, simulated_arm: str) -> None:
+    def __init__(
+        self, node: Node, dynamics: str, simulated_arm: str, monitor: str = 'dynamics_monitor',
+    ) -> None:
         self.node = node
         self._received = Received()
         self._turned = False
@@ -62,7 +64,7 @@ class ViewerNode:
                 ('state', JointState, 'joint_states', NEWEST_STATE),
                 ('terms', DynamicsTerms, f'{dynamics}/terms', NEWEST),
                 ('reference', JointState, f'{dynamics}/reference', NEWEST),
-                ('markers', MarkerArray, f'{dynamics}/markers', NEWEST),
+                ('markers', MarkerArray, f'{monitor}/markers', NEWEST),
                 ('trajectory', JointTrajectory, f'{dynamics}/joint_trajectory', NEWEST),
                 ('payload', InertiaStamped, f'{dynamics}/payload', LATCHED),
                 ('diagnostics', DiagnosticArray, '/diagnostics', QoSProfile(depth=10)),
@@ -77,7 +79,7 @@ class ViewerNode:
             name: node.create_client(SetPayload, f'{name}/set_payload')
             for name in (dynamics, simulated_arm)}
         self._reset = node.create_client(Trigger, f'{simulated_arm}/reset')
-        self.dynamics, self.simulated_arm = dynamics, simulated_arm
+        self.dynamics, self.simulated_arm, self.monitor = dynamics, simulated_arm, monitor
 
     def _keep(self, field: str) -> Callable[[Any], None]:
         def keep(message: Any) -> None:
@@ -114,6 +116,11 @@ class ViewerNode:
     def has_dynamics(self) -> bool:
         """Return whether a `dynamics` node is available."""
         return bool(self._parameters.service_is_ready())
+
+    @property
+    def has_monitor(self) -> bool:
+        """Return whether a `dynamics_monitor` node publishes the efforts to draw."""
+        return bool(self.node.count_publishers(f'{self.monitor}/markers'))
 
     @property
     def has_simulated_arm(self) -> bool:

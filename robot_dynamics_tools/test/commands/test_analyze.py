@@ -115,7 +115,7 @@ def test_the_terms_are_a_recording_on_the_original_stamps(written):
         assert recording.topic('/dynamics/terms').message_type == (
             'robot_dynamics_interfaces/msg/DynamicsTerms')
         messages = list(recording.messages('/dynamics/terms'))
-        residual = recording.joint_series('/dynamics/residual')
+        residual = recording.joint_series('/dynamics_monitor/residual')
     stamps, terms = stack(messages, fields)
     np.testing.assert_array_equal(stamps, MOTION.stamps_ns)
     assert [time_ns for time_ns, _ in messages] == MOTION.stamps_ns.tolist()

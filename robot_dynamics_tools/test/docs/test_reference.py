@@ -10,6 +10,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import Any
 
 import children
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,6 +18,7 @@ import pytest
 from rcl_interfaces.srv import ListParameters
 from ros_harness import (
     DYNAMICS,
+    MONITOR,
     MUJOCO_ARM,
     NodeProcess,
     running,
@@ -26,7 +28,9 @@ from ros_harness import (
 
 ROOT = Path(__file__).resolve().parents[3]
 REFERENCE = ROOT / 'docs' / 'reference'
-MODULES = {'dynamics': DYNAMICS, 'simulated_arm': SIMULATED_ARM, 'mujoco_arm': MUJOCO_ARM}
+MODULES = {
+    'dynamics': DYNAMICS, 'dynamics_monitor': MONITOR, 'simulated_arm': SIMULATED_ARM,
+    'mujoco_arm': MUJOCO_ARM}
 
 # Topics and services that every rclpy node has, and those of which an action consists.
 OF_RCLPY = re.compile(
@@ -85,7 +89,7 @@ def test_the_readme_is_short():
 @pytest.fixture(scope='module', autouse=True)
 def nodes() -> Iterator[None]:
     pytest.importorskip('mujoco')
-    with running(NodeProcess(DYNAMICS), *(
+    with running(NodeProcess(DYNAMICS), NodeProcess(MONITOR), *(
             NodeProcess(arm, OF_ARMS) for arm in (SIMULATED_ARM, MUJOCO_ARM))):
         yield
 
@@ -121,7 +125,7 @@ def test_parameters(client, node):
     for name, descriptor in client.describe_parameters(f'/{node}', list(rows)).items():
         kind, default, _, may_change, meaning = rows[name]
         value = client.get_parameter(f'/{node}', name)
-        if name in OF_ARMS and node != 'dynamics':  # set by this test
+        if name in OF_ARMS and node.endswith('_arm'):  # set by this test
             value = {'publish_clock': False, 'rate': 500.0}[name]
         shown = str(value).lower() if isinstance(value, bool) else (
             repr(value if isinstance(value, (str, int, float)) else list(value)))
@@ -130,18 +134,24 @@ def test_parameters(client, node):
             descriptor.description), name
 
 
-def test_statuses_and_their_values(client):
+@pytest.mark.parametrize('node', ['dynamics', 'dynamics_monitor'])
+def test_statuses_and_their_values(client, node):
     text = (REFERENCE / 'diagnostics.md').read_text(encoding='utf-8')
+    text = text.split(f'## `{node}`')[1].split('\n## ')[0]
     documented = {
         name: re.sub('JOINT|REASON|…', '.+', '|'.join(
             map(re.escape, re.findall('`([^`]*)`', values))))
         for name, values in re.findall(
             r'^\| `([^`]*)` \|.*\|(.*)\|$', text, re.MULTILINE)}
+
+    def shown(message: DiagnosticArray) -> dict[str, Any]:
+        prefix = f'/{node}: '
+        return {one.name.removeprefix(prefix): one.values for one in message.status
+                if one.name.startswith(prefix)}
+
     with client.collect(DiagnosticArray, '/diagnostics') as reports:
-        found = reports.wait_for(lambda message: any(
-            status.name.startswith('/dynamics: ') for status in message.status))
-    shown = {status.name.removeprefix('/dynamics: '): status.values for status in found.status}
-    assert set(shown) == set(documented)
-    for name, values in shown.items():
+        found = shown(reports.wait_for(lambda message: len(shown(message)) > 3))
+    assert set(found) == set(documented)
+    for name, values in found.items():
         for value in values:
             assert re.fullmatch(documented[name], value.key), f'{name}: {value.key}'

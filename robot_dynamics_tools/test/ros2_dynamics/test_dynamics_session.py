@@ -222,7 +222,9 @@ def test_a_load_of_model_and_simulated_arm_leaves_no_error(ask):
 # --- watch ---------------------------------------------------------------------------------------
 
 def test_tables_are_appended_without_a_terminal_and_replaced_on_one(ask, monkeypatch):
-    status, out, _ = ask('watch', '--rate', '20', '--count', '3')
+    status, out, err = ask('watch', '--rate', '20', '--count', '3')
+    assert err == ('no external efforts: no node dynamics_monitor; start it with: '
+                   'ros2 run robot_dynamics_tools dynamics_monitor\n')
     assert status == 0
     assert '\x1b' not in out
     tables = out.split('\n\n')

@@ -21,6 +21,7 @@ from robot_dynamics_tools.ros2_dynamics.tool_verbs import TOOLS
 from robot_dynamics_tools.ros2_dynamics.verbs import main, VERBS
 from ros_harness import (
     DYNAMICS,
+    MONITOR,
     NodeProcess,
     running,
     SIMULATED_ARM,
@@ -77,6 +78,7 @@ DYNAMICS_OF = default_dynamics()
 def nodes() -> Iterator[None]:
     with running(
             NodeProcess(DYNAMICS, UNHURRIED), NodeProcess(SIMULATED_ARM, {'rate': 50.0}),
+            NodeProcess(MONITOR),
             NodeProcess(
                 DYNAMICS, {
                     'robot_description': LIFT, 'ignore_checks': ['inertia'],
@@ -196,7 +198,8 @@ def test_a_payload_is_shown_put_on_and_taken_away(ask):
 
 def test_a_payload_is_estimated(ask):
     assert_refused(ask, ['estimate_payload'], 'no estimation is active')
-    assert ask('estimate_payload', 'tool0')[1] == "/dynamics: estimation for 'tool0' started\n"
+    assert ask('estimate_payload', 'tool0')[1] == (
+        "/dynamics_monitor: estimation for 'tool0' started\n")
     wait_until(lambda: ask('estimate_payload')[0] == 0, 'an estimate')
     out = ask('estimate_payload')[1]
     assert re.search(r'^m +\S+ +\S+ +\S+ +kg +', out, re.MULTILINE)
@@ -205,6 +208,13 @@ def test_a_payload_is_estimated(ask):
     assert figures['parameters'][:4] == ['m', 'mx', 'my', 'mz']
     assert figures['deviations'][2] is None
     assert ask('estimate_payload', '--apply')[0] == 2
+
+
+def test_a_verb_says_how_to_start_the_monitor(ask, lift, monkeypatch):
+    monkeypatch.setattr(lift, 'timeout', 0.5)
+    assert ask('estimate_payload', client=lift) == (
+        2, '', 'ros2 dynamics estimate_payload: no node /lift/dynamics_monitor in 0.5 s; start it '
+        'with: ros2 run robot_dynamics_tools dynamics_monitor --ros-args -r __ns:=/lift\n')
 
 
 def test_check_judges_the_model_of_the_node(ask, lift):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics_tools.recordings.reader import Recording
-from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM
+from ros_harness import DYNAMICS, MONITOR, NodeProcess, running, SIMULATED_ARM
 from verb_bench import assert_refused, finish, first_line, start
 
 TOPICS = {
@@ -27,7 +27,7 @@ def nodes() -> Iterator[None]:
             NodeProcess(DYNAMICS, {'lock_step': True}),
             NodeProcess(SIMULATED_ARM, {
                 'rate': 100.0, 'lock_step': True, 'real_time_factor': 1.0}),
-            NodeProcess(DYNAMICS, namespace='/idle')):
+            NodeProcess(MONITOR), NodeProcess(DYNAMICS, namespace='/idle')):
         yield
 
 
@@ -45,7 +45,7 @@ def test_a_recording_has_the_description_and_all_topics(ask, tmp_path):
         if all(counts(answer).values()):
             break
     assert set(counts(answer)) == TOPICS
-    # Two nodes publish diagnostics, whose losses cannot be counted.
+    # Several nodes publish diagnostics, whose losses cannot be counted.
     assert [row['topic'] for row in answer['topics'] if row['lost'] is None] == ['/diagnostics']
     with Recording(bag) as recording:
         found = {topic.name: topic.message_count for topic in recording.topics}
@@ -61,11 +61,12 @@ def test_a_recording_has_the_description_and_all_topics(ask, tmp_path):
 def test_topics_by_name_and_the_table(ask, tmp_path):
     bag = tmp_path / 'bag'
     status, out, err = ask(
-        'record', 'joint_states', '~/residual', '-o', str(bag), '--duration', '0.5')
+        'record', 'joint_states', 'dynamics_monitor/residual', '-o', str(bag), '--duration', '0.5')
     assert status == 0
     assert err == f'Recording 2 topics to {bag}; ends after 0.5 s.\n'
     lines = [line.split() for line in out.splitlines()]
-    assert [line[0] for line in lines[:3]] == ['topic', '/joint_states', '/dynamics/residual']
+    assert [line[0] for line in lines[:3]] == [
+        'topic', '/joint_states', '/dynamics_monitor/residual']
 
 
 def test_a_signal_ends_the_recording_in_order(tmp_path):

@@ -22,7 +22,7 @@ import pytest
 FENCE = re.compile(r'^```(\w+)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 FILE_NAME = re.compile(r'# ([\w.]+)\n')
 NO_STATUSES: Mapping[str, int] = {}
-NODES = ('dynamics_node', 'mujoco_arm', 'simulated_arm')
+NODES = ('dynamics_monitor', 'dynamics_node', 'mujoco_arm', 'simulated_arm')
 
 
 def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:

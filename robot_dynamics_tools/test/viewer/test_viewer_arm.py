@@ -16,6 +16,7 @@ from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robots import must_have_everything, robot_path
 from ros_harness import (
     DYNAMICS,
+    MONITOR,
     NodeProcess,
     running,
     SIMULATED_ARM,
@@ -84,7 +85,9 @@ def test_the_arm_is_that_of_dynamics_or_the_named_one(client, tmp_path):
         simulated = NodeProcess(SIMULATED_ARM, {
             'initial_position': [0.5, -0.5], 'rate': 100.0, 'command_timeout': 0.0},
             namespace='/viewed')
-        with running(NodeProcess(DYNAMICS, UNHURRIED, namespace='/viewed'), simulated):
+        with running(
+                NodeProcess(DYNAMICS, UNHURRIED, namespace='/viewed'), simulated,
+                NodeProcess(MONITOR, namespace='/viewed')):
             page.wait_for('planar_arm, 2 joints', 'follows a reference',
                           without=('no node', 'no joint states'))
             wait_until(lambda: page.sliders() == pytest.approx([0.5, -0.5], abs=0.1), 'sliders')
@@ -92,7 +95,8 @@ def test_the_arm_is_that_of_dynamics_or_the_named_one(client, tmp_path):
         parameters = {'robot_description_file': str(robot_path('ur10'))}
         with NodeProcess(DYNAMICS, parameters, namespace='/viewed'), \
                 client.describing('/viewed') as publish:
-            page.wait_for('ur10, 6 joints', without=('planar_arm', 'not drawn', 'no node'))
+            page.wait_for('ur10, 6 joints', 'no node dynamics_monitor, which draws efforts',
+                          without=('planar_arm', 'not drawn', 'no node dynamics:'))
             publish(one_link('topical'))
             with watched('/viewed', str(tmp_path / 'arm.urdf')) as other:
                 source = other.viewer._source

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Real nodes: `~/external_effort` and `~/residual` while the simulated arm is pushed."""
+"""Real nodes: estimates of `dynamics_monitor` while the arm of `dynamics` is pushed."""
 
 from collections.abc import Callable, Iterator
 import math
@@ -19,7 +19,16 @@ from robot_dynamics.model import ArmDynamics, ExternalWrench, load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics_interfaces.msg import Contact, WrenchCovariance
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, UNHURRIED, wait_until
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    MONITOR,
+    NodeProcess,
+    RosClient,
+    running,
+    UNHURRIED,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -56,10 +65,11 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
         return False
 
     with collecting(
-            client, '/pushed', 'joint_states', 'dynamics/external_effort', 'dynamics/residual',
-            'dynamics/residual_deviation') as (states, estimates, residuals, deviations), \
+            client, '/pushed', 'joint_states', 'dynamics_monitor/external_effort',
+            'dynamics_monitor/residual', 'dynamics_monitor/residual_deviation') as (
+                states, estimates, residuals, deviations), \
             closed_loop('/pushed', {
-                **ROBOT, 'gains.natural_frequency': [40.0]}, **ROBOT, rate=250.0):
+                **ROBOT, 'gains.natural_frequency': [40.0]}, monitor={}, **ROBOT, rate=250.0):
         first = estimates.wait_count(20, LONG)[-1]
         assert list(first.name) == NAMES
         assert not len(first.position)
@@ -77,22 +87,24 @@ NOISE = 0.05
 
 @pytest.fixture(scope='module')
 def node() -> Iterator[NodeProcess]:
-    with NodeProcess(DYNAMICS, {
-            **UNHURRIED, 'joints': NAMES, 'external_effort_bandwidth': BANDWIDTH,
-            'uncertainty.noise_deviation': [NOISE], 'uncertainty.noise_bandwidth': 2.0,
-            'external_wrench.largest_force': 200.0},
-            namespace='/held') as process:
+    """Run `dynamics` and its monitor; return the process of the monitor."""
+    dynamics = NodeProcess(DYNAMICS, {
+        **UNHURRIED, 'joints': NAMES, 'external_effort_bandwidth': BANDWIDTH,
+        'uncertainty.noise_deviation': [NOISE], 'uncertainty.noise_bandwidth': 2.0},
+        namespace='/held')
+    process = NodeProcess(MONITOR, {'external_wrench.largest_force': 200.0}, namespace='/held')
+    with running(dynamics, process):
         yield process
 
 
 @pytest.fixture(scope='module')
 def robot(client: RosClient, node: NodeProcess) -> HeldRobot:
-    return HeldRobot(client, '/held', **HELD)
+    return HeldRobot(client, '/held', is_paced=True, **HELD)
 
 
 def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client, robot):
     """Of the planar arm, the lift of joint2 is a force and a torque at tool0."""
-    topic = '/held/dynamics'
+    topic = '/held/dynamics_monitor'
     robot.say()
     zero = f'{topic}/zero_external_wrench'
     refused = client.call(Trigger, zero)
@@ -130,10 +142,11 @@ def test_the_external_wrench_has_its_frame_and_a_bias_on_request(client, robot):
 def says(words: str, key: str = '', value: str = '') -> Callable[[DiagnosticArray], bool]:
     """Return a predicate: a status of the estimates has these words and this figure."""
     def fits(message: DiagnosticArray) -> bool:
-        status = next(s for s in message.status if s.name.endswith(': estimates'))
-        return words in status.message and (status.level == DiagnosticStatus.WARN) == (
-            words.startswith('none')) and (not key or any(
-                pair.key == key and pair.value == value for pair in status.values))
+        status = next((s for s in message.status if s.name.endswith(': estimates')), None)
+        return status is not None and words in status.message and (
+            status.level == DiagnosticStatus.WARN) == words.startswith('none') and (
+                not key or any(
+                    pair.key == key and pair.value == value for pair in status.values))
 
     return fits
 
@@ -142,7 +155,7 @@ def test_missing_data_are_reported_and_estimates_restart(client, node, robot):
     def begun(steps: int) -> Any:
         return pytest.approx(LIFT * -math.expm1(-K * steps * STEP), abs=1e-9)
 
-    topic = '/held/dynamics/external_effort'
+    topic = '/held/dynamics_monitor/external_effort'
     with client.collect(DiagnosticArray, '/diagnostics') as diagnostics:
         # subscribers of the test before may be known for some time
         wait_until(lambda: bool(robot.say()) and any(
@@ -182,12 +195,12 @@ def test_missing_data_are_reported_and_estimates_restart(client, node, robot):
         assert 0.0 < estimates.messages[0].effort[1] < 1.5
 
 
-def test_a_contact_is_an_event_and_a_fault_if_wanted(client, node, robot):
+def test_a_contact_is_an_event(client, robot):
     """The lift of joint2 exceeds its level; the robot rests, so that the velocity adds nothing."""
     client.set_parameters('/held/dynamics', {
         'contact.effort': [1.0, 2.0], 'contact.effort_per_velocity': [5.0],
         'external_effort_bandwidth': BANDWIDTH})
-    with client.collect(Contact, '/held/dynamics/contacts') as contacts:
+    with client.collect(Contact, '/held/dynamics_monitor/contacts') as contacts:
         contacts.wait_matched()
         free = {'effort': GRAVITY.tolist()}
         robot.say(100, **free)
@@ -202,9 +215,3 @@ def test_a_contact_is_an_event_and_a_fault_if_wanted(client, node, robot):
         robot.say(100, **free)  # the contact ends
         robot.say(30)
         assert len(contacts.wait_count(2, LONG)) == 2
-        client.set_parameters('/held/dynamics', {'contact.is_fault': True})
-        robot.say(10)
-        node.wait_for_log(
-            r"Fault external_effort: .*'joint2'.* at most 2 \(external_effort_limit or contact")
-        reason = client.rejection('/held/dynamics', 'contact.effort', [0.0, 0.0])
-        assert 'contact.is_fault is true without levels' in reason

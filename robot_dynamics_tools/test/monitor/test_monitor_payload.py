@@ -15,7 +15,16 @@ import pytest
 from robot_dynamics.model import load_arm, make_payload, RigidBody
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.srv import EstimatePayload
-from ros_harness import DYNAMICS, LONG, NodeProcess, RosClient, UNHURRIED, wait_until
+from ros_harness import (
+    DYNAMICS,
+    LONG,
+    MONITOR,
+    NodeProcess,
+    RosClient,
+    running,
+    UNHURRIED,
+    wait_until,
+)
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -47,8 +56,8 @@ def swing() -> JointTrajectory:
 
 def ask(client: RosClient, **fields: Any) -> Any:
     return client.call(
-        EstimatePayload, '/carried/dynamics/estimate_payload', EstimatePayload.Request(**fields),
-        LONG)
+        EstimatePayload, '/carried/dynamics_monitor/estimate_payload',
+        EstimatePayload.Request(**fields), LONG)
 
 
 def test_a_hidden_payload_is_estimated_and_applied(client):
@@ -57,7 +66,7 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
             client.collect(JointState, '/carried/dynamics/reference') as references, \
             closed_loop(
                 '/carried', {**ROBOT, 'gains.natural_frequency': [12.0]},
-                **ROBOT, effort_noise=0.2, seed=1, real_time_factor=4.0):
+                monitor={}, **ROBOT, effort_noise=0.2, seed=1, real_time_factor=4.0):
         gravity.wait_for(timeout=LONG)
         set_payload(client, '/carried/simulated_arm', LOAD)
         assert ask(client, start=True, link='tool0').message == "estimation for 'tool0' started"
@@ -89,7 +98,9 @@ def test_a_hidden_payload_is_estimated_and_applied(client):
 
 
 def test_an_estimation_ends_with_its_model_and_needs_effort(client):
-    with NodeProcess(DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/carried'):
+    with running(
+            NodeProcess(DYNAMICS, {**UNHURRIED, 'joints': NAMES}, namespace='/carried'),
+            NodeProcess(MONITOR, namespace='/carried')):
         states = client.publisher(JointState, '/carried/joint_states', 1)
 
         def start() -> None:
@@ -106,7 +117,8 @@ def test_an_estimation_ends_with_its_model_and_needs_effort(client):
 
         wait_until(lacks_effort, 'the report of the missing effort', LONG)
         set_payload(client, '/carried/dynamics', make_payload('link1', 1.0))
-        assert 'the payload of another link has changed' in ask(client).message
+        wait_until(lambda: 'the payload of another link has changed' in ask(client).message,
+                   'the end of the estimation', LONG)
         start()
         wait_until(lacks_effort, 'an estimation', LONG)
         client.set_parameters('/carried/dynamics', {'gravity': [0.0, 0.0, -9.77]})

@@ -18,9 +18,18 @@ from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.ros.dynamics.markers import drawn, LiveMarkers
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from ros_harness import Collector, DYNAMICS, NodeProcess, RosClient, TIMEOUT, wait_until
+from robot_dynamics.tools.monitor.markers import drawn, LiveMarkers
+from ros_harness import (
+    Collector,
+    DYNAMICS,
+    MONITOR,
+    NodeProcess,
+    RosClient,
+    running,
+    TIMEOUT,
+    wait_until,
+)
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
@@ -59,17 +68,19 @@ def at(point: Any) -> Any:
 
 @pytest.fixture(scope='module', autouse=True)
 def node() -> Iterator[None]:
-    with NodeProcess(DYNAMICS, {'external_effort_bandwidth': 50.0}, namespace='/marked'):
+    with running(
+            NodeProcess(DYNAMICS, {'external_effort_bandwidth': 50.0}, namespace='/marked'),
+            NodeProcess(MONITOR, namespace='/marked')):
         yield
 
 
 @pytest.fixture(scope='module')
 def robot(client: RosClient) -> HeldRobot:
-    return HeldRobot(client, '/marked', position=Q)
+    return HeldRobot(client, '/marked', True, position=Q)
 
 
 def test_efforts_stand_at_the_joints_in_the_frame_of_the_base(client, robot):
-    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+    with client.collect(MarkerArray, '/marked/dynamics_monitor/markers') as markers:
         message = stand_until(robot, markers, bool)
     found = by_name(message)
     assert set(found) == {
@@ -106,8 +117,8 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(client, robo
         arrow = found.get(('external force', 0))
         return arrow is not None and np.linalg.norm(np.subtract(*ends_of(arrow))) > 0.65
 
-    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers, \
-            client.collect(WrenchStamped, '/marked/dynamics/external_wrench') as wrenches:
+    with client.collect(MarkerArray, '/marked/dynamics_monitor/markers') as markers, \
+            client.collect(WrenchStamped, '/marked/dynamics_monitor/external_wrench') as wrenches:
         wrenches.wait_matched()
         message = stand_until(robot, markers, settled, (GRAVITY - external).tolist())
         stamp = message.markers[0].header.stamp
@@ -125,7 +136,7 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(client, robo
 
 
 def test_a_payload_is_a_ball(client, robot):
-    with client.collect(MarkerArray, '/marked/dynamics/markers') as markers:
+    with client.collect(MarkerArray, '/marked/dynamics_monitor/markers') as markers:
         set_payload(client, '/marked/dynamics', make_payload('tool0', 2.0))
         ball = by_name(stand_until(
             robot, markers, lambda found: ('payload', 0) in found))['payload', 0]
@@ -152,7 +163,7 @@ def test_the_display_shows_all_that_is_drawn():
         (Path(__file__).parents[2] / 'rviz' / 'dynamics.rviz').read_text(encoding='utf-8'))
     shown = {entry['Name']: entry for entry in display['Visualization Manager']['Displays']}
     assert set(shown['Dynamics']['Namespaces']) == {marker.ns for marker in message.markers}
-    assert shown['Dynamics']['Topic']['Value'] == '/dynamics/markers'
+    assert shown['Dynamics']['Topic']['Value'] == '/dynamics_monitor/markers'
     assert shown['Dynamics']['Topic']['Durability Policy'] == 'Volatile'
     assert shown['Arm']['Description Topic']['Durability Policy'] == 'Transient Local'
 

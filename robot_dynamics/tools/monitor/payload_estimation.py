@@ -4,34 +4,28 @@
 """
 The estimation of `~/estimate_payload`: from buffered states to an estimate, in the executor.
 
-The control path only stores states, and only while an estimation is active. A timer filters them
-and adds them to the estimator. Position, velocity and effort pass the same causal filter, whose
-derivative of the velocity is the acceleration (`monitoring.low_pass`).
+The thread of the states only stores them, and only while an estimation is active. A timer filters
+them and adds them to the estimator. Position, velocity and effort pass the same causal filter,
+whose derivative of the velocity is the acceleration (`monitoring.low_pass`).
 """
 
 from collections import deque
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from robot_dynamics.arrays import all_finite, FloatArray
-from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.arrays import FloatArray
+from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.angle_wrapping import nearest_turn
-from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
 from robot_dynamics.monitoring.low_pass import LowPass
-from robot_dynamics.monitoring.state_plausibility import StateVerdict
 from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics.payload_estimation.summary import headline
-from robot_dynamics.ros.dynamics.live_estimates import joint_effort
-from robot_dynamics.ros.dynamics.payloads import PayloadKeeper
-from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.tools.monitor.followed_model import Followed
+from robot_dynamics.tools.monitor.states import MeasuredState
 from robot_dynamics_interfaces.srv import EstimatePayload
 
 MOST_SAMPLES = 5000
@@ -46,37 +40,28 @@ LONGEST_STEP = 0.1
 """[s] between two states after which the filter restarts."""
 GRAVITY_CHANGE = 0.05
 """Largest change of gravity [m/s²] during an estimation."""
+WITHOUT_REFERENCE = 'none', 'gravity_compensation', 'hand_guiding'
+"""Values of `command` of laws that follow no reference."""
 COMPENSATED = (
-    'the node compensated friction at rest, so that dry friction cancels only in part, and the '
+    'dynamics compensated friction at rest, so that dry friction cancels only in part, and the '
     'deviations are larger: set friction_compensation to none for the holds')
 NOT_STARTED = (
     'no estimation is active, expected an earlier call with start = true and the name of a link')
-
-
-class Sample(NamedTuple):
-    """A measured state: `stamp` [ns], others (n,); `robot_gravity` is g(q) without a load."""
-
-    stamp: int
-    q: FloatArray
-    v: FloatArray
-    effort: FloatArray
-    robot_gravity: FloatArray
-    is_restart: bool
 
 
 class PayloadSamples:
     """
     A buffer of states while an estimation is active.
 
-    The thread of the control path calls `take`, another thread the other methods. A deque is safe
-    for one thread at each end.
+    The thread of the states calls `take`, another thread the other methods. A deque is safe for
+    one thread at each end.
     """
 
     def __init__(self) -> None:
         self.is_on = False
         self.obstacle = ''
         """Reason why the newest state cannot be used, empty if it can."""
-        self._waiting: deque[Sample] = deque(maxlen=MOST_SAMPLES)
+        self._waiting: deque[MeasuredState] = deque(maxlen=MOST_SAMPLES)
 
     def begin(self) -> None:
         """Take states from now on."""
@@ -88,28 +73,14 @@ class PayloadSamples:
         self.is_on = False
         self._waiting.clear()
 
-    def take(
-        self, reader: JointStateReader, state: SensedState, q: FloatArray, v: FloatArray | None,
-        verdict: StateVerdict, robot_gravity: FloatArray,
-    ) -> None:
-        """Keep a state whose command is published, if an estimation is active; do not raise."""
-        if not (self.is_on and verdict.is_new):
-            return
-        try:
-            effort = reader.effort(state)
-        except RobotDynamicsError as error:
-            self.obstacle = str(error)
-            return
-        if effort is None or not all_finite(effort):
-            self.obstacle = 'joint states have no effort'
-        elif v is None:
-            self.obstacle = 'joint states have no velocity'
-        else:
-            self.obstacle = ''
-            self._waiting.append(Sample(
-                verdict.stamp, q, v, effort, robot_gravity, bool(verdict.restart)))
+    def take(self, state: MeasuredState) -> None:
+        """Keep a state that has an effort, if an estimation is active."""
+        if self.is_on:
+            self.obstacle = state.obstacle
+            if state.effort is not None:
+                self._waiting.append(state)
 
-    def drain(self) -> list[Sample]:
+    def drain(self) -> list[MeasuredState]:
         """Return the waiting states, oldest first, and remove them."""
         samples = []
         while True:
@@ -122,13 +93,9 @@ class PayloadSamples:
 class _Run:
     """One estimation: the filter and the estimator."""
 
-    def __init__(
-        self, controller: Controller, convention: EffortConvention, link: str,
-        others: tuple[Payload, ...],
-    ) -> None:
-        self.others, self._controller = others, controller
-        self._arm = controller.load.planning.arm.with_payloads(others)
-        self._convention = convention
+    def __init__(self, model: Followed, link: str) -> None:
+        self.others = others_than(link, model)
+        self._arm = model.arm.with_payloads(self.others)
         self._estimator = PayloadEstimator(self._arm, link, CUTOFF)
         self._filters = [LowPass(CUTOFF) for _ in range(3)]
         self._stamp: int | None = None
@@ -141,12 +108,9 @@ class _Run:
     def link(self) -> str:
         return self._estimator.link
 
-    @property
-    def is_other_gravity(self) -> bool:
-        """Whether the gravity of the node has changed since the start."""
-        before, now = (arm.pinocchio_model.gravity.linear for arm in (
-            self._arm, self._controller.load.planning.arm))
-        return bool(np.abs(before - now).max() > GRAVITY_CHANGE)
+    def has_other_gravity(self, model: Followed) -> bool:
+        """Return whether gravity has changed since the start."""
+        return bool(np.abs(self._arm.gravity - model.arm.gravity).max() > GRAVITY_CHANGE)
 
     def estimate(self) -> PayloadEstimate:
         found = self._estimator.estimate()
@@ -154,9 +118,9 @@ class _Run:
             return found
         return replace(found, remarks=(*found.remarks, COMPENSATED))
 
-    def add(self, samples: list[Sample]) -> None:
+    def add(self, samples: list[MeasuredState], compensates_at_rest: bool) -> None:
         """Filter states, and add some of them to the estimator."""
-        if samples and self._controller.laws.compensates_at_rest:
+        if samples and compensates_at_rest:
             self._friction_cancels = False
         kept: list[tuple[float, list[FloatArray]]] = []
         for sample in samples:
@@ -165,7 +129,7 @@ class _Run:
                 self._restart(sample)
             filtered = self._filtered(sample)
             if filtered is not None:
-                kept.append((1e-9 * (sample.stamp - self._first_stamp), filtered))
+                kept.append((1e-9 * (sample.stamp_ns - self._first_stamp), filtered))
         self._flush(kept)
 
     def _flush(self, kept: list[tuple[float, list[FloatArray]]]) -> None:
@@ -174,30 +138,30 @@ class _Run:
             self._estimator.add(np.array([t for t, _ in kept]), *signals)
             kept.clear()
 
-    def _is_gap(self, sample: Sample) -> bool:
-        return self._stamp is None or sample.is_restart or not (
-            0.0 < 1e-9 * (sample.stamp - self._stamp) <= LONGEST_STEP)
+    def _is_gap(self, sample: MeasuredState) -> bool:
+        return self._stamp is None or bool(sample.restart) or not (
+            0.0 < 1e-9 * (sample.stamp_ns - self._stamp) <= LONGEST_STEP)
 
-    def _restart(self, sample: Sample) -> None:
+    def _restart(self, sample: MeasuredState) -> None:
         for one in self._filters:
             one.restart()
         self._estimator.restart()
-        self._stamp, self._position = sample.stamp, sample.q
-        self._first_stamp = self._first_stamp or sample.stamp
+        self._stamp, self._position = sample.stamp_ns, sample.q
+        self._first_stamp = self._first_stamp or sample.stamp_ns
         self._settled = self._since_used = 0.0
 
-    def _filtered(self, sample: Sample) -> list[FloatArray] | None:
+    def _filtered(self, sample: MeasuredState) -> list[FloatArray] | None:
         """Return position, velocity, acceleration and effort, None for a sample to skip."""
-        dt = 1e-9 * (sample.stamp - (self._stamp or sample.stamp))
-        self._stamp = sample.stamp
+        if sample.effort is None:
+            return None
+        dt = 1e-9 * (sample.stamp_ns - (self._stamp or sample.stamp_ns))
+        self._stamp = sample.stamp_ns
         self._settled += dt
         self._since_used += dt
         self._position = nearest_turn(sample.q, self._position, self._arm.is_continuous)
-        effort = joint_effort(
-            self._arm, self._convention, sample.effort, sample.v, sample.robot_gravity)
         position, velocity, torque = self._filters
         q, v = position.update(self._position, dt), velocity.update(sample.v, dt)
-        tau = torque.update(effort, dt, held=True)
+        tau = torque.update(sample.effort, dt, held=True)
         if self._settled < velocity.settling_time or self._since_used < INTERVAL:
             return None
         self._since_used = 0.0
@@ -205,33 +169,33 @@ class _Run:
 
 
 class PayloadEstimation:
-    """The active estimation of the node, if any; for the thread of the executor."""
+    """The active estimation, if any; for the thread of the executor."""
 
-    def __init__(
-        self, node: GuardedCallbacks, samples: PayloadSamples, payloads: PayloadKeeper,
-    ) -> None:
-        """Take states from `samples`; `payloads` are the present payloads of the node."""
-        self._node, self._samples, self._payloads = node, samples, payloads
-        self._convention = EffortConvention()
+    def __init__(self, node: GuardedCallbacks, samples: PayloadSamples) -> None:
+        """Take states from `samples`."""
+        self._node, self._samples = node, samples
+        self._model: Followed | None = None
         self._run: _Run | None = None
         self._ended = NOT_STARTED
         self._timer: object = None
 
-    def set_convention(self, convention: EffortConvention) -> None:
-        """End an estimation, because another model is used; take its meaning of the effort."""
-        self._convention = convention
-        self._end('the estimation has ended, because another model was loaded')
+    def set_model(self, model: Followed | None) -> None:
+        """End an estimation if this is another arm, or None."""
+        before, self._model = self._model, model
+        if model is None:
+            self._end('the estimation has ended, because there is no model')
+        elif before is None or before.base is not model.base:
+            self._end('the estimation has ended, because another model was loaded')
 
-    def forget(self) -> None:
-        """End an estimation, because there is no model."""
-        self._end('the estimation has ended, because the model was unloaded')
-
-    def start(self, controller: Controller, link: str) -> None:
+    def start(self, link: str) -> None:
         """Begin an estimation; raise InvalidInputError for an unknown link or without effort."""
-        if self._convention.measured_effort == 'none':
+        if self._model is None:
+            raise ModelError(
+                'no model yet, expected a running node dynamics (parameter dynamics)')
+        if self._model.convention.measured_effort == 'none':
             raise InvalidInputError(
                 "measured_effort is 'none', expected a measured effort to estimate from")
-        run = _Run(controller, self._convention, link, self._others(link))
+        run = _Run(self._model, link)
         self._end(NOT_STARTED)
         self._run = run
         self._samples.begin()
@@ -262,22 +226,19 @@ class PayloadEstimation:
                     f'expected them at most {LONGEST_STEP:g} s apart for 1 s')))
         return found
 
-    def _others(self, link: str) -> tuple[Payload, ...]:
-        return tuple(one for one in self._payloads.payloads if one.link != link)
-
     def _take(self) -> None:
         """Add the waiting states to the estimate; an error ends the estimation."""
-        run = self._run
-        if run is None:
+        run, model = self._run, self._model
+        if run is None or model is None:
             return
-        if self._others(run.link) != run.others:
+        if others_than(run.link, model) != run.others:
             self._end('the estimation has ended, because the payload of another link has changed')
             return
-        if run.is_other_gravity:
+        if run.has_other_gravity(model):
             self._end('the estimation has ended, because the gravity of the base has changed')
             return
         try:
-            run.add(self._samples.drain())
+            run.add(self._samples.drain(), compensates_at_rest(model))
         except Exception as error:  # such as a state beyond all bounds
             self._end(f'the estimation has ended: {describe_error(error)}')
 
@@ -289,6 +250,19 @@ class PayloadEstimation:
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
             self._timer = None
+
+
+def others_than(link: str, model: Followed) -> tuple[Payload, ...]:
+    """Return the payloads of the other links."""
+    return tuple(one for one in model.payloads if one.link != link)
+
+
+def compensates_at_rest(model: Followed) -> bool:
+    """Return whether `dynamics` compensates dry friction of joints that rest."""
+    friction, values = model.arm.friction, model.values
+    return values['command'] not in WITHOUT_REFERENCE and (
+        values['friction_compensation'] == 'reference') and bool(
+            (friction.at_rest.static + friction.load_coefficient).any())
 
 
 def estimate_to_ros(estimate: PayloadEstimate, response: EstimatePayload.Response) -> None:

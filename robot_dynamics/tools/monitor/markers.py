@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The markers of `dynamics` for RViz: `~/markers`, published while there are subscribers.
+The markers for RViz: `~/markers`, published while there are subscribers.
 
-While there are subscribers, the control path stores the newest state here and a timer draws it in
-the thread of the executor. Without subscribers, no state is stored and the timer is stopped.
+While there are subscribers, the newest state is stored here and a timer draws it in the thread of
+the executor. Without subscribers, no state is stored and the timer is stopped. The drawn efforts
+are those of `effort_command`, or g(q) without a command.
 """
 
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point
@@ -18,14 +19,17 @@ import pinocchio as pin
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.control_output import ControlOutput
-from robot_dynamics.control.controller import Controller
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
 from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
 from robot_dynamics.reporting import figures
-from robot_dynamics.ros.middleware.conversions import stamp_to_ros
+from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
+from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
+from robot_dynamics.tools.monitor.followed_model import Followed
+from robot_dynamics.tools.monitor.states import MeasuredState
+from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -35,6 +39,9 @@ TIME_FRACTION = 0.1
 """Largest fraction of the time for drawing; arms of many joints are drawn less often."""
 LIFETIME = Duration(nanosec=500_000_000)
 """Lifetime: RViz removes markers of a removed payload, or if no joint states arrive."""
+COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LARGEST_LAG_NS = 500_000_000
+"""[ns] between a state and a command that is drawn."""
 WARM, HOT = 0.5, 0.9
 """Fractions of the effort limit from which an effort is drawn in a warning colour."""
 
@@ -54,19 +61,21 @@ class _Seen(NamedTuple):
 
     stamp_ns: int
     q: FloatArray
-    effort: FloatArray
     external: FloatArray | None
     wrench: FloatArray | None
 
 
 class LiveMarkers:
-    """Publishes markers; the control thread calls `look`, the executor's thread the rest."""
+    """Publishes markers; the thread of the states calls `update`, the executor the rest."""
 
     def __init__(self, node: Node) -> None:
-        self._controller: Controller | None = None
+        self._node = node
+        self._model: Followed | None = None
         self._marks: tuple[object, ArmMarks] | None = None
         self._frame = self._link = ''
         self._seen: _Seen | None = None
+        self._command: JointState | None = None
+        self._commands: Any = None
         self._rests_until = 0.0
         self.is_on = False
         """Whether there are subscribers."""
@@ -78,49 +87,63 @@ class LiveMarkers:
             event_callbacks=PublisherEventCallbacks(matched=self._match))
 
     def _match(self, event: object) -> None:
-        self.is_on = self._publisher.get_subscription_count() > 0
-        if self.is_on:
+        is_on = self._publisher.get_subscription_count() > 0
+        if is_on == self.is_on:
+            return
+        self.is_on = is_on
+        if is_on:
             self._timer.reset()
+            self._commands = self._node.create_subscription(
+                JointState, 'effort_command', self._on_command, COMMANDS)
         else:
             self._timer.cancel()
-            self._seen = None  # outdated for the next subscriber
+            self._node.destroy_subscription(self._commands)
+            self._seen = self._command = None  # outdated for the next subscriber
 
-    def set_controller(self, controller: Controller, frame: str, link: str) -> None:
-        """Draw this arm, whose base link is `frame`, and the pose of a link."""
-        self._controller, self._frame, self._link = controller, frame, link
-        self._seen = self._marks = None
+    def _on_command(self, message: JointState) -> None:
+        self._command = message
 
-    def forget(self) -> None:
-        """Draw nothing."""
-        self._controller = self._seen = self._marks = None
+    def set_model(self, model: Followed | None, link: str = '') -> None:
+        """Draw this arm and the pose of a link, None without a model."""
+        if model is not None and (self._model is None or self._model.base is not model.base):
+            self._frame, self._seen = model.root_link, None
+        self._model, self._link = model, link
 
     def update(
-        self, stamp_ns: int, q: FloatArray, output: ControlOutput, external: FloatArray | None,
-        wrench: FloatArray | None,
+        self, state: MeasuredState, external: FloatArray | None, wrench: FloatArray | None,
     ) -> None:
-        """Take a state whose command is published, external effort (n,) and wrench (6,)."""
-        effort = output.computed_torque
-        self._seen = _Seen(
-            stamp_ns, q, effort if effort is not None else output.gravity_compensation, external,
-            wrench)
+        """Take a state, its external effort (n,) and wrench (6,)."""
+        self._seen = _Seen(state.stamp_ns, state.q, external, wrench)
 
     def _draw(self) -> None:
-        began, controller = time.monotonic(), self._controller
-        if controller is None or began < self._rests_until:
+        began, model = time.monotonic(), self._model
+        if model is None or began < self._rests_until:
             return
         seen, self._seen = self._seen, None
-        arm = controller.dynamics.arm
+        arm = model.arm
         if seen is None or len(seen.q) != arm.joint_count:  # a state of the previous arm
             return
         if self._marks is None or self._marks[0] is not arm:
             self._marks = arm, ArmMarks(arm, self._link)
         with np.errstate(over='ignore', invalid='ignore'):
-            message = drawn(self._marks[1], arm, *seen[1:])
+            effort = self._effort(model, seen)
+            message = drawn(self._marks[1], arm, seen.q, effort, seen.external, seen.wrench)
         stamp = stamp_to_ros(seen.stamp_ns)
         for marker in message.markers:
             marker.header.frame_id, marker.header.stamp = self._frame, stamp
         self._publisher.publish(message)
         self._rests_until = began + (time.monotonic() - began) / TIME_FRACTION
+
+    def _effort(self, model: Followed, seen: _Seen) -> FloatArray:
+        """Return the commanded effort (n,) at the joints, g(q) if there is no command."""
+        command, arm = self._command, model.arm
+        if command is None or abs(
+                seen.stamp_ns - stamp_from_ros(command.header.stamp)) > LARGEST_LAG_NS:
+            return UncheckedArmDynamics(arm).rigid_body.gravity(seen.q)
+        given = JointStateReader(arm.joint_names).finite_effort(command)
+        effort = arm.given_drive.torque(given)
+        return effort + model.robot_gravity(seen.q) if (
+            model.convention.compensates_gravity) else effort
 
 
 def drawn(

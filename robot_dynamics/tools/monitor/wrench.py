@@ -12,34 +12,17 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import (
-    ExternalWrenchEstimator,
-    LARGEST_FORCE,
-    LARGEST_TORQUE,
-    WrenchEstimate,
-)
+from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
 from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
-from robot_dynamics.ros.parameters.declared_parameters import number, text, Values
+from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_interfaces.msg import WrenchCovariance
 from std_srvs.srv import Trigger
 
 NEWEST_ONLY = QoSProfile(depth=1)
 UNKNOWN = -1.0
 """First element of a covariance that is not known."""
-
-WRENCH_SPECS = (
-    text('external_wrench.frame', '', (
-        'Link at whose origin, and in whose axes, ~/external_wrench is estimated. If empty, the '
-        'link at the end of the arm.'), read_only=True),
-    number('external_wrench.largest_force', LARGEST_FORCE, 1e-3, 1e6, (
-        'Largest expected external force [N]. Directions of ~/external_wrench in which the joint '
-        'efforts are less certain than this count as not observable.'), read_only=True),
-    number('external_wrench.largest_torque', LARGEST_TORQUE, 1e-3, 1e6, (
-        'Largest expected external torque [N·m] about the origin of external_wrench.frame.'),
-        read_only=True),
-)
 
 
 def wrench_estimator(
@@ -52,7 +35,7 @@ def wrench_estimator(
 
 
 class LiveWrench:
-    """Publishes the wrench; the control thread calls `publish`, the executor the service."""
+    """Publishes the wrench; the thread of the states calls `publish`, the executor the service."""
 
     def __init__(self, node: Node, is_wanted: Callable[[], bool]) -> None:
         """`is_wanted` returns whether the node itself needs the wrench."""
@@ -90,7 +73,8 @@ class LiveWrench:
 
     def _zero(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self.estimator is None:
-            raise InvalidInputError('no model yet: expected a URDF')
+            raise InvalidInputError(
+                'no model yet, expected a running node dynamics (parameter dynamics)')
         self.estimator.zero()
         response.success, response.message = True, (
             'the mean external effort of the last 0.2 s is subtracted from now on')

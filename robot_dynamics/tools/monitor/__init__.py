@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What `dynamics` publishes about the environment: external wrench and contacts."""
+"""The node `dynamics_monitor`: estimates from measured efforts, markers, payload estimation."""

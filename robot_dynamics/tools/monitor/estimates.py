@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: 2026 The robot_dynamics authors
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The estimates of one arm from measured efforts, computed only while there are subscribers.
+
+`~/external_effort`, `~/external_wrench`, `~/contacts` and `~/residual`. Each estimator resets when
+its first subscriber connects. The expected standard deviation of an estimate is published on a
+separate topic, `…_deviation`.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from robot_dynamics.arrays import all_finite, FloatArray
+from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
+from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.effort_deviation import EffortDeviation
+from robot_dynamics.monitoring.external_effort import ExternalEffort
+from robot_dynamics.monitoring.live_residual import LiveResidual
+from robot_dynamics.ros.middleware.cdr_templates import effort_template
+from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
+from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
+from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
+from robot_dynamics.ros.parameters.declared_parameters import Values
+from robot_dynamics.tools.monitor.contacts import LiveContacts
+from robot_dynamics.tools.monitor.followed_model import Followed
+from robot_dynamics.tools.monitor.states import MeasuredState
+from robot_dynamics.tools.monitor.wrench import LiveWrench, wrench_estimator
+from sensor_msgs.msg import JointState
+
+LONGEST_STEP = 0.1
+"""[s] between two states after which the estimators reset: the motion between is unknown."""
+NEWEST_ONLY = QoSProfile(depth=1)
+NO_SUBSCRIBERS = 'no subscribers'
+
+
+class Estimates:
+    """The estimators of one arm: external effort, then residual, each only on request."""
+
+    def __init__(self, model: Followed, values: Values) -> None:
+        """Estimate with a model, at the bandwidths of `dynamics` and of the `values`."""
+        self._arm = model.arm
+        self._deviation: EffortDeviation | None = None
+        self.template = effort_template(model.arm.joint_names)
+        dynamics = ArmDynamics(model.arm)
+        self._external = ExternalEffort(dynamics, model.values['external_effort_bandwidth'])
+        self._residual = LiveResidual(dynamics, values['residual_bandwidth'])
+        self._all: tuple[ExternalEffort | LiveResidual, ...] = (self._external, self._residual)
+        self.wrench = wrench_estimator(dynamics, self._external, values)
+
+    def set_model(self, model: Followed) -> None:
+        """Continue with other loads, gravity or bandwidth of the same arm."""
+        self._external.set_bandwidth(model.values['external_effort_bandwidth'])
+        self._arm, self._deviation, dynamics = model.arm, None, ArmDynamics(model.arm)
+        for estimator in self._all:
+            estimator.set_dynamics(dynamics)
+        self.wrench.set_dynamics(dynamics)
+
+    def set_residual_bandwidth(self, bandwidth: float) -> None:
+        """Continue with another cut-off frequency [Hz] of the residual."""
+        self._residual.set_bandwidth(bandwidth)
+
+    def restart(self) -> None:
+        """Reset all estimators at the next state."""
+        for estimator in self._all:
+            estimator.restart()
+        self.wrench.restart()
+
+    def update(
+        self, wanted: tuple[bool, bool], dt: float, q: FloatArray, v: FloatArray,
+        effort: FloatArray,
+    ) -> list[FloatArray | None]:
+        """Return each requested estimate (n,), None until it exists; reset the others."""
+        found: list[FloatArray | None] = []
+        for is_wanted, estimator in zip(wanted, self._all):
+            if not is_wanted:
+                estimator.restart()
+            found.append(estimator.update(dt, q, v, effort) if is_wanted else None)
+        if not wanted[0]:
+            self.wrench.restart()
+        return found
+
+    @property
+    def has_deviations(self) -> bool:
+        """Whether the arm has an uncertainty."""
+        return self._arm.uncertainty is not None
+
+    def deviation(self, number: int, dt: float) -> FloatArray | None:
+        """
+        Return the expected standard deviation (n,) of an estimate, None if it is unknown.
+
+        `number` is the place of the estimate in the result of `update`, dt [s] the period of the
+        states. The parts are the effort noise behind the filter of the estimate, and the
+        uncertainty of the model at the present state.
+        """
+        estimator, uncertainty = self._all[number], self._arm.uncertainty
+        if uncertainty is None or estimator.state is None:
+            return None
+        if self._deviation is None:
+            self._deviation = EffortDeviation(ArmDynamics(self._arm), uncertainty)
+        return np.hypot(
+            uncertainty.noise(estimator.noise_bandwidth, dt),
+            self._deviation(*estimator.state, smooth=True))
+
+
+class LiveEstimates:
+    """Publishes estimates; one thread calls `update`, any thread `status`."""
+
+    def __init__(self, node: Node, is_external_wanted: Callable[[], bool]) -> None:
+        """`is_external_wanted` returns whether the node itself needs effort and wrench."""
+        self._node, self._is_external_wanted = node, is_external_wanted
+        self._publishers = [
+            node.create_publisher(JointState, topic, NEWEST_ONLY)
+            for topic in ('~/external_effort', '~/residual')]
+        self._deviations = [
+            node.create_publisher(JointState, f'{topic}_deviation', NEWEST_ONLY)
+            for topic in ('~/external_effort', '~/residual')]
+        self.wrench, self.contacts = LiveWrench(node, is_external_wanted), LiveContacts(node)
+        self._counts = [subscription_count(one) for one in self._publishers]
+        self._deviation_counts = [subscription_count(one) for one in self._deviations]
+        self.estimates: Estimates | None = None
+        """The estimators in use, None without a model."""
+        self._is_on = self._is_lacking = False
+        self._message = NO_SUBSCRIBERS
+        self._stamp = 0
+        self.external_effort: FloatArray | None = None
+        """External effort of the newest state (n,), None if it is not estimated."""
+        self._restarts: Counter[str] = Counter()
+
+    def set_estimates(self, estimates: Estimates | None) -> None:
+        """Use these estimators from the next state on, None without a model."""
+        self.rest()
+        self.estimates = estimates
+        self.wrench.estimator = None if estimates is None else estimates.wrench
+
+    @property
+    def wanted(self) -> tuple[bool, bool]:
+        """Whether external effort and residual are needed."""
+        external, residual = (count() > 0 for count in self._counts)
+        external = (external or self.wrench.has_subscribers or self.contacts.is_on
+                    or self._is_external_wanted())
+        if self.estimates is not None and self.estimates.has_deviations:
+            of_external, of_residual = (count() > 0 for count in self._deviation_counts)
+            external, residual = external or of_external, residual or of_residual
+        return external, residual
+
+    def rest(self) -> None:
+        """Estimate nothing, and reset at the next state."""
+        self._is_on, self._is_lacking, self._message = False, False, NO_SUBSCRIBERS
+        self.external_effort = self.wrench.newest = None
+
+    def update(self, state: MeasuredState, wanted: tuple[bool, bool]) -> None:
+        """Publish the estimates that are needed, at a new state."""
+        estimates = self.estimates
+        if estimates is None or not any(wanted):
+            self.rest()
+            return
+        try:
+            self._take(estimates, wanted, state)
+        except RobotDynamicsError as error:
+            self._lack(str(error))
+        except Exception as error:  # no state may end the thread
+            self._lack(repr(error))
+
+    def _take(
+        self, estimates: Estimates, wanted: tuple[bool, bool], state: MeasuredState,
+    ) -> None:
+        if state.effort is None:
+            raise InvalidInputError(state.obstacle)
+        dt = self._begin_where_needed(estimates, state)
+        with np.errstate(over='ignore', invalid='ignore'):
+            found = estimates.update(wanted, dt, state.q, state.v, state.effort)
+        if not all(estimate is None or all_finite(estimate) for estimate in found):
+            raise InvalidInputError('the estimates are not finite')
+        self.external_effort = found[0]
+        if found[0] is not None and self.contacts.is_on:
+            self.contacts.update(state.stamp_ns, dt, state.v, found[0])
+        for publisher, estimate in zip(self._publishers, found):
+            if estimate is not None:
+                publisher.publish(estimates.template.filled(state.stamp, estimate))
+        if found[0] is not None:
+            self.wrench.publish(state.stamp_ns, dt)
+        if estimates.has_deviations:
+            self._publish_deviations(estimates, found, dt, state.stamp)
+
+    def _publish_deviations(
+        self, estimates: Estimates, found: list[FloatArray | None], dt: float, stamp: bytes,
+    ) -> None:
+        for i, (publisher, count) in enumerate(zip(self._deviations, self._deviation_counts)):
+            if found[i] is not None and count():
+                deviation = estimates.deviation(i, dt)
+                if deviation is not None:
+                    publisher.publish(estimates.template.filled(stamp, deviation))
+
+    def _begin_where_needed(self, estimates: Estimates, state: MeasuredState) -> float:
+        """Return the time [s] since the state before; after a reset it is not used."""
+        dt = 1e-9 * (state.stamp_ns - self._stamp)
+        self._stamp = state.stamp_ns
+        reason = state.restart or ('' if 0.0 < dt <= LONGEST_STEP else 'gap')
+        if self._is_on and reason:
+            self._restarts[reason] += 1
+        if reason or not self._is_on:
+            estimates.restart()
+        self._is_on, self._is_lacking, self._message = True, False, 'made'
+        return dt
+
+    def _lack(self, reason: str) -> None:
+        """Reset at the next state, and log the reason."""
+        self.rest()
+        self._is_lacking, self._message = True, f'none: {reason}'
+        self._node.get_logger().warning(
+            f'No ~/external_effort, ~/external_wrench and ~/residual: {reason}',
+            throttle_duration_sec=LOG_PERIOD)
+
+    def status(self) -> Status:
+        """Return whether estimates are published, for the diagnostics."""
+        restarts = dict(self._restarts)  # an atomic copy, because another thread counts
+        return Status('estimates', WARN if self._is_lacking else OK, self._message, {
+            f'reset: {reason}': count for reason, count in sorted(restarts.items())})
