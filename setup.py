@@ -16,7 +16,6 @@ EXECUTABLES = {
     'dynamics_node': 'robot_dynamics.ros.entry_points:dynamics_node',
     'simulated_arm': 'robot_dynamics.ros.entry_points:simulated_arm',
     'check_model': 'robot_dynamics.tools.check_model:main',
-    'dynamics_monitor': 'robot_dynamics.tools.monitor.entry_points:dynamics_monitor',
     'planar_urdf': 'robot_dynamics.tools.planar_urdf:main',
 }
 # colcon installs executables into lib/robot_dynamics, for `ros2 run`. A wheel (pip install) puts
@@ -62,7 +61,6 @@ setup(
     install_requires=['setuptools', 'numpy', 'pin', 'pyyaml'],
     extras_require={
         'test': ['pytest'],  # `colcon test` runs pytest because of this line
-        'figures': ['matplotlib'],  # of reporting/figures
         'robots': ['example-robot-data'],  # descriptions by name, such as ur10
         'scipy': ['scipy'],  # the discrete model of an arm, and learning of contact levels
         'xacro': ['xacro'],

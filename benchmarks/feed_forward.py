@@ -24,7 +24,11 @@ from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.reporting.figures import (
+from robot_dynamics.simulation.arm_simulation import ArmSimulation
+from robot_dynamics.simulation.drive_loop import DriveLoop
+from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,
@@ -33,10 +37,6 @@ from robot_dynamics.reporting.figures import (
     styled_figure,
     VERMILION,
 )
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.drive_loop import DriveLoop
-from robot_dynamics.simulation.plant import InnerController, SimulatedRobot
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 ARMS, RATES = ('z1', 'panda', 'ur10'), (500, 250, 100)
 """Arms, and rates of the joint states [Hz]."""

@@ -32,13 +32,13 @@ from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.reporting.figures import (
+from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics_tools.reporting.figures import (
     BLUE,
     save_figure,
     styled_figure,
     VERMILION,
 )
-from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 OPENARM_LIKE = 'openarm-like'
 ARMS = (OPENARM_LIKE, 'z1', 'panda', 'ur10', 'xarm7', 'kinova')

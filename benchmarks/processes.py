@@ -25,7 +25,7 @@ LONGEST_END = 10.0
 """[s] that a process has to end before it is killed."""
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
-MONITOR = 'robot_dynamics.tools.monitor.node'
+MONITOR = 'robot_dynamics_tools.monitor.node'
 
 
 def chain_urdf(n: int) -> str:

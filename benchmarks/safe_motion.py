@@ -39,7 +39,7 @@ from benchmarks.safe_motion_disturbances import DISTURBANCES
 from benchmarks.safe_motion_hand import HAND_GUIDING
 from benchmarks.safe_motion_run import Outcome, Run, run, VERDICTS
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,

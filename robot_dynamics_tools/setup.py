@@ -17,6 +17,7 @@ EXECUTABLES = {
     'calibrate_gravity': 'commands.calibrate_gravity:main',
     'demo': 'demo.cli:main',
     'dynamics': 'ros2_dynamics.cli:main',
+    'dynamics_monitor': 'monitor.entry_points:dynamics_monitor',
     'estimate_payload': 'commands.estimate_payload:main',
     'excite': 'commands.excite:main',
     'export_mjcf': 'commands.export_mjcf:main',

@@ -10,7 +10,8 @@ import numpy as np
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from robot_dynamics.reporting.figures import (
+from robot_dynamics.simulation.current_loop import CurrentLoop
+from robot_dynamics_tools.reporting.figures import (
     BLUE,
     GREEN,
     legend_below,
@@ -18,7 +19,6 @@ from robot_dynamics.reporting.figures import (
     styled_figure,
     VERMILION,
 )
-from robot_dynamics.simulation.current_loop import CurrentLoop
 
 
 def motor(efficiency: float) -> Actuators:

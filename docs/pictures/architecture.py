@@ -7,7 +7,7 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, styled_figure
+from robot_dynamics_tools.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, styled_figure
 
 PACKAGES = (
     (0.5, 3.0, GREEN, 'robot_dynamics_tools'), (2.5, 3.0, BLUE, 'robot_dynamics'),

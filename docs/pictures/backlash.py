@@ -12,7 +12,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREY,

@@ -14,7 +14,7 @@ import sys
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import RobotDynamicsError
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.reporting.figures import (
     BLUE,
     GREEN,
     GREY,

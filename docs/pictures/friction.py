@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.demo.processes import choose_domain
+from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,
@@ -27,7 +28,6 @@ from robot_dynamics.reporting.figures import (
     styled_figure,
     VERMILION,
 )
-from robot_dynamics_tools.demo.processes import choose_domain
 
 for place in ('test', 'robot_dynamics_tools/test'):
     sys.path.insert(0, str(Path(__file__).parents[2] / place / 'support'))

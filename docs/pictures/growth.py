@@ -14,7 +14,7 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.reporting.figures import (
     BLACK,
     BLUE,
     GREEN,

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.control.loop import ControlLoop
-from robot_dynamics.reporting.figures import BLUE, GREY, styled_figure, VERMILION
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
+from robot_dynamics_tools.reporting.figures import BLUE, GREY, styled_figure, VERMILION
 
 for place in ('test', 'robot_dynamics_tools/test'):
     sys.path.insert(0, str(Path(__file__).parents[2] / place / 'support'))

@@ -17,7 +17,6 @@ import time
 
 from matplotlib.image import imread
 import numpy as np
-from robot_dynamics.reporting.figures import PURPLE
 from robot_dynamics_tools.demo.loop import STEP_BY_STEP
 from robot_dynamics_tools.demo.processes import (
     choose_domain,
@@ -26,6 +25,7 @@ from robot_dynamics_tools.demo.processes import (
     SIMULATED_ARM,
     VIEWER,
 )
+from robot_dynamics_tools.reporting.figures import PURPLE
 
 sys.path.insert(0, str(Path(__file__).parents[2] / 'test' / 'support'))
 import browser  # noqa: E402

@@ -9,18 +9,14 @@ from robot_dynamics.monitoring.contact_levels import (
     learn_contact_levels,
 )
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics.monitoring.gravity_check import GravityCheck
-from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.monitoring.state_plausibility import StatePlausibility
 
 __all__ = [
     'ContactDetector',
     'ContactLevels',
     'ExternalEffort',
-    'ExternalWrenchEstimator',
     'GravityCheck',
     'learn_contact_levels',
-    'LiveResidual',
     'StatePlausibility',
 ]

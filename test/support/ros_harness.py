@@ -42,7 +42,7 @@ ASK_AGAIN = 20.0
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
 MUJOCO_ARM = 'robot_dynamics_tools.mujoco.mujoco_arm'
-MONITOR = 'robot_dynamics.tools.monitor.node'
+MONITOR = 'robot_dynamics_tools.monitor.node'
 UNHURRIED = {'state_timeout': 60.0, 'state_max_age': 0.0}
 """Timeouts for a test that publishes joint states itself, not in lock-step, on a busy machine."""
 EXACT = {

@@ -40,7 +40,7 @@ NODES = ('robot_dynamics.ros.dynamics.parameters', 'robot_dynamics.ros.simulated
 OF_TOOLS = {
     'mjcf', 'mjcf_joints', 'dynamics', 'residual_bandwidth', 'external_wrench.frame',
     'external_wrench.largest_force', 'external_wrench.largest_torque'}
-"""Parameters of `mujoco_arm` and `dynamics_monitor`, which may share the file, in another package."""
+"""Parameters of `mujoco_arm` and `dynamics_monitor`, which may share the file too."""
 
 
 @dataclass(frozen=True)

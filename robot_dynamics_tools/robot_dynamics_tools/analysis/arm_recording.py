@@ -13,11 +13,11 @@ from robot_dynamics.exceptions import InvalidInputError, RecordingError
 from robot_dynamics.joints.effort_convention import MOTOR_SIDE
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.reporting.text_table import percent
 from robot_dynamics_tools.analysis.velocity_check import contradicts_position
 from robot_dynamics_tools.recordings.reader import JointSeries, Recording
 from robot_dynamics_tools.recordings.sample_faults import counted
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
+from robot_dynamics_tools.reporting.text_table import percent
 
 IMPLAUSIBLE = {'position': 2.0, 'velocity': 10.0, 'effort': 10.0}
 """Multiple of a limit beyond which a sample is noise."""

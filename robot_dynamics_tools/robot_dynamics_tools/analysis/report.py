@@ -18,18 +18,18 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.html_page import Grade, Origin, Page, Verdict
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
+from robot_dynamics_tools.analysis.residual import ResidualStatistics
+from robot_dynamics_tools.reporting.figures import (
     comparison_panels,
     effort_panel,
     joint_figure,
     Panel,
     scatter_figure,
 )
-from robot_dynamics.reporting.text_table import percent, Rows
-from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
-from robot_dynamics_tools.analysis.residual import ResidualStatistics
 from robot_dynamics_tools.reporting.images import add_figure, png
 from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 
 def facts(analysis: BagAnalysis) -> Rows:

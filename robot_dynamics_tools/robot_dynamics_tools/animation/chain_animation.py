@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics.reporting.figures import GREY, styled_figure
 from robot_dynamics_tools.animation import chain_stage
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
 from robot_dynamics_tools.animation.panels import EffortPanel, EnergyPanel
 from robot_dynamics_tools.animation.video import Frame, Pixels
 from robot_dynamics_tools.pictures.planar_view import PlanarView
+from robot_dynamics_tools.reporting.figures import GREY, styled_figure
 
 WIDTH, DPI = 9.2, 100
 PANEL_HEIGHT = 2.0

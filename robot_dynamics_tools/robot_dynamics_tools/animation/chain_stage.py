@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.planar.chain import NewtonEulerPass
-from robot_dynamics.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
+from robot_dynamics_tools.reporting.figures import BLACK, BLUE, GREEN, GREY, PURPLE, SKY, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

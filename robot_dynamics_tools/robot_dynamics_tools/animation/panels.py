@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.reporting import figures
 from robot_dynamics_tools.animation.arm_motion import ArmMotion
+from robot_dynamics_tools.reporting import figures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,7 +19,6 @@ import numpy as np
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.html_page import Origin
-from robot_dynamics.reporting.text_table import percent, quantity_table, text_table
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks
@@ -31,6 +30,7 @@ from robot_dynamics_tools.analysis.sample_files import require_parquet
 from robot_dynamics_tools.recordings.bag_files import find_recordings, relative_names
 from robot_dynamics_tools.recordings.topics import ROBOT_DESCRIPTION
 from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.reporting.text_table import percent, quantity_table, text_table
 
 
 def main(argv: Sequence[str] | None = None) -> int:

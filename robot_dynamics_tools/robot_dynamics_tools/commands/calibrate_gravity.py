@@ -22,7 +22,6 @@ from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.html_page import summary
 from robot_dynamics.model.payload import make_payload, Payload
-from robot_dynamics.reporting.text_table import quantity_table, text_table
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools import options
@@ -37,6 +36,7 @@ from robot_dynamics_tools.gravity_motion.options import add_motion_options
 from robot_dynamics_tools.gravity_motion.plan import MotionSettings
 from robot_dynamics_tools.gravity_motion.poses import PoseChoice
 from robot_dynamics_tools.recordings.bag_files import find_recordings
+from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
 OUTPUT = Path('calibrated.yaml')
 

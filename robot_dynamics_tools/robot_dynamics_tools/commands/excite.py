@@ -18,7 +18,6 @@ from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.reporting.text_table import quantity_table
 from robot_dynamics.tools import command_line
 from robot_dynamics.trajectories.files import write_trajectory
 from robot_dynamics_tools import options
@@ -29,6 +28,7 @@ from robot_dynamics_tools.excitation.excitation_trajectory import (
     ExcitingTrajectory,
 )
 from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.reporting.text_table import quantity_table
 
 DEFAULT_DURATION = 10.0
 DEFAULT_HARMONICS = 5

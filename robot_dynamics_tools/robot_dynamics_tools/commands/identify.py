@@ -18,7 +18,6 @@ import sys
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.reporting.text_table import quantity_table, text_table
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis.batch import require_dask, run_tasks
@@ -32,6 +31,7 @@ from robot_dynamics_tools.identification.pipeline import STAGES
 from robot_dynamics_tools.identification.report import file_notes, FILES, write_identification
 from robot_dynamics_tools.recordings.bag_files import find_recordings
 from robot_dynamics_tools.reporting.progress import Progress
+from robot_dynamics_tools.reporting.text_table import quantity_table, text_table
 
 OUTPUT = Path('identified')
 

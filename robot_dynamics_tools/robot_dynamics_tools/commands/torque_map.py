@@ -22,15 +22,15 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.html_page import Verdict
 from robot_dynamics.model.arm import arm_from_urdf, ArmModel
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.reporting.figures import save_figure
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_tools import options
 from robot_dynamics_tools.pictures import torque_grid
 from robot_dynamics_tools.pictures.map_report import map_page, panel_verdict, workspace_verdicts
+from robot_dynamics_tools.pictures.stick_figure import tool_link
 from robot_dynamics_tools.pictures.torque_map import even_poses, map_figure, MapPanel, POSES
 from robot_dynamics_tools.pictures.workspace_map import map_gravity, workspace_figure
+from robot_dynamics_tools.reporting.figures import save_figure
 from robot_dynamics_tools.reporting.progress import Progress
 
 GRAVITY, INERTIA, MOTION, WORKSPACE = 'gravity', 'inertia', 'motion', 'workspace'

@@ -19,7 +19,7 @@ from robot_dynamics.tools.command_line import ToolError
 
 DYNAMICS = 'robot_dynamics.ros.dynamics.node'
 SIMULATED_ARM = 'robot_dynamics.ros.simulated_arm.node'
-MONITOR = 'robot_dynamics.tools.monitor.node'
+MONITOR = 'robot_dynamics_tools.monitor.node'
 VIEWER = 'robot_dynamics_tools.viewer'
 
 STOP_TIMEOUT = 30.0

@@ -12,7 +12,11 @@ from robot_dynamics.exceptions import RecordingError
 from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.reporting.figures import (
+from robot_dynamics_tools.demo.loop import LoopRun
+from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
+from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
+from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
+from robot_dynamics_tools.reporting.figures import (
     effort_panel,
     error_panel,
     joint_figure,
@@ -20,12 +24,8 @@ from robot_dynamics.reporting.figures import (
     position_panel,
     save_figure,
 )
-from robot_dynamics.reporting.text_table import quantity_table
-from robot_dynamics_tools.demo.loop import LoopRun
-from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
-from robot_dynamics_tools.excitation.demo_motion import sample_trajectory
-from robot_dynamics_tools.recordings.reader import Recording, stack, stamp_ns
 from robot_dynamics_tools.reporting.interactive import zoomable_figures
+from robot_dynamics_tools.reporting.text_table import quantity_table
 
 LARGEST_RMS = 0.01
 """Largest RMS error [rad] or [m] of a tracked joint, at the default gains."""

@@ -6,8 +6,6 @@
 import numpy as np
 from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
-from robot_dynamics.reporting.figures import comparison_panels, joint_figure
-from robot_dynamics.reporting.text_table import Rows
 from robot_dynamics_tools.gravity_calibration.calibration import (
     Calibration,
     LEAST_POSES,
@@ -18,7 +16,9 @@ from robot_dynamics_tools.gravity_calibration.recorded_holds import (
     RecordedCalibration,
     RecordedHolds,
 )
+from robot_dynamics_tools.reporting.figures import comparison_panels, joint_figure
 from robot_dynamics_tools.reporting.images import add_figure
+from robot_dynamics_tools.reporting.text_table import Rows
 
 
 def fact_rows(found: RecordedCalibration) -> Rows:

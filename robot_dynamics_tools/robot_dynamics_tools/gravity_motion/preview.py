@@ -9,9 +9,9 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.payload import describe_payloads, Payload
-from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics_tools.gravity_motion.plan import MotionPlan
 from robot_dynamics_tools.gravity_motion.poses import gravity_share
+from robot_dynamics_tools.reporting.text_table import text_table
 
 NOT_CHECKED = (
     'Collisions are not checked, neither of the arm with itself nor with its surroundings. '

@@ -17,21 +17,21 @@ from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.friction import FRICTION_FIELDS
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import body_names, inertial_parameters
-from robot_dynamics.reporting.figures import (
-    comparison_panels,
-    joint_figure,
-    scatter_figure,
-    TimeBoundary,
-)
-from robot_dynamics.reporting.text_table import percent, Rows
 from robot_dynamics_tools.analysis.report import GOOD, POOR, without_effort
 from robot_dynamics_tools.identification import summary
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.regression import bare_arm
 from robot_dynamics_tools.identification.written_uncertainty import holding_deviation
+from robot_dynamics_tools.reporting.figures import (
+    comparison_panels,
+    joint_figure,
+    scatter_figure,
+    TimeBoundary,
+)
 from robot_dynamics_tools.reporting.images import add_figure, png
 from robot_dynamics_tools.reporting.interactive import Zoomable, zoomable_figures
+from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 BETTER = 1.05
 """Ratio of residuals above which another model is better."""

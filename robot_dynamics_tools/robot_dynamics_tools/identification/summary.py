@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.joints.friction import FRICTION_FIELDS, JointFriction
 from robot_dynamics.joints.parameter_field import ParameterField
-from robot_dynamics.reporting.text_table import percent, Rows
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.drive_gains import GainEstimate, MASS_ERROR
 from robot_dynamics_tools.identification.friction_regressor import (
@@ -29,6 +28,7 @@ from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.model_selection import REGULARIZATIONS
 from robot_dynamics_tools.identification.pipeline import Identification
 from robot_dynamics_tools.identification.recording_agreement import factor_of
+from robot_dynamics_tools.reporting.text_table import percent, Rows
 
 MODELS = {
     'urdf': 'URDF', 'urdf and friction': 'URDF + friction', 'base': 'base parameters',

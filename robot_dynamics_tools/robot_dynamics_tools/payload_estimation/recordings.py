@@ -11,8 +11,6 @@ import numpy as np
 from robot_dynamics.exceptions import RecordingError, RobotDynamicsError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_parameters import arm_from_parameters
-from robot_dynamics.payload_estimation.estimator import PayloadEstimator
-from robot_dynamics.payload_estimation.result import PayloadEstimate
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.analysis.bag_analysis import with_joint_effort
 from robot_dynamics_tools.analysis.contradictions import corrected
@@ -21,6 +19,8 @@ from robot_dynamics_tools.analysis.motion_filter import (
     filter_motion_below,
     FilteredMotion,
 )
+from robot_dynamics_tools.payload_estimation.estimator import PayloadEstimator
+from robot_dynamics_tools.payload_estimation.result import PayloadEstimate
 
 CUTOFF = 5.0
 """Default cut-off frequency [Hz] of the filter, which suits holds and slow motions."""

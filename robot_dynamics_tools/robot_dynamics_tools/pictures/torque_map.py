@@ -10,10 +10,10 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import ModelError
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
-from robot_dynamics.reporting import figures
 from robot_dynamics_tools.pictures.planar_view import PlanarView
+from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics_tools.pictures.torque_grid import PositionGrid
+from robot_dynamics_tools.reporting import figures
 
 PANEL_WIDTH, PANEL_HEIGHT = 5.2, 4.7
 """[inch]"""

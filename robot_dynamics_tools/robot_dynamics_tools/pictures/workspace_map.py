@@ -17,9 +17,9 @@ from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import RigidBody
 from robot_dynamics.model.worst_gravity import sample_positions, worst_gravity
-from robot_dynamics.pictures.stick_figure import side_view, StickFigure
-from robot_dynamics.reporting import figures
 from robot_dynamics_tools.pictures.planar_view import PlanarView
+from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure
+from robot_dynamics_tools.reporting import figures
 
 POSITIONS = 300000
 CELLS = 80

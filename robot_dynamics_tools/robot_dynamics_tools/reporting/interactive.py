@@ -15,7 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from robot_dynamics.dependencies import optional
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.reporting.figures import GREY, LABELS, LINES, LineStyle, Panel, TimeBoundary
+from robot_dynamics_tools.reporting.figures import (
+    GREY,
+    LABELS,
+    LINES,
+    LineStyle,
+    Panel,
+    TimeBoundary,
+)
 from robot_dynamics_tools.reporting.images import image
 
 MAX_POINTS = 6000

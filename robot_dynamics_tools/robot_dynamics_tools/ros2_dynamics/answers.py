@@ -13,7 +13,6 @@ from lifecycle_msgs.srv import GetState
 import numpy as np
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.units import LINEAR, ROTARY
-from robot_dynamics.reporting.text_table import matrix_table, text_table
 from robot_dynamics.ros.middleware.diagnostics import (
     DRIVE_STIFFNESS,
     FRICTION_ERROR,
@@ -21,6 +20,7 @@ from robot_dynamics.ros.middleware.diagnostics import (
     values_per_joint,
 )
 from robot_dynamics_interfaces.srv import InverseDynamics, ManipulatorEquation, SetPayload
+from robot_dynamics_tools.reporting.text_table import matrix_table, text_table
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
 

@@ -7,9 +7,9 @@ from argparse import Namespace
 import math
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.payload_estimation.summary import parameter_rows
-from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.payload_estimation.summary import parameter_rows
+from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, warning_lines
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 

@@ -16,7 +16,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import InertiaStamped
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
-from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.validation import check_scalar
 from robot_dynamics_interfaces.msg import DynamicsTerms
 from robot_dynamics_tools.recorder import (
@@ -28,6 +27,7 @@ from robot_dynamics_tools.recorder import (
 from robot_dynamics_tools.recordings.interrupts import interrupted_by_sigterm
 from robot_dynamics_tools.recordings.topics import common_types, TopicQos
 from robot_dynamics_tools.recordings.writer import RecordingWriter
+from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from sensor_msgs.msg import JointState

@@ -7,10 +7,10 @@ from argparse import Namespace
 from collections import Counter
 
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.reporting.text_table import text_table
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros, trajectory_to_ros
 from robot_dynamics.trajectories.files import read_trajectory, write_trajectory
 from robot_dynamics_interfaces.srv import RetimeTrajectory
+from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values

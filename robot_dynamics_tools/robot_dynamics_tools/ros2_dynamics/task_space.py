@@ -10,9 +10,9 @@ from typing import Any
 from geometry_msgs.msg import Point
 import numpy as np
 from rclpy.qos import qos_profile_sensor_data
-from robot_dynamics.reporting.text_table import matrix_table, text_table
 from robot_dynamics.validation import LARGEST_VALUE
 from robot_dynamics_interfaces.srv import TaskSpace
+from robot_dynamics_tools.reporting.text_table import matrix_table, text_table
 from robot_dynamics_tools.ros2_dynamics.answers import Answer, Units, warning_lines
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values

@@ -15,9 +15,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.pictures.stick_figure import tool_link
-from robot_dynamics.reporting import figures
-from robot_dynamics.tools.monitor.markers import HOT, WARM
+from robot_dynamics_tools.monitor.markers import HOT, WARM
+from robot_dynamics_tools.pictures.stick_figure import tool_link
+from robot_dynamics_tools.reporting import figures
 from robot_dynamics_tools.viewer.plots import LivePlot, TERMS
 
 if TYPE_CHECKING:

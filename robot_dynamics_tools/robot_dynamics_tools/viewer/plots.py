@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.reporting.figures import LABELS, LINES
+from robot_dynamics_tools.reporting.figures import LABELS, LINES
 
 if TYPE_CHECKING:
     import viser

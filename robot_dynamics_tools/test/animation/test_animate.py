@@ -13,7 +13,6 @@ from recordings import serialized
 from robot_dynamics.arrays import wrap_to_pi
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.reporting.figures import styled_figure
 from robot_dynamics_tools.animation.arm_motion import simulate_motion
 from robot_dynamics_tools.animation.chain_animation import _trail, chain_frames
 from robot_dynamics_tools.animation.chain_stage import ChainStage, StageScales
@@ -23,6 +22,7 @@ from robot_dynamics_tools.commands.animate import main
 from robot_dynamics_tools.pictures.planar_view import PlanarView
 from robot_dynamics_tools.recordings.message_encoding import joint_state_messages
 from robot_dynamics_tools.recordings.reader import JOINT_STATE, JointSeries, RecordingWriter
+from robot_dynamics_tools.reporting.figures import styled_figure
 from robots import robot_path
 
 Image = pytest.importorskip('PIL.Image')

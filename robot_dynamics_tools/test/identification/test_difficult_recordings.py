@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import load_arm
-from robot_dynamics.reporting.text_table import percent
 from robot_dynamics_tools.analysis.motion_filter import filter_motion
 from robot_dynamics_tools.identification.identified_arm import fitted_friction
 from robot_dynamics_tools.identification.pipeline import identify
 from robot_dynamics_tools.identification.steps import evaluate_motion
 from robot_dynamics_tools.identification.summary import bounds_by_joint, not_separable, warnings
+from robot_dynamics_tools.reporting.text_table import percent
 from robots import arm_without_gripper, robot_urdf
 from scipy.signal import butter, sosfilt
 

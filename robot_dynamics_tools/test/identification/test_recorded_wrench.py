@@ -10,9 +10,9 @@ import pytest
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.arm_parameters import read_parameter_file
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator
 from robot_dynamics_tools.analysis.arm_recording import AnalysisSettings, read_for_arm
 from robot_dynamics_tools.commands.identify import main as identify
+from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator
 from robots import robot_urdf
 
 UR10 = Path(__file__).parents[2] / '../shared/data/ur10'

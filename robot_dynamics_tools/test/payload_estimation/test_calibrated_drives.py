@@ -14,7 +14,7 @@ from payload_bench import (
 )
 import pytest
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
-from robot_dynamics.payload_estimation import PayloadEstimate
+from robot_dynamics_tools.payload_estimation import PayloadEstimate
 
 
 def estimate_with_uncertain_drives(

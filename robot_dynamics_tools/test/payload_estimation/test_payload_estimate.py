@@ -31,9 +31,9 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.effort_deviation import EffortDeviation, make_uncertainty
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.regressor import load_parameters, parameter_names
-from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
-from robot_dynamics.payload_estimation.advice import advise, Knowledge
-from robot_dynamics.payload_estimation.information import student_factor
+from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics_tools.payload_estimation.advice import advise, Knowledge
+from robot_dynamics_tools.payload_estimation.information import student_factor
 from robots import robot_urdf
 
 # --- recovery ------------------------------------------------------------------------------------

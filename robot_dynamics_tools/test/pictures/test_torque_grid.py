@@ -14,10 +14,10 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics, RigidBody
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model.worst_gravity import worst_gravity
-from robot_dynamics.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics.planar import two_link as planar
 from robot_dynamics.planar.two_link import PlanarTwoLink
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics_tools.pictures.stick_figure import side_view, StickFigure, tool_link
 from robot_dynamics_tools.pictures.torque_grid import (
     gravity_efforts,
     inertia_diagonal,

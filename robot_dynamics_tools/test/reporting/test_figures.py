@@ -10,7 +10,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError
-from robot_dynamics.reporting import figures
+from robot_dynamics_tools.reporting import figures
 
 pytest.importorskip('matplotlib')
 
@@ -128,8 +128,8 @@ def test_without_matplotlib_it_is_named(monkeypatch):
 
 def test_neither_matplotlib_nor_ros_is_loaded_by_the_import():
     program = (
-        'import sys, robot_dynamics.reporting.figures, robot_dynamics_tools.recordings.reader, '
-        'robot_dynamics_tools.excitation.demo_motion\n'
+        'import sys, robot_dynamics_tools.reporting.figures, '
+        'robot_dynamics_tools.recordings.reader, robot_dynamics_tools.excitation.demo_motion\n'
         'print([name for name in ("matplotlib", "rosbags", "rclpy", "sensor_msgs", "scipy") '
         'if name in sys.modules])')
     result = children.run(

@@ -14,7 +14,7 @@ import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.reporting.text_table import text_table
+from robot_dynamics_tools.reporting.text_table import text_table
 from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient, NoAnswerError
 from robot_dynamics_tools.ros2_dynamics.joint_arguments import joint_values
 from robot_dynamics_tools.ros2_dynamics.tool_verbs import TOOLS

@@ -11,8 +11,8 @@ import numpy as np
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model import ArmModel, make_payload, Payload, RigidBody
 from robot_dynamics.model.regressor import load_parameters, LoadRegressor
-from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics_tools.analysis.motion_filter import filter_motion_below
+from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
 from robot_dynamics_tools.payload_estimation.recordings import add_motion
 from robots import arm_without_gripper, effort_limit
 

@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.tools.monitor.markers import drawn
 from robot_dynamics.urdf.visuals import read_visuals
+from robot_dynamics_tools.monitor.markers import drawn
+from robot_dynamics_tools.pictures.arm_marks import ArmMarks
 from robots import must_have_everything, robot_path, robot_urdf
 
 if not must_have_everything():

@@ -4,7 +4,7 @@
 """
 The residual, measured minus modelled effort, while the arm runs.
 
-`analyze_bag` computes the same difference from a recording.
+`ros2 dynamics analyze` computes the same difference from a recording.
 A recording is filtered forwards and backwards, without delay. Live data have no later samples:
 position, velocity and effort pass the same causal filter (`low_pass`), whose derivative of the
 velocity is the acceleration. Measured and modelled effort therefore refer to the same instant,
@@ -17,7 +17,7 @@ import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.arm_dynamics import ArmDynamics, model_terms
-from robot_dynamics.monitoring.low_pass import LowPass
+from robot_dynamics_tools.monitoring.low_pass import LowPass
 
 NOISE_BANDWIDTH = 0.25 * math.pi * math.sqrt(2.0)
 """Equivalent noise bandwidth of the filter, as a multiple of its cut-off."""

@@ -18,7 +18,7 @@ from robot_dynamics.ros.middleware.cdr_templates import SensedState
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.middleware.state_assembly import StateAssembly
-from robot_dynamics.tools.monitor.followed_model import Followed
+from robot_dynamics_tools.monitor.followed_model import Followed
 
 
 class MeasuredState(NamedTuple):

@@ -7,8 +7,8 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.monitoring.external_wrench import LARGEST_FORCE, LARGEST_TORQUE
 from robot_dynamics.ros.parameters.declared_parameters import number, text
+from robot_dynamics_tools.monitoring.external_wrench import LARGEST_FORCE, LARGEST_TORQUE
 
 SPECS = (
     text('dynamics', 'dynamics', (

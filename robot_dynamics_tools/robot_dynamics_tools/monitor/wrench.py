@@ -12,12 +12,12 @@ from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
-from robot_dynamics.pictures.stick_figure import tool_link
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
 from robot_dynamics.ros.parameters.declared_parameters import Values
 from robot_dynamics_interfaces.msg import WrenchCovariance
+from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
+from robot_dynamics_tools.pictures.stick_figure import tool_link
 from std_srvs.srv import Trigger
 
 NEWEST_ONLY = QoSProfile(depth=1)

@@ -25,20 +25,20 @@ from robot_dynamics.ros.middleware.shutdown import leave
 from robot_dynamics.ros.parameters.declared_parameters import DeclaredParameters, Values
 from robot_dynamics.ros.parameters.node_arguments import NodeUsage
 from robot_dynamics.ros.running import run_node
-from robot_dynamics.tools.monitor.estimates import Estimates, LiveEstimates
-from robot_dynamics.tools.monitor.followed_dynamics import FollowedDynamics
-from robot_dynamics.tools.monitor.followed_model import Followed, FollowedModel, NAMES
-from robot_dynamics.tools.monitor.markers import LiveMarkers
-from robot_dynamics.tools.monitor.parameters import full_name, SPECS
-from robot_dynamics.tools.monitor.payload_estimation import (
+from robot_dynamics.validation import check_scalar
+from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.monitor.estimates import Estimates, LiveEstimates
+from robot_dynamics_tools.monitor.followed_dynamics import FollowedDynamics
+from robot_dynamics_tools.monitor.followed_model import Followed, FollowedModel, NAMES
+from robot_dynamics_tools.monitor.markers import LiveMarkers
+from robot_dynamics_tools.monitor.parameters import full_name, SPECS
+from robot_dynamics_tools.monitor.payload_estimation import (
     estimate_to_ros,
     PayloadEstimation,
     PayloadSamples,
 )
-from robot_dynamics.tools.monitor.payload_request import PayloadRequest
-from robot_dynamics.tools.monitor.states import StateInput
-from robot_dynamics.validation import check_scalar
-from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.monitor.payload_request import PayloadRequest
+from robot_dynamics_tools.monitor.states import StateInput
 from sensor_msgs.msg import JointState
 
 NODE = 'dynamics_monitor'

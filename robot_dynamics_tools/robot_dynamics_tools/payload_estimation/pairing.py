@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray, IntArray
-from robot_dynamics.payload_estimation.rows import COLUMNS, Rest
+from robot_dynamics_tools.payload_estimation.rows import COLUMNS, Rest
 
 PAIR_DISTANCE = 0.5
 """Largest distance [rad] or [m] of every joint between the two rests of a pair."""

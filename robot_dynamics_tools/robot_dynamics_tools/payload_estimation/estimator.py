@@ -19,10 +19,11 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.model.pseudo_inertia import COUNT
 from robot_dynamics.model.regressor import LoadRegressor
-from robot_dynamics.payload_estimation.information import solve
-from robot_dynamics.payload_estimation.pairing import pair_rests
-from robot_dynamics.payload_estimation.result import make_result, PayloadEstimate
-from robot_dynamics.payload_estimation.rows import (
+from robot_dynamics.validation import LARGEST_VALUE
+from robot_dynamics_tools.payload_estimation.information import solve
+from robot_dynamics_tools.payload_estimation.pairing import pair_rests
+from robot_dynamics_tools.payload_estimation.result import make_result, PayloadEstimate
+from robot_dynamics_tools.payload_estimation.rows import (
     COLUMNS,
     EFFORT,
     ONE,
@@ -32,7 +33,6 @@ from robot_dynamics.payload_estimation.rows import (
     SLIDING_VELOCITY,
     VELOCITY,
 )
-from robot_dynamics.validation import LARGEST_VALUE
 
 SHORTEST_BLOCK = 0.1
 """[s]"""

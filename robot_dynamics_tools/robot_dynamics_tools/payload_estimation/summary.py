@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.model.pseudo_inertia import NAMES
-from robot_dynamics.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
-from robot_dynamics.reporting.text_table import percent
+from robot_dynamics_tools.payload_estimation.result import NO_EFFECT, PayloadEstimate, UNITS
+from robot_dynamics_tools.reporting.text_table import percent
 
 
 def headline(estimate: PayloadEstimate) -> str:

@@ -15,12 +15,12 @@ from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import make_uncertainty
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
-from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics_tools.monitoring.external_wrench import ExternalWrenchEstimator, WrenchEstimate
+from robot_dynamics_tools.pictures.stick_figure import tool_link
 from robots import robot_urdf
 from wrong_arms import ARMS, model_arm, RATE, WrongModel
 
-UR10 = Path(__file__).parents[2] / '../shared/data/ur10'
+UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
 COVERED = 1.96
 TILTED = np.array([0.3, -1.2, 1.4, -0.7, 0.9, 0.2])
 """A position of the UR10 far from singular ones."""

@@ -22,9 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.pseudo_inertia import COUNT
-from robot_dynamics.payload_estimation.pairing import RestRows
-from robot_dynamics.payload_estimation.rows import EFFORT, LoadRows, RESIDUAL
-from robot_dynamics.payload_estimation.variance_groups import (
+from robot_dynamics_tools.payload_estimation.pairing import RestRows
+from robot_dynamics_tools.payload_estimation.rows import EFFORT, LoadRows, RESIDUAL
+from robot_dynamics_tools.payload_estimation.variance_groups import (
     ASSUMED_NOISE,
     BAND_VARIANCE,
     embedded,

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.pictures.stick_figure import tool_link
+from robot_dynamics_tools.pictures.stick_figure import tool_link
 
 FULL_TURN = 1.5 * math.pi
 """Angle [rad] of the arc of an effort at its limit; a whole turn would not show its sign."""

@@ -20,16 +20,16 @@ from robot_dynamics.exceptions import InvalidInputError, RobotDynamicsError
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.effort_deviation import EffortDeviation
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.ros.middleware.cdr_templates import effort_template
 from robot_dynamics.ros.middleware.diagnostics import OK, Status, WARN
 from robot_dynamics.ros.middleware.message_loop import LOG_PERIOD
 from robot_dynamics.ros.middleware.rclpy_internals import subscription_count
 from robot_dynamics.ros.parameters.declared_parameters import Values
-from robot_dynamics.tools.monitor.contacts import LiveContacts
-from robot_dynamics.tools.monitor.followed_model import Followed
-from robot_dynamics.tools.monitor.states import MeasuredState
-from robot_dynamics.tools.monitor.wrench import LiveWrench, wrench_estimator
+from robot_dynamics_tools.monitor.contacts import LiveContacts
+from robot_dynamics_tools.monitor.followed_model import Followed
+from robot_dynamics_tools.monitor.states import MeasuredState
+from robot_dynamics_tools.monitor.wrench import LiveWrench, wrench_estimator
+from robot_dynamics_tools.monitoring.live_residual import LiveResidual
 from sensor_msgs.msg import JointState
 
 LONGEST_STEP = 0.1

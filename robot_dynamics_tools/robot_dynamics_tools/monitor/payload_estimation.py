@@ -19,14 +19,14 @@ from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.angle_wrapping import nearest_turn
 from robot_dynamics.model.payload import Payload
 from robot_dynamics.model.pseudo_inertia import NAMES
-from robot_dynamics.monitoring.low_pass import LowPass
-from robot_dynamics.payload_estimation import PayloadEstimate, PayloadEstimator
-from robot_dynamics.payload_estimation.summary import headline
 from robot_dynamics.ros.middleware.conversions import floats_to_ros, payload_to_ros
 from robot_dynamics.ros.middleware.guarded_callbacks import describe_error, GuardedCallbacks
-from robot_dynamics.tools.monitor.followed_model import Followed
-from robot_dynamics.tools.monitor.states import MeasuredState
 from robot_dynamics_interfaces.srv import EstimatePayload
+from robot_dynamics_tools.monitor.followed_model import Followed
+from robot_dynamics_tools.monitor.states import MeasuredState
+from robot_dynamics_tools.monitoring.low_pass import LowPass
+from robot_dynamics_tools.payload_estimation import PayloadEstimate, PayloadEstimator
+from robot_dynamics_tools.payload_estimation.summary import headline
 
 MOST_SAMPLES = 5000
 """Number of waiting states; if more arrive, the oldest are discarded."""

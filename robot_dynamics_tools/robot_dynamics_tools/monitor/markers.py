@@ -23,12 +23,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import UncheckedArmDynamics
-from robot_dynamics.pictures.arm_marks import ArmMarks, effort_line, effort_scale
-from robot_dynamics.reporting import figures
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros, stamp_to_ros
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader
-from robot_dynamics.tools.monitor.followed_model import Followed
-from robot_dynamics.tools.monitor.states import MeasuredState
+from robot_dynamics_tools.monitor.followed_model import Followed
+from robot_dynamics_tools.monitor.states import MeasuredState
+from robot_dynamics_tools.pictures.arm_marks import ArmMarks, effort_line, effort_scale
+from robot_dynamics_tools.reporting import figures
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray

@@ -11,9 +11,9 @@ from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.monitoring.live_residual import LiveResidual
-from robot_dynamics.monitoring.low_pass import LowPass
 from robot_dynamics.planar.urdf import default_arm_urdf
+from robot_dynamics_tools.monitoring.live_residual import LiveResidual
+from robot_dynamics_tools.monitoring.low_pass import LowPass
 
 CUTOFF = 5.0
 OMEGA = 2.0 * math.pi * CUTOFF
