@@ -4,7 +4,7 @@
 """
 A leader arm in hand guiding, and a follower whose external effort the leader feels.
 
-ros2 launch robot_dynamics leader_and_follower.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
+ros2 launch robot_dynamics_tools leader_and_follower.launch.py robot:=FILE.urdf
 For robots that are already running in the namespaces leader and follower: simulated:=false
 """
 
@@ -28,7 +28,7 @@ def _nodes(context, *_):
     return [
         *(node(arm, name) for arm in (leader, follower) for name in simulated),
         node(leader, 'dynamics', felt, command='hand_guiding'), node(follower, 'dynamics', led),
-        node(follower, 'dynamics_monitor')]
+        node(follower, 'dynamics_monitor', package='robot_dynamics_tools')]
 
 
 def generate_launch_description():

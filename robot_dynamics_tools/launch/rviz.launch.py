@@ -4,7 +4,7 @@
 """
 RViz with the arm and the markers of `dynamics_monitor`, `robot_state_publisher`, and the loop.
 
-ros2 launch robot_dynamics rviz.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
+ros2 launch robot_dynamics_tools rviz.launch.py [robot:=FILE.urdf] [params:=FILE.yaml]
 If nodes are already running: nodes:=false, monitor:=false, tf:=false (robot_state_publisher).
 """
 
@@ -34,7 +34,8 @@ def _nodes(context, *_):
     arm = arm_of(context, 'simulated_arm', 'dynamics')
     loop = [node(arm, 'simulated_arm'), node(arm, 'dynamics')]
     nodes = loop if is_true(context, 'nodes') else []
-    monitor = [node(arm, 'dynamics_monitor')] if is_true(context, 'monitor') else []
+    estimates = [node(arm, 'dynamics_monitor', package='robot_dynamics_tools')]
+    monitor = estimates if is_true(context, 'monitor') else []
     transforms = [state_publisher(arm)] if is_true(context, 'tf') else []
     display = PathJoinSubstitution([FindPackageShare('robot_dynamics'), 'rviz', 'dynamics.rviz'])
     rviz = Node(

@@ -65,6 +65,6 @@ def test_a_wheel_puts_no_names_of_others_on_the_path(tmp_path):
     about, = (tmp_path / 'unpacked').glob('*.dist-info')
     entries.read(about / 'entry_points.txt')
     names = list(entries['console_scripts'])
-    assert len(names) == 13
+    assert len(names) == 14
     assert all(name.startswith('robot_dynamics_') for name in names)
     assert list(about.rglob('LICENSE'))

@@ -21,7 +21,6 @@ from robot_dynamics.model.effort_deviation import (
 )
 from robot_dynamics.model.regressor import inertial_parameters, random_states
 from robot_dynamics.monitoring.external_effort import ExternalEffort
-from robot_dynamics.monitoring.live_residual import LiveResidual
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robots import robot_urdf
 
@@ -141,27 +140,6 @@ def test_a_bad_uncertainty_is_rejected(changes, words):
             'joints': ARM.joint_names,
             **{f'uncertainty.{name}': value for name, value in values.items()}})
     assert words in str(caught.value)
-
-
-@pytest.mark.parametrize('estimator', [ExternalEffort, LiveResidual])
-def test_the_noise_of_an_estimate_is_that_of_its_bandwidth(estimator):
-    # effort noise of 2 N·m in each sample at 200 Hz, which is 100 Hz of bandwidth
-    rate, band = 200.0, 20.0
-    uncertainty = make_uncertainty(
-        ARM, noise_deviation=[2.0 * np.sqrt(band / (0.5 * rate))], noise_bandwidth=band)
-    dynamics = ArmDynamics(replace(ARM, uncertainty=uncertainty))
-    estimate = estimator(dynamics, 25.0)
-    q, rest = np.array([0.4, 0.3]), np.zeros(2)
-    gravity = dynamics.rigid_body.gravity(q)
-    rng = np.random.default_rng(0)
-    found = [estimate.update(1.0 / rate, q, rest, gravity + 2.0 * noise)
-             for noise in rng.normal(size=(1000, 2))]
-    measured = np.std([each for each in found[50:] if each is not None])
-    expected = uncertainty.noise(estimate.noise_bandwidth, 1.0 / rate)
-    assert measured == pytest.approx(expected[0], rel=0.1)
-    # noise of a narrower band has all its power, that of a wider one ends at the sampling rate
-    assert uncertainty.noise(1.0, 1.0 / rate) == pytest.approx(uncertainty.noise_deviation)
-    assert uncertainty.noise(1e6, 1.0 / rate) == pytest.approx([2.0, 2.0])
 
 
 def test_the_state_of_the_external_effort_has_the_filtered_acceleration():

@@ -20,7 +20,7 @@ import pytest
 from rclpy.parameter import Parameter
 from robot_dynamics.model import ArmDynamics, load_arm
 from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA, UncheckedRigidBody
-from robot_dynamics.monitoring import ExternalEffort, LiveResidual
+from robot_dynamics.monitoring import ExternalEffort
 from robot_dynamics.ros.middleware.conversions import trajectory_from_ros
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robot_dynamics.trajectories.efforts import efforts_along
@@ -133,16 +133,15 @@ def test_one_call_of_pinocchio_for_one_question(pinocchio_calls):
         assert pinocchio_calls == {name: 1}
 
 
-def test_estimators_and_simulation_check_no_state():
+def test_observer_and_simulation_check_no_state():
     arm = load_arm(chain(JOINTS))
     q, v, tau = state(JOINTS)
     dynamics, simulation = ArmDynamics(arm), ArmSimulation(arm)
-    external, residual = ExternalEffort(dynamics, 10.0), LiveResidual(dynamics, 10.0)
+    external = ExternalEffort(dynamics, 10.0)
     simulation.release()
 
     def work() -> tuple[object, ...]:
-        return (external.update(0.1, q, v, tau), residual.update(0.1, q, v, tau),
-                simulation.step(tau, 0.01))
+        return external.update(0.1, q, v, tau), simulation.step(tau, 0.01)
 
     for _ in range(20):  # then the filters have settled
         work()

@@ -25,7 +25,7 @@ from ros_harness import (
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-CONFIG = Path(__file__).parents[2] / 'config'
+CONFIG = Path(__file__).parents[3] / 'config'
 PLOTJUGGLER = ElementTree.parse(CONFIG / 'plotjuggler.xml').getroot()
 FOXGLOVE = json.loads((CONFIG / 'foxglove.json').read_text(encoding='utf-8'))
 SNIPPETS = {snippet.attrib['name']: snippet for snippet in PLOTJUGGLER.iter('snippet')}

@@ -16,10 +16,10 @@ from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.external_wrench import ExternalWrench
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.pictures.arm_marks import ArmMarks
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.ros.middleware.conversions import stamp_from_ros
-from robot_dynamics.tools.monitor.markers import drawn, LiveMarkers
+from robot_dynamics_tools.monitor.markers import drawn, LiveMarkers
+from robot_dynamics_tools.pictures.arm_marks import ArmMarks
 from ros_harness import (
     Collector,
     DYNAMICS,
@@ -160,7 +160,7 @@ def test_the_display_shows_all_that_is_drawn():
     arm = load_arm(default_arm_urdf()).with_payloads([make_payload('tool0', 1.0)])
     message = drawn(ArmMarks(arm), arm, np.array(Q), GRAVITY, np.array([3.0, 1.0]), np.ones(6))
     display = yaml.safe_load(
-        (Path(__file__).parents[2] / 'rviz' / 'dynamics.rviz').read_text(encoding='utf-8'))
+        (Path(__file__).parents[3] / 'rviz' / 'dynamics.rviz').read_text(encoding='utf-8'))
     shown = {entry['Name']: entry for entry in display['Visualization Manager']['Displays']}
     assert set(shown['Dynamics']['Namespaces']) == {marker.ns for marker in message.markers}
     assert shown['Dynamics']['Topic']['Value'] == '/dynamics_monitor/markers'

@@ -19,7 +19,7 @@ from ros_harness import (
     wait_until,
 )
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 POLICY = ROOT / 'config' / 'security' / 'robot_dynamics.policy.xml'
 NODES = {'dynamics': DYNAMICS, 'dynamics_monitor': MONITOR, 'simulated_arm': SIMULATED_ARM}
 FILES = ('identity_ca.cert.pem', 'cert.pem', 'key.pem', 'permissions_ca.cert.pem',
