@@ -12,7 +12,7 @@ from site_links import ROOT
 PACKAGES = {'robot_dynamics': ROOT, 'robot_dynamics_tools': ROOT / 'robot_dynamics_tools'}
 """The packages, and the directories that contain them."""
 NO_LIBRARY = {
-    'ros', 'tools', 'commands', 'demo', 'gravity_motion', 'ros2_dynamics', 'viewer'}
+    'ros', 'tools', 'commands', 'demo', 'gravity_motion', 'monitor', 'ros2_dynamics', 'viewer'}
 """The subpackages that are no library: the nodes and the executables."""
 
 

@@ -29,8 +29,8 @@ from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.parameters.declared_parameters import ParameterSpec
 from robot_dynamics.ros.simulated_arm.node import SimulatedArmNode
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-from robot_dynamics.tools.monitor.node import DynamicsMonitor
-from robot_dynamics.tools.monitor.parameters import SPECS as MONITOR_SPECS
+from robot_dynamics_tools.monitor.node import DynamicsMonitor
+from robot_dynamics_tools.monitor.parameters import SPECS as MONITOR_SPECS
 from robot_dynamics_tools.mujoco.mujoco_arm import MujocoArmNode
 from robot_dynamics_tools.mujoco.mujoco_arm import SPECS as MUJOCO_ARM_SPECS
 from robot_dynamics_tools.ros2_dynamics.verbs import VERBS
@@ -41,7 +41,9 @@ DESCRIPTIONS = yaml.safe_load(
     Path(__file__).with_name('interface_descriptions.yaml').read_text(encoding='utf-8'))
 REFERENCE = ROOT / 'docs' / 'reference'
 PACKAGES = 'robot_dynamics', 'robot_dynamics_tools'
-NODE_MODULES = 'robot_dynamics.ros.entry_points', 'robot_dynamics_tools.mujoco.entry_point'
+NODE_MODULES = (
+    'robot_dynamics.ros.entry_points', 'robot_dynamics_tools.monitor.entry_points',
+    'robot_dynamics_tools.mujoco.entry_point')
 INTERFACES = 'robot_dynamics_interfaces'
 NODES = {
     'dynamics': (DynamicsNode, DYNAMICS_SPECS, ()),
@@ -234,7 +236,7 @@ def _executables_page() -> str:
     text = [
         '# Executables\n',
         'Those of `robot_dynamics_tools` are also verbs: `ros2 dynamics NAME`, except for the '
-        'node `mujoco_arm`. Exit statuses:\n',
+        'nodes `dynamics_monitor` and `mujoco_arm`. Exit statuses:\n',
         _table(('status', 'meaning'), EXIT_STATUSES)]
     for package in PACKAGES:
         text.append(f'## ros2 run {package} NAME\n')
