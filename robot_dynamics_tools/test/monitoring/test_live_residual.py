@@ -5,12 +5,14 @@
 
 import math
 
+from counted_calls import calls_of
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
+from robot_dynamics.model.unchecked_rigid_body import HAS_PARALLEL_RNEA
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_tools.monitoring.live_residual import LiveResidual
 from robot_dynamics_tools.monitoring.low_pass import LowPass
@@ -96,3 +98,16 @@ def test_what_the_model_lacks_is_left():
     left, v = residuals(ArmDynamics(ARM.with_friction(friction)), ArmDynamics(ARM))
     assert left == pytest.approx(friction.viscous * v, abs=0.25)
     assert np.abs(friction.viscous * v).max(axis=0) == pytest.approx([3.0, 1.9], rel=0.1)
+
+
+def test_a_residual_is_one_batch_and_checks_no_state():
+    live = LiveResidual(ArmDynamics(ARM), CUTOFF)
+
+    def work() -> object:
+        return live.update(0.1, np.zeros(2), np.zeros(2), np.zeros(2))
+
+    for _ in range(20):  # then the filters have settled
+        work()
+    calls = calls_of(work)
+    assert calls['_rnea_in_parallel' if HAS_PARALLEL_RNEA else '_rnea_one_by_one'] == 4
+    assert not {'check_vector', 'check_samples', 'check_states'} & calls.keys()
