@@ -13,8 +13,9 @@ PACKAGES = (
     (0.5, 3.0, GREEN, 'robot_dynamics_tools'), (2.5, 3.0, BLUE, 'robot_dynamics'),
     (4.5, 3.0, GREY, 'robot_dynamics_interfaces'))
 PROCESSES = (
-    (0.5, 1.7, PURPLE, 'simulated_arm,\nmujoco_arm or robot'), (2.5, 1.7, BLUE, 'dynamics'),
-    (4.5, 1.7, GREEN, 'ros2 dynamics, viewer,\nrecordings'))
+    (0.5, 1.7, PURPLE, 'simulated_arm,\nmujoco_arm or robot'),
+    (4.5, 2.0, GREEN, 'ros2 dynamics, viewer,\nrecordings'),
+    (4.5, 1.3, GREEN, 'dynamics_monitor'))
 BOXES = (
     (0, 0.3, BLUE, 'message_loop\ncdr_templates'), (1, 0.3, BLUE, 'gate'),
     (2, 0.3, BLUE, 'planner\nfollower'), (3, 0.3, BLUE, 'controller\ncomputed_torque'),
@@ -25,16 +26,19 @@ ROWS = ((3.0, 'imports'), (1.7, 'processes'), (0.3, 'a state'))
 ARROWS = (
     ((1.25, 3.0), (1.75, 3.0), ''), ((3.25, 3.0), (3.75, 3.0), ''),
     ((1.1, 1.82), (1.9, 1.82), 'joint_states'), ((1.9, 1.58), (1.1, 1.58), 'effort_command'),
-    ((3.1, 1.82), (3.9, 1.82), 'topics'), ((3.9, 1.58), (3.1, 1.58), 'services'),
+    ((3.1, 2.12), (3.9, 2.12), 'topics'), ((3.9, 1.88), (3.1, 1.88), 'services'),
+    ((3.1, 1.3), (3.9, 1.3), 'parameters'),
     *(((x + 0.43, 0.3), (x + 0.57, 0.3), '') for x in range(5)))
 """Start, end and label."""
-WIDE, MIDDLE, NARROW, HEIGHT = 1.5, 1.2, 0.86, 0.5
+WIDE, MIDDLE, NARROW, HEIGHT, TALL = 1.5, 1.2, 0.86, 0.5, 1.2
 
 
-def box(axes: Any, x: float, y: float, colour: str, words: str, width: float) -> None:
+def box(
+    axes: Any, x: float, y: float, colour: str, words: str, width: float, height: float = HEIGHT,
+) -> None:
     from matplotlib.patches import FancyBboxPatch
     axes.add_patch(FancyBboxPatch(
-        (x - width / 2, y - HEIGHT / 2), width, HEIGHT, boxstyle='round,pad=0.02',
+        (x - width / 2, y - height / 2), width, height, boxstyle='round,pad=0.02',
         facecolor='white', edgecolor=colour, linewidth=1.8))
     axes.text(x, y, words, ha='center', va='center', fontsize=10, color=BLACK)
 
@@ -46,6 +50,7 @@ def main() -> None:
         for width, boxes in ((WIDE, PACKAGES), (MIDDLE, PROCESSES)):
             for x, y, colour, words in boxes:
                 box(axes, x, y, colour, words, width)
+        box(axes, 2.5, 1.65, BLUE, 'dynamics', MIDDLE, TALL)
         for (x, y, colour, words), step in zip(BOXES, STEPS):
             box(axes, x, y, colour, words, NARROW)
             axes.text(x, y + 0.33, step, ha='center', va='bottom', fontsize=10, color=GREY)
