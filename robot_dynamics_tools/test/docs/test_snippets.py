@@ -87,7 +87,8 @@ def is_there(path: str, given: set[str]) -> bool:
     parents = {parent.as_posix() for parent in Path(path).parents}
     inside = path.rpartition('share/robot_dynamics/')[2].lstrip('/')  # after $(ros2 pkg prefix …)
     return bool({path, *parents} & given) or any(
-        (folder / inside).exists() for folder in (ROOT, ROOT / 'launch'))
+        (folder / inside).exists()
+        for folder in (ROOT, ROOT / 'launch', ROOT / 'robot_dynamics_tools' / 'launch'))
 
 
 def page_id(page: Path) -> str:
