@@ -43,8 +43,8 @@ def check_rotors(arm: ArmModel, least: FloatArray) -> Iterator[Finding]:
         acceleration = limit / least[j]
         if acceleration > LARGEST_ACCELERATION:
             advice = (
-                'check actuator.reflected_inertia (data sheet, or ros2 run robot_dynamics '
-                'identify) and the effort limit') if known[j] else (
+                'check actuator.reflected_inertia (data sheet, or ros2 dynamics identify) and the '
+                'effort limit') if known[j] else (
                 'set the reflected inertia of the rotor with actuator.reflected_inertia (data '
                 'sheet, or ros2 dynamics identify)')
             yield Finding(
