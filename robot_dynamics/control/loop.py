@@ -297,7 +297,7 @@ class ControlLoop:
         q, v, delay, lost = signals
         if lost is not None:
             fault = fault or frozen_joint(controller.arm.joint_names, lost)
-            if supervisor.is_held_in_vain(now, v):
+            if supervisor.is_held_in_vain(v):
                 supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
         output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1

@@ -94,3 +94,13 @@ def test_a_joint_that_becomes_faster_against_its_damping_is_released(name, is_re
             lambda *_, v=v: HOLD - 5.0 * v)
     assert (one.fault.name == 'wrong_drive') == is_released
     assert (effort[0] == 0.0) == is_released
+
+
+def test_the_time_in_which_a_lost_arm_must_come_to_rest_is_that_of_the_states():
+    """Of a simulation that is slower than the clock, 25 times here."""
+    one, v = running(HOLD, velocity=1.0, state_timeout=60.0), np.array([0.11, 0.0])
+    one.end(START, Ending.by(Fault('frozen_joint', 'words', recovery=999)))
+    for k in range(1, 253):
+        assert one.is_held_in_vain(v) == (k > 251), k
+        answer(one, START + 0.05 * k, PUSH, v=v, dt=PERIOD)
+    assert not one.is_held_in_vain(np.array([0.09, -0.09]))

@@ -83,8 +83,8 @@ class CommandSupervisor:
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
-        self.failed_at = 0.0
-        """Time [s] of the active fault, or of the last one."""
+        self._damped_for = 0.0
+        """[s] for which states were answered with damping since the fault began."""
         self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
@@ -161,7 +161,7 @@ class CommandSupervisor:
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
-            self.failed_at = now
+            self._damped_for = 0.0
 
     def reset(self) -> tuple[bool, str]:
         """
@@ -269,7 +269,7 @@ class CommandSupervisor:
         self._action.postpone(now + self.options.state_timeout, braked, still)
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
-        self.last_output = now
+        self.last_output, self._damped_for = now, self._damped_for + passed
         return self._action.limited(braked, passed)
 
     def repeat(self) -> FloatArray | None:
@@ -323,9 +323,9 @@ class CommandSupervisor:
         """Whether a fault is active: the arm is held with damping instead of by the law."""
         return self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._stop_has_fault
 
-    def is_held_in_vain(self, now: float, v: FloatArray) -> bool:
-        """Return whether joints move at v (n,) although their fault began STOP_TIME ago."""
-        return self.mode is Mode.FAULT and now - self.failed_at > STOP_TIME and bool(
+    def is_held_in_vain(self, v: FloatArray) -> bool:
+        """Return whether joints move at v (n,) although they were damped for STOP_TIME."""
+        return self.mode is Mode.FAULT and self._damped_for > STOP_TIME and bool(
             (np.abs(v) > CALM * self.limiter.limits.velocity).any())
 
     @property
