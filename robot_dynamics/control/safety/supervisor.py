@@ -83,8 +83,8 @@ class CommandSupervisor:
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
-        self._damped_for = 0.0
-        """[s] for which states were answered with damping since the fault began."""
+        self._damped_for = self._failed_at = 0.0
+        """[s] for which states were answered with damping, now and when the fault began."""
         self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
@@ -161,7 +161,7 @@ class CommandSupervisor:
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
-            self._damped_for = 0.0
+            self._failed_at = self._damped_for
 
     def reset(self) -> tuple[bool, str]:
         """
@@ -261,15 +261,16 @@ class CommandSupervisor:
         brake: Brake | None,
     ) -> FloatArray | None:
         """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
+        self._damped_for += passed
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
-            fault = self._action.release(now, v, braked - still)
+            fault = self._action.release(self._damped_for, v, braked - still)
             if fault is not None:
                 self._fail(now, fault)
         self._action.postpone(now + self.options.state_timeout, braked, still)
         if self.limiter.last is None:  # no effort has begun, or the action has ended
             return None
-        self.last_output, self._damped_for = now, self._damped_for + passed
+        self.last_output = now
         return self._action.limited(braked, passed)
 
     def repeat(self) -> FloatArray | None:
@@ -325,7 +326,7 @@ class CommandSupervisor:
 
     def is_held_in_vain(self, v: FloatArray) -> bool:
         """Return whether joints move at v (n,) although they were damped for STOP_TIME."""
-        return self.mode is Mode.FAULT and self._damped_for > STOP_TIME and bool(
+        return self.mode is Mode.FAULT and self._damped_for - self._failed_at > STOP_TIME and bool(
             (np.abs(v) > CALM * self.limiter.limits.velocity).any())
 
     @property
