@@ -84,7 +84,7 @@ class CommandSupervisor:
         """The active fault, or the last one."""
         self.fault_count = 0
         self._damped_for = self._failed_at = 0.0
-        """[s] for which states were answered with damping, now and when the fault began."""
+        """Time of the states in faults [s], now and when the fault began."""
         self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
@@ -237,6 +237,7 @@ class CommandSupervisor:
             self.fault is not None and self.fault.name == POSITION_LIMIT)
         passed = now - self.last_output
         if self.is_damped:
+            self._damped_for += dt or 0.0
             passed = passed if dt is None else min(passed, dt)
             if self.keeps_law and follows and self.limiter.last is not None:
                 return self._lawful(now, q, v, command, holding, passed, equation)
@@ -261,7 +262,6 @@ class CommandSupervisor:
         brake: Brake | None,
     ) -> FloatArray | None:
         """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
-        self._damped_for += passed
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
             fault = self._action.release(self._damped_for, v, braked - still)
