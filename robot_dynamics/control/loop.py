@@ -255,6 +255,10 @@ class ControlLoop:
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
             try:
+                if v is None and self.supervisor.options.requires_velocities:
+                    raise ImplausibleStateError(
+                        'no velocity', 'velocity is empty, expected one value per joint '
+                        '(require_measured_velocities)')
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift:
