@@ -255,6 +255,10 @@ class ControlLoop:
             steady_ns = clock_ns if steady_ns is None else steady_ns
             now = self._steady = 1e-9 * steady_ns
             try:
+                if v is None and self.supervisor.options.requires_velocities:
+                    raise ImplausibleStateError(
+                        'no velocity', 'velocity is empty, expected one value per joint '
+                        '(require_measured_velocities)')
                 verdict = self.monitor.judge(
                     stamp_ns, clock_ns, q, has_several_publishers, steady_ns)
                 if verdict.restart or verdict.time_shift:
@@ -297,7 +301,7 @@ class ControlLoop:
         q, v, delay, lost = signals
         if lost is not None:
             fault = fault or frozen_joint(controller.arm.joint_names, lost)
-            if supervisor.is_held_in_vain(now, v):
+            if supervisor.is_held_in_vain(v):
                 supervisor.end(now, Ending.by(fault, Kind.RELEASE_NOW))
         output = self._output = controller.answer(verdict.stamp, q, v, delay)
         self.states += 1

@@ -18,7 +18,12 @@ from loop_motions import arm_named, in_motion, loaded, place, Q, rests
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
+from robot_dynamics.control.loop import ControlLoop
+from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.control.safety.supervisor import Mode
+from robot_dynamics.model import load_arm
+from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
+from robot_dynamics.planar.urdf import default_arm_urdf
 
 
 def sign(j: int) -> Sensor:
@@ -194,3 +199,12 @@ def test_true_velocities_are_not_doubted_during_motions_and_stops():
         assert not one.loop.gate.doubtful.any()
         assert one.loop.goals.notice == ''
         assert one.loop.supervisor.fault is None
+
+
+def test_states_without_velocities_are_dropped_if_they_are_required():
+    one = ControlLoop.of_arm(load_arm(default_arm_urdf()))
+    limits, q = one.supervisor.limiter.limits, np.array([0.8, 0.5])
+    one.set_options(one.controller.options, limits, SafetyOptions(requires_velocities=True))
+    with pytest.raises(ImplausibleStateError, match='require_measured_velocities'):
+        one.answer(FIRST_STAMP, q, None)
+    assert one.answer(FIRST_STAMP + MS, q, 0.0 * q).effort is not None

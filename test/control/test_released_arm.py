@@ -60,7 +60,7 @@ def check(seed: int) -> None:
     one = Released(seed)
     least = one.energy
     gain = 0.84e-3 * one.coulomb.sum()  # 0.84 of the true friction along 1 mrad, where it yields
-    assert least > 2.0 * gain
+    assert np.abs(one.v).max() > 0.05
     for _ in range(100):
         one.run(0.01)
         assert one.energy <= least + gain, seed

@@ -81,16 +81,34 @@ def test_a_push_toward_a_limit_is_taken_away(q, v):
     assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
 
 
-@pytest.mark.parametrize(('name', 'is_released'), [
-    ('following_error', True), ('frozen_joint', False)])
-def test_a_joint_that_becomes_faster_against_its_damping_is_released(name, is_released):
-    """But not while a joint without a signal may drive it: then its damping is all that brakes."""
-    one = running(HOLD, velocity=1.0)
+@pytest.mark.parametrize(('name', 'states', 'slowness', 'is_released'), [
+    ('following_error', 30, 1, True), ('following_error', 10, 1, False),
+    ('following_error', 10, 25, False), ('frozen_joint', 30, 1, False)])
+def test_a_joint_that_becomes_faster_against_its_damping_is_released(
+    name, states, slowness, is_released,
+):
+    """
+    After 24 ms of the states, also of a slow simulation.
+
+    But not while a joint without a signal may drive it: then its damping is all that brakes.
+    """
+    one = running(HOLD, velocity=1.0, state_timeout=60.0)
     one.end(START, Ending.by(Fault(name, 'words', recovery=999)))
-    for k in range(1, 31):
+    for k in range(1, states + 1):
         v = np.array([1.1 + 0.01 * k, 0.0])
         effort = one.answer(
-            START + k * PERIOD, np.zeros(2), v, PUSH, HOLD.copy, PERIOD,
+            START + slowness * k * PERIOD, np.zeros(2), v, PUSH, HOLD.copy, PERIOD,
             lambda *_, v=v: HOLD - 5.0 * v)
     assert (one.fault.name == 'wrong_drive') == is_released
     assert (effort[0] == 0.0) == is_released
+
+
+def test_the_time_in_which_a_lost_arm_must_come_to_rest_is_that_of_the_states():
+    """Of a simulation that is slower than the clock, 25 times here."""
+    one, v = running(HOLD, velocity=1.0, state_timeout=60.0), np.array([0.11, 0.0])
+    one.end(START, Ending.by(Fault('frozen_joint', 'words', recovery=999)))
+    for k in range(1, 256):
+        answer(one, START + 0.05 * k, PUSH, v=v, dt=PERIOD)
+        assert k > 249 or not one.is_held_in_vain(v)
+    assert one.is_held_in_vain(v)
+    assert not one.is_held_in_vain(np.array([0.09, -0.09]))

@@ -38,6 +38,8 @@ class SafetyOptions:
     end_action: str = END_ACTIONS[0]
     is_lock_step: bool = False
     """Whether a simulation waits for the answer to each state."""
+    requires_velocities: bool = False
+    """Whether a state without measured velocities is dropped."""
 
 
 class FaultAction:
@@ -75,9 +77,13 @@ class FaultAction:
         """Hold with this effort."""
         self._ramped = ramped
 
-    def release(self, now: float, v: FloatArray, damping: FloatArray) -> Fault | None:
-        """Return the fault of a joint that its damping (n,) does not damp at v (n,), or None."""
-        j = self.undamped.take(now, v, damping, self._limiter.limits.velocity)
+    def release(self, time: float, v: FloatArray, damping: FloatArray) -> Fault | None:
+        """
+        Return the fault of a joint that its damping (n,) does not damp at v (n,), or None.
+
+        `time` is that of the states [s]: a simulation may be slower than the clock.
+        """
+        j = self.undamped.take(time, v, damping, self._limiter.limits.velocity)
         return None if j < 0 else Fault(
             'wrong_drive', f'{self._names[j]!r} becomes faster ({v[j]:.3g}) against its '
             f'effort ({damping[j]:.3g}) and is released: the sign or the unit of its command, '

@@ -83,8 +83,8 @@ class CommandSupervisor:
         self.fault: Fault | None = None
         """The active fault, or the last one."""
         self.fault_count = 0
-        self.failed_at = 0.0
-        """Time [s] of the active fault, or of the last one."""
+        self._damped_for = self._failed_at = 0.0
+        """Time of the states in faults [s], now and when the fault began."""
         self.holding: HoldingEffort = partial(np.zeros, len(joint_names))
         """The command that holds the arm at the last state."""
         self.last_state = self.last_output = 0.0
@@ -161,7 +161,7 @@ class CommandSupervisor:
         if is_new or self.fault is None or (
                 (fault.latched, fault.recovery) > (self.fault.latched, self.fault.recovery)):
             self.fault, self.fault_count = fault, self.fault_count + 1
-            self.failed_at = now
+            self._failed_at = self._damped_for
 
     def reset(self) -> tuple[bool, str]:
         """
@@ -237,6 +237,7 @@ class CommandSupervisor:
             self.fault is not None and self.fault.name == POSITION_LIMIT)
         passed = now - self.last_output
         if self.is_damped:
+            self._damped_for += dt or 0.0
             passed = passed if dt is None else min(passed, dt)
             if self.keeps_law and follows and self.limiter.last is not None:
                 return self._lawful(now, q, v, command, holding, passed, equation)
@@ -263,7 +264,7 @@ class CommandSupervisor:
         """Answer a state in a fault: hold the arm with damping, and postpone the fault action."""
         braked = still if brake is None else brake(q, v, still)
         if self.fault is None or self.fault.name != FROZEN_JOINT:  # a lost joint drives others
-            fault = self._action.release(now, v, braked - still)
+            fault = self._action.release(self._damped_for, v, braked - still)
             if fault is not None:
                 self._fail(now, fault)
         self._action.postpone(now + self.options.state_timeout, braked, still)
@@ -323,9 +324,9 @@ class CommandSupervisor:
         """Whether a fault is active: the arm is held with damping instead of by the law."""
         return self.mode is Mode.FAULT or self.mode is Mode.BRAKING and self._stop_has_fault
 
-    def is_held_in_vain(self, now: float, v: FloatArray) -> bool:
-        """Return whether joints move at v (n,) although their fault began STOP_TIME ago."""
-        return self.mode is Mode.FAULT and now - self.failed_at > STOP_TIME and bool(
+    def is_held_in_vain(self, v: FloatArray) -> bool:
+        """Return whether joints move at v (n,) although they were damped for STOP_TIME."""
+        return self.mode is Mode.FAULT and self._damped_for - self._failed_at > STOP_TIME and bool(
             (np.abs(v) > CALM * self.limiter.limits.velocity).any())
 
     @property

@@ -37,11 +37,12 @@ class UndampedJoints:
         self.released = np.zeros_like(self.released)
         self._since = -np.inf
 
-    def take(self, now: float, v: FloatArray, damping: FloatArray, limit: FloatArray) -> int:
+    def take(self, time: float, v: FloatArray, damping: FloatArray, limit: FloatArray) -> int:
         """
-        Take the velocities v (n,) at a time [s]; return a joint that is released now, or −1.
+        Take the velocities v (n,); return a joint that is released now, or −1.
 
-        `damping` (n,) is the effort against the motion, `limit` (n,) the velocity limit.
+        `time` [s] is that of the states; `damping` (n,) is the effort against the motion, `limit`
+        (n,) the velocity limit.
         """
         speed = np.abs(v)
         is_fast = speed > np.minimum(limit, LARGEST_SPEED)
@@ -49,15 +50,15 @@ class UndampedJoints:
             self.released = self.released | is_fast
             return -1
         opposed = is_fast & (damping * v < 0.0)
-        passed = now - self._since
+        passed = time - self._since
         if not 0.0 <= passed <= 4.0 * WINDOW:
-            self._since, self._speed, self._opposed = now, speed, opposed
+            self._since, self._speed, self._opposed = time, speed, opposed
             return -1
         self._opposed = self._opposed & opposed
-        if passed < WINDOW:
+        if passed < WINDOW - 1e-9:  # a sum of periods
             return -1
         found = self._opposed & (speed > self._speed + NOISE)
-        self._since, self._speed, self._opposed = now, speed, opposed
+        self._since, self._speed, self._opposed = time, speed, opposed
         if not found.any():
             return -1
         self.released = found

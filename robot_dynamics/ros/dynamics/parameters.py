@@ -205,6 +205,9 @@ SPECS = (
         'therefore omits: gravity, friction.'), choices=ROBOT_COMPENSATIONS, read_only=True),
     robot_description.ROBOT_GRAVITY_SPEC,
     *GRAVITY_SPECS,
+    flag('require_measured_velocities', False, (
+        'Drop joint states without velocities. By default, velocities that are missing are those '
+        'of the positions, late by 4 ms or half a period of the states.')),
     number('joint_sample_max_age', 0.0, 0.0, 10.0, (
         'Largest difference [s] between the stamps of the samples of one state, if the joints of '
         'the arm are spread over several messages; 0 for half a period of these messages.')),
@@ -296,4 +299,5 @@ def safety_options(values: Values) -> SafetyOptions:
     return SafetyOptions(
         state_timeout(values), values['fault_action'], values['hold_time'],
         values['ramp_time'], values['position_limit_tolerance'],
-        values['overspeed_factor'] or math.inf, values['end_action'], values['lock_step'])
+        values['overspeed_factor'] or math.inf, values['end_action'], values['lock_step'],
+        values['require_measured_velocities'])
