@@ -14,7 +14,7 @@ from lock_step_loop import (
     smooth_arm,
     Trace,
 )
-from loop_motions import arm_named, in_motion, loaded, place, Q, rests
+from loop_motions import arm_named, in_motion, place, Q, rests
 import numpy as np
 import pytest
 from robot_dynamics.arrays import FloatArray
@@ -77,18 +77,6 @@ def test_a_motion_with_a_velocity_of_the_wrong_sign_reaches_its_goal(name, j, ra
     assert np.flatnonzero(one.loop.gate.doubtful).tolist() == [j]
 
 
-@pytest.mark.parametrize('j', [3, 5])
-def test_light_joints_whose_velocity_jumps_by_its_unit_are_not_accelerated(j):
-    """The first wrong velocity is found before it is answered."""
-    one = LockStep(arm_named('kinova'), q=place('kinova'), rate=250.0, delay=8)
-    one.run(0.1)
-    goal = one.q + directions(len(one.q))
-    one.follow(goal)
-    assert one.run(1.0).speed[-1] > 0.3
-    one.sensor = lambda q, v: (q, np.where(np.arange(len(v)) == j, np.degrees(v), v))
-    judge(one, one.run(5.0), goal)
-
-
 @pytest.mark.parametrize(('factor', 'delay'), [(0.0, 8), (-1.0, 0)])
 def test_a_velocity_that_is_wrong_from_the_first_motion_on_does_not_drive_the_arm_away(
         factor, delay):
@@ -119,19 +107,6 @@ def test_a_joint_whose_sample_is_frozen_is_a_fault(name, j, rate):
     assert named_after <= 100
     assert one.loop.supervisor.fault.name == 'frozen_joint'
     assert set(trace.mode[named_after:]) == {Mode.FAULT}
-
-
-def test_after_the_fault_of_a_frozen_joint_the_arm_is_held_again():
-    one = in_motion('ur10', delay=4)
-    alive, one.sensor = one.sensor, frozen(1)
-    trace = one.run(1.0)
-    assert not np.isnan(trace.effort[-10:]).all()
-    assert trace.last(0.3).speed.max() < 0.4
-    one.sensor = alive
-    trace = one.run(2.5)
-    assert 46 <= trace.mode.index(Mode.RUNNING) <= 60
-    assert rests(trace)
-    assert one.loop.supervisor.fault_count == 1
 
 
 def test_a_state_that_repeats_as_a_whole_in_motion_is_no_state():
@@ -173,24 +148,3 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
     assert not np.isnan(trace.effort[-10:]).all()
     assert trace.last(1.0).speed.max() < 0.1
-
-
-def test_velocities_that_are_always_zero_from_the_start_do_no_harm():
-    """The positions are those of an encoder, and repeat at rest."""
-    one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=100.0, delay=4)
-    one.sensor = lambda q, v: (1e-4 * np.round(q / 1e-4), 0.0 * v)
-    trace = one.run(6.0)
-    print(f'at the end {trace.last(1.0).speed.max():.3g} rad/s, {one.q - Q} rad away')
-    assert np.abs(trace.q - Q).max() < 0.35
-    assert trace.last(1.0).speed.max() < 0.05
-
-
-def test_true_velocities_are_not_doubted_during_motions_and_stops():
-    for name in ('default', 'panda'):
-        one = in_motion(name, rate=250.0, delay=4)
-        one.loop.stop()
-        assert one.loop.goals.interruption == '~/stop was called'
-        assert rests(one.run(2.0))
-        assert not one.loop.gate.doubtful.any()
-        assert one.loop.goals.notice == ''
-        assert one.loop.supervisor.fault is None
