@@ -36,6 +36,15 @@ def make(**options: object) -> Controller:
     return make_controller(conditions_references=True, **options)
 
 
+def moving(**options: object) -> Controller:
+    """Return a controller 1 s after the start of a motion of 2 s."""
+    one = make(**options)
+    update(one, NOW, Q, ZERO)
+    one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
+    update(one, NOW + SECOND, Q, V)
+    return one
+
+
 # --- stops ---------------------------------------------------------------------------------------
 
 def test_without_a_state_or_a_command_there_is_nothing_to_stop():
@@ -49,6 +58,21 @@ def test_without_a_state_or_a_command_there_is_nothing_to_stop():
     update(one, NOW, Q, V)
     assert one.stop() == NOTHING_TO_STOP
     assert one.trajectory is None
+
+
+def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time():
+    one = moving()
+    before = update(one, NOW + SECOND, Q, V).reference
+    assert not one.has_stopped
+    assert one.stop() == 'stopping along the reference, then holding the position'
+    assert not one.has_stopped
+    after = update(one, NOW + SECOND, Q, V).reference
+    assert after.position == pytest.approx(before.position)
+    assert after.velocity == pytest.approx(before.velocity)
+    end = update(one, NOW + 20 * SECOND, Q, V).reference
+    assert one.has_stopped
+    assert not end.velocity.any()
+    assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
 
 
 @pytest.mark.parametrize('command', ['gravity_compensation', 'none'])

@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 from robot_dynamics.control.safety.effort_bounds import (
     EffortBounds,
+    NOTHING,
+    robot_effort,
     RobotEffort,
 )
+from robot_dynamics.joints.effort_calibration import make_effort_calibration
+from robot_dynamics.joints.effort_convention import EffortConvention
 
 LIMIT = np.array([10.0, 40.0, np.inf])
 FAR = 1e6
@@ -70,6 +74,17 @@ def test_what_is_within_the_bounds_is_unchanged(command, gravity):
 
 # --- the scale of the limits ---------------------------------------------------------------------
 
+@pytest.mark.parametrize(('hold', 'low', 'high'), [
+    (3.0, -5.0, 5.0), (7.0, -5.0, 7.0), (-7.0, -7.0, 5.0), (12.0, -5.0, 10.0),
+    (-12.0, -10.0, 5.0)])
+def test_a_scaled_limit_extends_to_what_holds_the_arm(hold, low, high):
+    bounds, holds = EffortBounds(np.array([10.0]), 0.5), np.array([hold])
+    assert bounds.bounded(np.array([FAR]), NOTHING, holds)[0].tolist() == [high]
+    assert bounds.bounded(np.array([-FAR]), NOTHING, holds)[0].tolist() == [low]
+    assert bounds.bounded(np.array([FAR]), NOTHING)[0].tolist() == [10.0]
+    assert bounds.bounded(np.array([-FAR]), NOTHING)[0].tolist() == [-10.0]
+
+
 @given(st.lists(
     st.tuples(*(st.floats(width=32) for _ in range(3))), min_size=1, max_size=30),
     st.sampled_from([0.0, 0.25, 1.0]))
@@ -81,3 +96,16 @@ def test_efforts_within_the_scaled_limits_are_clear(efforts, scale):
             math.isfinite(x) and abs(x) <= limit for x, limit in zip(effort, bounds.scaled))
         with np.errstate(invalid='ignore'):
             assert bounds.is_clear(np.array(effort)) == is_within
+
+
+@pytest.mark.parametrize('compensates', [(), ('gravity',), ('friction',), ('gravity', 'friction')])
+@pytest.mark.parametrize('scale', [1.0, 2.0])
+def test_the_command_lacks_exactly_what_the_robot_adds(compensates, scale):
+    gravity, friction, effort = np.array([3.0, -7.0]), np.array([0.5, 0.2]), np.array([5.0, 1.0])
+    robot = robot_effort(
+        EffortConvention(robot_compensates=compensates), gravity, friction,
+        make_effort_calibration(['a', 'b'], [scale]))
+    added = scale * (
+        gravity * ('gravity' in compensates) + friction * ('friction' in compensates))
+    assert robot.command(effort) == pytest.approx(effort - added)
+    assert robot.effort(robot.command(effort)) == pytest.approx(effort)

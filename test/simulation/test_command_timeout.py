@@ -43,6 +43,19 @@ def test_nothing_is_missed_before_the_first_command_or_with_a_timeout_of_0():
     assert steps_until_over(received_once(0.0), PERIOD) == 0
 
 
+def test_each_command_restarts_the_timeout():
+    commands = received_once()
+    for _ in range(50):
+        for _ in range(ENOUGH - 2):
+            assert not commands.end_step(PERIOD, PERIOD)
+        commands.receive()
+        assert not commands.end_step(PERIOD, PERIOD)
+        assert commands.silence == 0.0
+    assert steps_until_over(commands, PERIOD) > 0
+    commands.receive()
+    assert steps_until_over(commands, PERIOD) > 0  # a second timeout after a command
+
+
 @pytest.mark.parametrize('stall', [0.25, float('inf')])
 def test_a_loop_that_was_held_up_could_not_receive(stall):
     """A stall longer than the timeout counts as one step."""
