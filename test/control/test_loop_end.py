@@ -53,14 +53,6 @@ def test_a_moving_arm_stops_before_the_command_ends(end, name, rate, action):
     assert (one.loop.controller.options.command == 'none') == (end == 'command: none')
 
 
-@ends
-def test_an_arm_at_rest_need_not_stop_for_long(end):
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.5)
-    ENDS[end](one)
-    assert one.run(3.0).mode.index(Mode.INACTIVE) < 250
-
-
 def test_an_arm_that_swings_is_not_at_rest_when_it_returns():
     """It is where it was 100 ms before, at each comparison."""
     loop, q = ControlLoop.of_arm(arm_named('default')), Q.copy()
