@@ -105,6 +105,22 @@ def answered(controller: Controller, target: Any = None) -> ControlOutput:
     return update(controller, 2, Q, V)
 
 
+@pytest.mark.parametrize('compensates', [('gravity',), ALL])
+def test_the_command_and_what_the_robot_adds_are_computed_torque(compensates):
+    output = answered(make_controller(compensates), Q + 0.01)
+    whole = answered(make_controller(()), Q + 0.01)
+    assert np.abs(whole.terms.friction).min() > 1.0
+    assert output.computed_torque.tolist() == whole.computed_torque.tolist()
+    added = ('gravity' in compensates) * G + ('friction' in compensates) * whole.terms.friction
+    assert output.command + added == pytest.approx(output.computed_torque)
+    terms = output.terms
+    assert terms.effort == pytest.approx(output.command)
+    assert terms.effort == pytest.approx(
+        terms.inertial + terms.coriolis + terms.gravity + terms.friction + terms.external)
+    for name in compensates:
+        assert getattr(terms, name).tolist() == [0.0, 0.0]
+
+
 def test_a_load_that_only_this_node_knows_of_stays_in_the_command():
     controller = make_controller(('gravity',))
     load = make_payload('tool0', 2.0)
