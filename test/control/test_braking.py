@@ -11,14 +11,10 @@ from robot_dynamics.control.safety.ending import Ending
 from robot_dynamics.control.safety.supervisor import CommandSupervisor, Mode
 from supervised import (
     answer,
-    course,
     HOLD,
-    make,
     PERIOD,
     PUSH,
-    RAMP_TIME,
     RELEASE,
-    RELEASE_NOW,
     running,
     START,
     TROUBLE,
@@ -34,33 +30,6 @@ def braking(**options: Any) -> CommandSupervisor:
     return one
 
 
-def test_the_command_continues_during_the_stop():
-    one = braking()
-    for k in range(1, 100):
-        assert answer(one, START + k * PERIOD, PUSH) == PUSH.tolist()
-        assert one.tick(START + (k + 0.5) * PERIOD) is None
-    repeated = one.repeat()
-    assert repeated.tolist() == PUSH.tolist()
-    one.end(START + 0.2, RELEASE_NOW)  # the arm has stopped
-    t, efforts = course(one, START + 0.2)
-    assert efforts[-1].tolist() == [0.0, 0.0]
-    assert t[-1] == pytest.approx(RAMP_TIME, abs=1.5 * PERIOD)
-
-
-def test_a_stop_that_does_not_succeed_ends_with_the_ramp():
-    """All numbers are exact in binary; a second request does not extend the time."""
-    one, period, end = braking(), 0.03125, START + 2.5
-    for k in range(1, 81):
-        now = START + k * period
-        answer(one, now, PUSH)
-        assert one.tick(now) is None
-        one.end(now, RELEASE)
-        assert one.mode is Mode.BRAKING
-    assert one.mode is Mode.BRAKING
-    assert one.tick(np.nextafter(end, np.inf)) is not None
-    assert one.mode is Mode.STOPPING
-
-
 @pytest.mark.parametrize(('state_timeout', 'longest'), [(0.0625, 0.0625), (60.0, 0.25)])
 def test_without_states_a_stop_ends_with_the_ramp(state_timeout, longest):
     """After a quarter of a second also if states may take long. Numbers are exact in binary."""
@@ -74,20 +43,6 @@ def test_without_states_a_stop_ends_with_the_ramp(state_timeout, longest):
     one.end(START + longest + 0.001, RELEASE)
     assert one.mode is not Mode.BRAKING
     assert one.mode is Mode.STOPPING
-
-
-def test_without_a_command_there_is_no_stop():
-    one = make()
-    one.activate()
-    one.end(START, RELEASE)
-    assert one.mode is not Mode.BRAKING
-    assert one.mode is Mode.INACTIVE
-    one = running(fault_action='stop_publishing')
-    one.end(START, Ending.by(TROUBLE))
-    one.tick(START)
-    one.end(START, RELEASE)
-    assert one.mode is not Mode.BRAKING
-    assert one.mode is Mode.INACTIVE
 
 
 @pytest.mark.parametrize('before', [True, False])
@@ -110,13 +65,4 @@ def test_a_fault_before_or_during_the_stop_holds_and_damps_the_arm(before):
     one.resume()
     assert one.mode is Mode.FAULT
     assert answer(one, START + 0.402, PUSH) is not None
-    assert one.mode is Mode.RUNNING
-
-
-def test_a_stop_that_is_cancelled_continues_with_the_command():
-    one = braking()
-    one.resume()
-    assert one.mode is Mode.RUNNING
-    assert answer(one, START + PERIOD, PUSH) == PUSH.tolist()
-    one.resume()  # nothing to continue
     assert one.mode is Mode.RUNNING

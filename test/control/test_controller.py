@@ -25,9 +25,6 @@ from controller_bench import (
 import numpy as np
 import pytest
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.effort_calibration import make_effort_calibration
 from robot_dynamics.joints.effort_convention import EffortConvention
 from robot_dynamics.joints.friction import make_friction
@@ -55,38 +52,6 @@ def test_the_equation_of_motion_is_in_units_of_the_command(compensates, scale):
     assert M @ a + h == pytest.approx((tau - s * friction * len(compensates)) / s)
 
 
-# --- the mode of the command ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize('mode', ['computed_torque', 'gravity_compensation', 'none'])
-def test_the_mode_chooses_the_command_alone(mode):
-    controller = make_controller(command=mode)
-    update(controller, NOW, Q, V)
-    if mode == 'computed_torque':
-        controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
-    else:
-        with pytest.raises(TrajectoryError, match=f"command is '{mode}', expected .*'computed_t"):
-            controller.follow(set_point([0.81, 0.49], V.tolist()), 0)
-    output = update(controller, NOW, Q, V)
-    assert (output.computed_torque is not None) == (mode == 'computed_torque')
-    assert output.clamped is None
-    if mode == 'none':
-        assert output.command is None
-    else:
-        assert output.command == pytest.approx(getattr(output, mode))
-
-
-def test_changed_options_act_at_once_and_keep_the_reference():
-    controller = make_controller()
-    update(controller, NOW, Q, ZERO)
-    controller.follow(set_point([0.9, 0.5]), 0)
-    before = update(controller, NOW, Q, ZERO).computed_torque
-    controller.set_options(ControllerOptions(make_gains(NAMES, [40.0])))
-    after = update(controller, NOW, Q, ZERO).computed_torque
-    gravity = update(controller, NOW, Q, ZERO).gravity_compensation
-    assert after - gravity == pytest.approx(4.0 * (before - gravity))
-
-
 # --- missing velocity, bad states ----------------------------------------------------------------
 
 @pytest.mark.parametrize('mode', ['gravity_compensation', 'none'])
@@ -100,25 +65,6 @@ def test_another_command_ends_the_reference(mode):
     assert output.reference is None
     assert output.command.tolist() == output.holding_effort().tolist()
 
-
-# --- limits --------------------------------------------------------------------------------------
-
-@pytest.mark.parametrize('scale', [1.0, 0.5, 0.0])
-def test_the_command_is_clamped_to_a_fraction_of_the_limits(scale):
-    controller = make_controller(effort_limit_fraction=scale)
-    update(controller, NOW, Q, ZERO)
-    controller.follow(set_point([3.0, -2.0]), 0)
-    output = update(controller, NOW, Q, ZERO)
-    assert output.clamped.tolist() == [True, True]
-    assert (np.abs(output.computed_torque) > [150.0, 60.0]).all()  # reported without clamping
-    limit = scale * np.array([150.0, 60.0])  # extended to the gravity torque
-    holding = output.holding_effort()
-    low, high = np.minimum(-limit, holding), np.maximum(limit, holding)
-    assert output.command.tolist() == np.clip(output.computed_torque, low, high).tolist()
-    assert output.holding_effort().tolist() == output.gravity_compensation.tolist()
-
-
-# --- terms ---------------------------------------------------------------------------------------
 
 # --- threads -------------------------------------------------------------------------------------
 

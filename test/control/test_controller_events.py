@@ -5,7 +5,6 @@
 
 from controller_bench import (
     ARM,
-    LIMIT,
     LOAD,
     make_controller,
     NAMES,
@@ -22,7 +21,6 @@ from robot_dynamics.control.braking import braked
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.options import default_options
-from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
@@ -30,7 +28,6 @@ from robot_dynamics.trajectories.quintics import quintic_point_to_point
 
 GAINS = make_gains(NAMES)
 MS = SECOND // 1000
-NO_STATE = 'no joint state has been received'
 NOTHING_TO_STOP = 'nothing to stop: the node does not command the arm'
 
 
@@ -63,29 +60,6 @@ def test_without_a_state_or_a_command_there_is_nothing_to_stop():
     assert one.trajectory is None
 
 
-@pytest.mark.parametrize('command', ['computed_torque', 'gravity_compensation'])
-def test_a_stop_from_a_measured_state_begins_with_its_velocity(command):
-    one = make(command=command)
-    update(one, NOW, Q, V)
-    assert one.stop() == 'stopping from the measured state, then holding the position'
-    output = update(one, NOW, Q, V)
-    assert output.reference.position == pytest.approx(Q)
-    assert output.reference.velocity == pytest.approx(V)
-    later = update(one, NOW + 9 * SECOND, Q, ZERO)
-    assert not later.reference.velocity.any()
-    # it holds the position
-    assert np.abs(later.computed_torque - later.holding_effort()).max() > 1.0
-
-
-@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
-def test_a_stop_that_was_requested_holds_the_position_with_any_command(command):
-    one = make(command=command, stops_and_holds=True)
-    assert update(one, NOW, Q, ZERO).reference is None
-    one.stop_from_state()
-    for ms in (10, 1000):
-        assert update(one, NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
-
-
 def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_time():
     one = moving()
     before = update(one, NOW + SECOND, Q, V).reference
@@ -101,17 +75,13 @@ def test_a_stop_of_a_motion_begins_on_its_path_and_ends_before_the_goal_in_its_t
     assert np.abs(end.position - [1.6, 0.1]).max() > 0.01
 
 
-@pytest.mark.parametrize('holds', [True, False])
-def test_a_motion_that_is_ended_for_a_stop_stops_from_the_next_state(holds):
-    one = moving(stops_and_holds=holds)
+@pytest.mark.parametrize('command', ['gravity_compensation', 'none'])
+def test_a_stop_that_was_requested_holds_the_position_with_any_command(command):
+    one = make(command=command, stops_and_holds=True)
+    assert update(one, NOW, Q, ZERO).reference is None
     one.stop_from_state()
-    assert one.trajectory is None
-    later = Q + 1e-3 * V
-    reference = update(one, NOW + SECOND + MS, later, 1.1 * V).reference
-    assert (reference is not None) == holds
-    if reference is not None:
-        assert reference.position == pytest.approx(later)
-        assert reference.velocity == pytest.approx(1.1 * V)
+    for ms in (10, 1000):
+        assert update(one, NOW + ms * MS, Q, ZERO).reference.position.tolist() == Q.tolist()
 
 
 @pytest.mark.parametrize('command', ['computed_torque', 'joint_impedance'])
@@ -133,24 +103,6 @@ def test_friction_brakes_a_stop_from_a_measured_velocity(command):
     one.stop()
     q = motion.reference.position
     assert update(one, NOW + SECOND, q, ZERO).law.friction == pytest.approx([4.0, 1.5], rel=0.05)
-
-
-@pytest.mark.parametrize(('command', 'holds'), [
-    ('computed_torque', True), ('computed_torque', False), ('gravity_compensation', True)])
-def test_the_first_state_is_a_reference_of_a_law_that_follows(command, holds):
-    """The second one gives it its velocity."""
-    one = make(stops_and_holds=holds, command=command)
-    reference = update(one, NOW, Q, ZERO).reference
-    assert (reference is not None) == (holds and command == 'computed_torque')
-    if reference is not None:
-        assert reference.position.tolist() == Q.tolist()
-        assert reference.velocity.tolist() == [0.0, 0.0]
-        reference = update(one, NOW + 2 * MS, Q + 2e-3 * V, V).reference
-        assert reference.position == pytest.approx(Q + 2e-3 * V)
-        assert reference.velocity == pytest.approx(V)
-        end = update(one, NOW + 9 * SECOND, Q, ZERO).reference
-        assert not end.velocity.any()
-        assert (end.position > Q).all()
 
 
 def test_a_stop_does_not_begin_while_the_caller_forbids_it():
@@ -179,19 +131,6 @@ def test_a_set_point_with_a_velocity_is_followed_until_the_timeout(timeout):
     assert velocities[0] > 0.15
     assert (velocities[1] > 0.15) == (timeout == 0.4)
     assert velocities[2] == 0.0
-
-
-# --- states and time -----------------------------------------------------------------------------
-
-def test_after_a_restart_the_next_state_is_a_first_one():
-    one = make(stops_and_holds=True)
-    update(one, NOW, Q, ZERO)
-    one.restart_states()
-    with pytest.raises(TrajectoryError, match=NO_STATE):
-        one.follow(quintic_point_to_point(NAMES, Q, [1.6, 0.1], 2.0), 0)
-    one.stop_from_state()
-    reference = update(one, NOW + 40 * MS, Q - 3.0, ZERO).reference
-    assert reference.position.tolist() == (Q - 3.0).tolist()
 
 
 # --- terms and words -----------------------------------------------------------------------------
@@ -236,16 +175,6 @@ def test_in_a_fault_the_arm_is_held_and_damped(loads):
     assert damped == pytest.approx(hold - damping(v, loads))
     assert float(v @ (damped - hold)) < 0.0  # it takes energy away
     assert braked(one, Q, ZERO, hold).tolist() == hold.tolist()
-
-
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_damping_in_a_fault_is_within_the_effort_limits(sign):
-    """If the hold itself is beyond a limit, damping does not increase it."""
-    one, v = make(), sign * np.full(2, 50.0)
-    assert braked(one, Q, v, ZERO).tolist() == (-sign * LIMIT).tolist()
-    for hold in (1.1 * LIMIT, -1.1 * LIMIT):
-        beyond = -sign * LIMIT if (hold * sign > 0.0).all() else hold
-        assert braked(one, Q, v, hold).tolist() == beyond.tolist()
 
 
 @pytest.mark.filterwarnings('error')

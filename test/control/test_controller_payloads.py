@@ -5,20 +5,7 @@
 
 from controller_bench import gravity_with, LOAD, make_controller, NOW, Q, SECOND, update, ZERO
 import pytest
-from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.model.payload import make_payload, Payload
-
-
-def test_a_load_acts_at_once_without_a_transition():
-    controller = make_controller()
-    done: list[tuple[Payload, ...]] = []
-    controller.set_payloads([LOAD], 0.0, done.append)
-    assert done == [(LOAD,)]
-    assert update(controller, NOW, Q, ZERO).gravity_compensation == (
-        pytest.approx(gravity_with([LOAD])))
-    controller.set_payloads([], 0.0, done.append)
-    assert update(controller, NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))
-    assert done == [(LOAD,), ()]
+from robot_dynamics.model.payload import Payload
 
 
 def test_a_replaced_transition_continues_from_its_present_payload():
@@ -34,10 +21,3 @@ def test_a_replaced_transition_continues_from_its_present_payload():
         assert output.command == pytest.approx(expected, abs=1e-9)
     assert output.command.tolist() == bare.tolist()
     assert done == [()]  # the first load was never completely active
-
-
-def test_a_load_on_no_link_changes_nothing():
-    controller = make_controller()
-    with pytest.raises(InvalidInputError, match="'hand', expected one of the links"):
-        controller.set_payloads([make_payload('hand', 1.0)], 0.0, lambda _: None)
-    assert update(controller, NOW, Q, ZERO).gravity_compensation == pytest.approx(gravity_with([]))

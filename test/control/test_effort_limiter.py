@@ -170,22 +170,6 @@ def test_only_a_push_past_the_limit_is_reduced(step):
     assert not by_rate.any()
 
 
-@pytest.mark.parametrize(('q', 'held'), [
-    (UPPER - MARGIN, False), (np.nextafter(UPPER - MARGIN, 9.0), True), (UPPER + 5.0, True),
-    (LOWER + MARGIN, False), (np.nextafter(LOWER + MARGIN, -9.0), True), (0.0, False)])
-def test_the_margin_begins_where_it_says(q, held):
-    one = guard(rate=1e9)
-    one.last = np.zeros(N)
-    push = np.copysign(7.0, q)
-    step = Step(np.full(N, push), np.zeros(N), np.full(N, q), np.zeros(N), 0.01)
-    guarded = guarded_by(one, step)
-    assert guarded.by_position.tolist() == [held, held]
-    assert guarded.effort.tolist() == ([0.0, 0.0] if held else [push, push])
-    away = guarded_by(one, step._replace(effort=-step.effort))
-    assert not away.by_position.any()
-    assert away.effort.tolist() == [-push, -push]
-
-
 @settings(max_examples=30)
 @given(st.lists(st.builds(
     Step, *(vectors(1e300) for _ in range(4)), st.floats(-1e300, 1e300)), max_size=10))
@@ -194,14 +178,3 @@ def test_finite_efforts_stay_finite(steps):
     with np.errstate(over='ignore'):
         for step in steps:
             assert np.isfinite(guarded_by(one, step).effort).all()
-
-
-@pytest.mark.parametrize('v', [SPEED, -SPEED, 1.1 * SPEED, -1.1 * SPEED])
-@pytest.mark.parametrize('push', [7.0, -7.0])
-def test_a_joint_past_its_speed_is_not_driven_on_but_may_be_braked(v, push):
-    one, hold = guard(rate=1e9), np.array([30.0, -20.0])
-    one.last = hold
-    guarded = guarded_by(one, Step(hold + push, hold, np.zeros(N), np.full(N, v), 0.01))
-    held = abs(v) > SPEED and push * v > 0.0
-    assert guarded.by_velocity.tolist() == [held, held]
-    assert guarded.effort.tolist() == (hold if held else hold + push).tolist()

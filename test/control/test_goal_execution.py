@@ -48,12 +48,3 @@ def test_what_ends_the_motion_refuses_a_goal_that_was_sent_before(end, words, is
         begin()
     assert loop.goals.goal is None
     assert np.ptp(bench.run(0.5).q, axis=0).max() < 1e-3
-
-
-def test_a_fault_in_motion_is_the_reason_of_its_early_end():
-    bench = LockStep(load_arm(default_arm_urdf()), q=np.array([0.3, 0.3]))
-    bench.run(0.3)
-    bench.follow(bench.q + 0.3)
-    bench.run(0.1)
-    bench.loop.end(1.0, Ending.by(Fault('broken', 'words')))
-    assert bench.loop.goals.interruption == 'fault broken: words'

@@ -12,13 +12,11 @@ from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
 from robot_dynamics.control.loaded_arm import LoadedArm
 from robot_dynamics.control.options import ControllerOptions
-from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.effort_convention import make_effort_convention
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.references.motion_limits import WorkspaceInertia
-from robot_dynamics.trajectories.joint_trajectory import JointTrajectory, TrajectoryPoint
 from robots import robot_urdf
 from simulated_arms import released, two_link
 
@@ -50,13 +48,6 @@ def test_an_arm_with_another_gravity_is_that_of_the_urdf(gravity):
     assert ArmDynamics(changed.with_payloads([])).gravity(Q) == pytest.approx(
         gravity_torque(gravity), abs=1e-12)
     assert UR10.gravity.tolist() == list(FLOOR)
-
-
-def test_an_invalid_gravity_is_rejected_by_name():
-    with pytest.raises(InvalidInputError, match='gravity has 2 values, expected 3'):
-        UR10.with_gravity([0.0, 1.0])
-    with pytest.raises(InvalidInputError, match=r'gravity\[1\] \(y\) is nan'):
-        UR10.with_gravity([0.0, math.nan, 1.0])
 
 
 @pytest.mark.parametrize('loads', [[], [LOAD]])
@@ -126,26 +117,6 @@ def test_a_robot_that_compensates_along_its_own_gravity():
     true.set_gravity(np.array(WALL), math.inf)
     command = update(true, 0, Q, np.zeros(6)).command
     assert command == pytest.approx(0.0, abs=1e-12)
-
-
-def test_the_arm_holds_its_position_while_its_base_tilts():
-    """The base tilts by 90° at 1 rad/s; the controller receives gravity at 50 Hz."""
-    simulation = released(UR10, Q)
-    one = Controller(UR10, ControllerOptions(make_gains(UR10.joint_names)))
-    update(one, 0, Q, np.zeros(6))
-    one.follow(JointTrajectory(UR10.joint_names, (TrajectoryPoint(0.0, Q, np.zeros(6)),)), 0)
-    error = 0.0
-    for k in range(1, 1000):
-        angle = min(k * 2e-3, math.pi / 2)
-        gravity = 9.81 * np.array([math.sin(angle), 0.0, -math.cos(angle)])
-        simulation.set_gravity(gravity)
-        if k % 10 == 0:
-            one.set_gravity(gravity, 20.0)
-        command = update(one, k * STEP_NS, *simulation.state).command
-        simulation.step(command, 2e-3)
-        error = max(error, float(np.abs(simulation.q - Q).max()))
-    assert error < 0.01
-    assert simulation.q == pytest.approx(Q, abs=1e-4)
 
 
 def test_energy_of_a_change_of_gravity_counts_as_work():

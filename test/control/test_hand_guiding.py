@@ -23,76 +23,11 @@ from robot_dynamics.model.arm import ArmModel
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 
-SPEED = 0.2
-"""[rad/s] at which a hand moves a joint."""
-EASILY = 0.6
-"""Largest push, by that without compensation."""
-
 
 def guided(case: Case, share: float | None = None, **options: Any) -> BristledArm:
     arm = smooth_arm(case.arm)
     guiding = make_guiding(arm) if share is None else make_guiding(arm, share)
     return BristledArm(arm, case, command='hand_guiding', guiding=guiding, **options)
-
-
-def hand(one: LockStep, j: int, speed: float, seconds: float) -> FloatArray:
-    """Move one joint at a speed [rad/s]; return the pushes [N·m] of the second half, (m,)."""
-    begin, start = one.k * 1e-3, one.q[j]
-    M = ArmDynamics(one.arm).mass_matrix(one.q)[:, j]
-    dry = one.arm.friction.coulomb[j]
-    found: list[float] = []
-
-    def push(t: float) -> FloatArray:
-        e, e_dot = start + speed * (t - begin) - one.q[j], speed - one.v[j]
-        effort = M * (400.0 * e + 40.0 * e_dot)
-        effort[j] += np.sign(speed) * dry
-        found.append(effort[j])
-        return effort
-    one.push = push
-    one.run(seconds)
-    one.push = lambda t: 0.0
-    return np.array(found[len(found) // 2:])
-
-
-@pytest.mark.parametrize(('case', 'j'), [
-    (Case('panda', 500, 2, 1e-3), 0), (Case('ur10', 100, 10, 5e-4), 1)],
-    ids=lambda value: getattr(value, 'arm', ''))
-def test_a_joint_in_motion_needs_at_most_60_percent_of_the_push(case, j):
-    with_share, without = (
-        float(hand(guided(case, share), j, SPEED, 1.0).mean()) for share in (None, 0.0))
-    assert 0.0 < with_share <= EASILY * without
-
-
-def energy(one: LockStep) -> float:
-    """Return the kinetic energy [J] of the plant, whose gravity the loop knows."""
-    return float(0.5 * one.v @ ArmDynamics(one.arm).mass_matrix(one.q) @ one.v)
-
-
-@pytest.mark.parametrize('case', [
-    Case('panda', 500, 4, 1e-3, 1.4), Case('panda', 250, 2, 1e-3), Case('ur5', 125, 8, 1e-3, 1.4),
-    Case('default', 500, 2, 1e-3, 0.6)], ids=lambda case: f'{case.arm}-{case.given}')
-def test_an_arm_that_is_released_in_motion_gains_no_energy_and_stands_within_a_second(case):
-    """Kinetic energy falls if and only if friction takes more than the command adds."""
-    one = guided(case)
-    n = len(one.q)
-    goal = 0.5 * directions(n)
-    body = ArmDynamics(one.arm)
-    one.run(0.1)
-    dry = one.coulomb
-
-    def push(t: float) -> FloatArray:
-        return body.mass_matrix(one.q) @ (40.0 * (goal - one.v)) + dry * np.sign(goal)
-    one.push = push
-    one.run(0.5)
-    one.push = lambda t: 0.0
-    assert np.abs(one.v).max() > 0.3
-    last = energy(one)
-    for _ in range(10):
-        one.run(0.1)
-        assert energy(one) < last + 1e-3
-        last = energy(one)
-    assert np.abs(one.v).max() < 0.01
-    assert one.loop.supervisor.fault_count == 0
 
 
 @pytest.mark.parametrize('case', [

@@ -9,7 +9,6 @@ from lock_step_loop import FIRST_STAMP, LockStep, middle, MS, smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.laws.impedance import make_impedance
-from robot_dynamics.control.laws.joint_impedance import JointImpedance
 from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -126,13 +125,3 @@ def test_the_default_stiffness_takes_the_effort_limit_at_an_error_of_a_quarter()
 def test_a_wrong_impedance_is_named(field, value):
     with pytest.raises(InvalidInputError, match=f'impedance.{field}'):
         make_impedance(('joint1', 'joint2'), np.full(2, 10.0), **{field: value})
-
-
-@pytest.mark.parametrize('M', [
-    [[1e300, 1e200], [1e200, 1.0]], [[np.nan, 0.0], [0.0, 1.0]]])
-def test_an_inertia_outside_the_range_of_the_model_gives_no_finite_effort(M):
-    """The controller then reports the state; no other error ends its answer."""
-    loop = loop_of(smooth_arm('default'), 100.0, 1.0)
-    law = JointImpedance(loop.controller.laws.feedback, loop.controller.options)
-    assert np.isnan(law.stiffness(np.array(M))).any()
-

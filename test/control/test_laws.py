@@ -98,13 +98,7 @@ def follow(one: Controller, arm: ArmModel, with_reference: bool) -> None:
     'robot_compensates', [(), ('gravity',), ('gravity', 'friction')], ids=str)
 def test_the_terms_sum_to_the_command(arm, name, robot_compensates):
     convention = make_effort_convention('joint_torque', robot_compensates, False)
-    one = make(arm, name, effort_convention=convention)
-    follow(one, arm, with_reference=FOLLOWS[name])
-
-
-@pytest.mark.parametrize('name', ALL)
-def test_the_terms_sum_to_the_command_with_a_load_at_slow_states(arm, name):
-    one = make(arm, name, scales_gains=True, effort_rate=500.0)
+    one = make(arm, name, effort_convention=convention, scales_gains=True, effort_rate=500.0)
     load = make_payload(arm.link_names[-1], 1.0, (0.0, 0.0, 0.05))
     one.set_payloads([load], 0.0, lambda _: None)
     follow(one, arm, with_reference=FOLLOWS[name])

@@ -24,36 +24,10 @@ from robot_dynamics.control.safety.faults import Fault
 from robot_dynamics.control.safety.supervisor import Mode
 from robot_dynamics.exceptions import TrajectoryError
 from robot_dynamics.model.arm import ArmModel, load_arm
-from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
 
 # --- the start -----------------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('name', 'rate'), [('default', 500.0), ('panda', 100.0)])
-def test_the_arm_is_held_from_the_first_state(name, rate):
-    one = LockStep(arm_named(name), q=place(name), rate=rate, delay=4)
-    trace = one.run(1.0)
-    assert np.abs(trace.q - place(name)).max() < 1e-6
-    assert one.loop.reference.position == pytest.approx(place(name))
-    assert one.loop.supervisor.fault is None
-
-
-@pytest.mark.parametrize(('load', 'rate', 'delay', 'sag', 'largest'), [
-    (0.5, 500.0, 8, 0.1, 0.1), (0.5, 50.0, 8, 0.1, 0.3), (4.0, 125.0, 8, 0.25, 0.3)])
-def test_an_unknown_load_moves_the_arm_by_no_more_than_the_sag(load, rate, delay, sag, largest):
-    """
-    Slow states have lower gains, and half of them until the quality of the states is known.
-
-    No softening by the size of the error: plain PD feedback sags by 0.21 rad with 4 kg.
-    """
-    one = LockStep(arm_named('default'), true_arm=loaded(load), q=Q, rate=rate, delay=delay)
-    trace = one.run(4.0)
-    assert np.abs(trace.q - Q).max() < largest
-    assert np.abs(one.q - Q).max() < sag
-    assert rests(trace)
-    assert one.loop.supervisor.fault is None
-
 
 @pytest.mark.parametrize(('delay', 'speed'), [(0, 2.0), (8, 0.6), (8, 2.0)])
 def test_a_hit_starts_no_oscillation(delay, speed):
@@ -116,25 +90,6 @@ def test_a_latched_fault_holds_the_arm_and_waits_for_a_reset():
     assert one.loop.reset() == (True, 'reset broken: words')
     assert rests(one.run(2.0))
     assert one.loop.reference is not None
-
-
-def test_after_faults_that_recur_the_arm_is_held_and_references_wait_for_a_reset():
-    one = in_motion()
-    goal = one.q + 0.2
-    for k in range(3):
-        one.run(1.0)
-        one.follow(goal - 0.1 * k)
-        one.run(0.1)
-        one.loop.end(one.now, Ending.by(Fault('overspeed', 'words')))
-    trace = one.run(3.0)
-    assert one.loop.supervisor.mode is Mode.RUNNING
-    assert rests(trace)
-    assert one.loop.reference.position == pytest.approx(one.q, abs=1e-3)
-    with pytest.raises(TrajectoryError, match='3 faults of the motion within 10 s; waits for'):
-        one.follow(goal)
-    assert one.loop.reset()[0]
-    one.follow(goal)
-    assert one.run(4.0).q[-1] == pytest.approx(goal, abs=1e-3)
 
 
 def next_loop(before: ControlLoop, arm: ArmModel) -> ControlLoop:
@@ -218,25 +173,6 @@ def test_states_that_restart_end_the_reference_and_the_arm_is_held():
     assert np.abs(trace.q - trace.q[0]).max() < 0.5
 
 
-def test_two_publishers_that_contradict_each_other_are_a_fault():
-    """Their states are dropped, and the arm is held."""
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.1)
-    for _ in range(20):
-        with pytest.raises(ImplausibleStateError):
-            one.loop.answer(
-                FIRST_STAMP + one.k * MS + 1, Q + 2.0, 0.0 * Q,
-                has_several_publishers=lambda: True)
-        one.run(0.004)
-    supervisor = one.loop.supervisor
-    assert supervisor.mode is Mode.FAULT
-    assert supervisor.fault.name == 'several_publishers'
-    assert supervisor.fault_count == 1
-    assert np.abs(one.q - Q).max() < 1e-6
-    one.run(0.5)
-    assert supervisor.mode is Mode.RUNNING
-
-
 class Fragile(ControlLaw):
     """Gravity compensation that fails if `is_broken`."""
 
@@ -262,18 +198,6 @@ def test_a_state_without_a_finite_effort_is_a_latched_fault():
     assert one.loop.reset()[0]
     one.run(0.1)
     assert supervisor.mode is Mode.RUNNING
-
-
-@pytest.mark.filterwarnings('error')
-def test_absurd_velocities_are_not_used():
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.1)
-    sensor, one.sensor = one.sensor, lambda q, _: (q, np.array([1e6, -1e3]))
-    one.run(0.5)
-    one.sensor = sensor
-    trace = one.run(1.0)
-    assert np.abs(trace.q - Q).max() < 0.1
-    assert rests(trace)
 
 
 def test_an_inactive_loop_answers_without_an_effort():

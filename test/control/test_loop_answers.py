@@ -3,12 +3,10 @@
 
 """What the answers of the control loop state: limits, faults, times, and reasons."""
 
-
 from lock_step_loop import FIRST_STAMP, LockStep, MS
 from loop_motions import arm_named, in_motion, Q
 import numpy as np
 from numpy.testing import assert_array_equal
-from page_law import page_law
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.control.loop import LoopAnswer
@@ -42,19 +40,6 @@ def test_an_effort_has_limits_with_the_joints_if_one_changes_it():
     assert_array_equal(position, [False, False])
     assert_array_equal(velocity, [False, False])
     assert rate[0]
-
-
-@pytest.mark.parametrize('is_own', [False, True])
-def test_a_following_error_is_the_fault_of_this_name_with_each_law(is_own):
-    law = page_law()['Impedance'](200.0, 30.0) if is_own else None
-    one = LockStep(arm_named('default'), law, q=Q, following_error=np.array([0.05, 0.05]))
-    one.run(0.1)
-    one.follow(one.q)
-    one.q = one.q + np.array([0.06, 0.0])
-    state(one)
-    fault = one.loop.supervisor.fault
-    assert fault.name == 'following_error'
-    assert "position of 'joint1'" in fault.message
 
 
 def test_the_pause_of_a_stream_is_measured_by_the_steady_clock():

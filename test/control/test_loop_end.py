@@ -53,26 +53,6 @@ def test_a_moving_arm_stops_before_the_command_ends(end, name, rate, action):
     assert (one.loop.controller.options.command == 'none') == (end == 'command: none')
 
 
-@ends
-def test_an_arm_at_rest_need_not_stop_for_long(end):
-    one = LockStep(arm_named('default'), q=Q)
-    one.run(0.5)
-    ENDS[end](one)
-    assert one.run(3.0).mode.index(Mode.INACTIVE) < 250
-
-
-@ends
-def test_a_stop_that_does_not_succeed_ends_with_the_end_action(end):
-    """The environment shakes the arm, which never rests."""
-    one = in_motion()
-    one.push = lambda t: 60.0 * np.sin(np.array([9.0, 12.0]) * t)
-    ENDS[end](one)
-    trace = one.run(4.0)
-    over = trace.mode.index(Mode.INACTIVE)
-    assert 1e-3 * over == pytest.approx(2.5, abs=0.06)
-    assert set(trace.mode[:over]) == {Mode.BRAKING}
-
-
 def test_an_arm_that_swings_is_not_at_rest_when_it_returns():
     """It is where it was 100 ms before, at each comparison."""
     loop, q = ControlLoop.of_arm(arm_named('default')), Q.copy()
@@ -95,14 +75,6 @@ def test_an_arm_that_begins_to_move_is_not_at_rest():
             v = np.full(2, 2.0 * 0.002 * (k - 40))
         loop.answer(FIRST_STAMP + 2 * k * MS, q + 0.25 * v**2, v)
         assert k < 5 or loop.supervisor.mode is Mode.BRAKING
-
-
-@ends
-def test_without_states_the_command_ends_at_once(end):
-    one = in_motion()
-    one.sensor = None
-    ENDS[end](one)
-    assert one.run(2.0).mode.index(Mode.INACTIVE) < 100
 
 
 def test_during_the_stop_no_reference_is_accepted_and_nothing_else_stops():
@@ -131,4 +103,3 @@ def test_the_end_of_the_command_can_be_cancelled_during_the_stop():
     assert not np.isnan(trace.effort[::2]).any()
     one.follow(Q)
     assert one.run(3.0).q[-1] == pytest.approx(Q, abs=1e-3)
-

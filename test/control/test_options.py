@@ -5,19 +5,16 @@
 
 import re
 
-from lock_step_loop import FIRST_STAMP, MS, smooth_arm
+from lock_step_loop import smooth_arm
 import numpy as np
 import pytest
 from robot_dynamics.control.braking import is_held
 from robot_dynamics.control.controller import Controller
 from robot_dynamics.control.laws.error_feedback import make_gains
-from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.options import ControllerOptions, default_limits, default_options
-from robot_dynamics.control.safety.fault_action import SafetyOptions
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.monitoring.state_plausibility import ImplausibleStateError
 from robot_dynamics.planar.urdf import planar_arm_urdf
 
 Q = np.array([0.8, 0.5])
@@ -39,26 +36,6 @@ def test_an_effort_may_reach_its_limit_in_a_tenth_of_a_second():
         '<limit[^>]*/>', '', planar_arm_urdf([1.0], [1.0], [0.5], [0.1])))
     assert default_limits(unlimited).joint_rates.tolist() == [1000.0]
     assert default_options(unlimited).effort_rate.tolist() == [1000.0]
-
-
-def test_the_defaults_of_the_supervisor():
-    assert SafetyOptions() == SafetyOptions(
-        0.05, 'hold_gravity_then_ramp', hold_time=1.0, ramp_time=0.5, fault_margin=0.0087,
-        overspeed=1.2)
-
-
-@pytest.mark.parametrize(('age', 'is_used'), [(0.199, True), (0.201, False)])
-def test_a_state_is_at_most_a_fifth_of_a_second_old(age, is_used):
-    loop = ControlLoop.of_arm(smooth_arm('default'))
-    for k in range(50):
-        stamp = FIRST_STAMP + 2 * k * MS
-        loop.answer(stamp, Q, 0.0 * Q, stamp, stamp)
-    stamp, now = stamp + 2 * MS, stamp + 2 * MS + round(1e9 * age)
-    if is_used:
-        assert loop.answer(stamp, Q, 0.0 * Q, now, now).effort is not None
-    else:
-        with pytest.raises(ImplausibleStateError, match='old'):
-            loop.answer(stamp, Q, 0.0 * Q, now, now)
 
 
 @pytest.mark.parametrize(('coulomb', 'friction'), [(0.0, [7.5, 3.0]), (40.0, [16.0, 16.0])])

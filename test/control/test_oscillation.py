@@ -35,28 +35,6 @@ def test_an_oscillation_that_does_not_decay_lowers_the_gains_within_seven_period
     assert 0.4 < factors(signal, rate)[-1] < 0.71
 
 
-@FEW
-@given(RATES, SIZES, st.floats(3.0, 25.0), st.floats(0.05, 1.0), st.floats(0.0, 6.0))
-def test_an_oscillation_that_decays_does_not(rate, size, frequency, damping, phase):
-    t = np.arange(0.0, 2.0, 1.0 / rate)
-    omega = 2.0 * np.pi * frequency
-    signal = size * np.exp(-damping * omega * t) * np.sin(omega * t + phase)
-    assert factors(signal, rate)[-1] == 1.0
-
-
-@FEW
-@given(RATES, SIZES, st.floats(0.05, 6.0), st.floats(0.05, 6.0))
-def test_smooth_motion_does_not(rate, size, first, second):
-    t = 2.0 * np.pi * np.arange(0.0, 3.0, 1.0 / rate)
-    assert factors(size * (np.sin(first * t) + np.cos(second * t)), rate)[-1] == 1.0
-
-
-@pytest.mark.parametrize('rate', [125, 1000])
-def test_white_noise_does_not(rate):
-    rng = np.random.default_rng(rate)
-    assert factors(0.1 * rng.standard_normal(60 * rate), rate, 0.1).min() == 1.0
-
-
 def wave(seconds: float, begins: float, ends: float) -> FloatArray:
     """Return an oscillation of 15 Hz at full gains between two times, 500 Hz."""
     t = np.arange(0.0, seconds, 0.002)

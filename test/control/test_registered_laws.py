@@ -12,14 +12,13 @@ impedance of docs/control_laws.md with several stiffnesses. All run with the def
 from collections.abc import Mapping
 from functools import cache
 
-from lock_step_loop import LockStep, middle, smooth_arm, Trace
+from lock_step_loop import LockStep, smooth_arm, Trace
 import numpy as np
 from page_law import page_law
 import pytest
 from robot_dynamics.control.laws.control_law import ControlLaw, further_laws, LawFactory, load_law
 from robot_dynamics.control.scaled_laws import LAWS
 from robot_dynamics.model.arm import ArmModel
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 
 PAGE = page_law()
 REGISTERED: Mapping[str, LawFactory] = {
@@ -75,24 +74,6 @@ def test_a_registered_law_comes_to_rest(arm_name, rate, name, monkeypatch):
     size = DISTURBANCE if name in LAWS else 1e-3
     monkeypatch.setitem(LAWS, name, REGISTERED[name])
     assert run(arm_name, rate, size, 3.0, command=name).last(0.5).speed.max() < AT_REST
-
-
-@grid
-@pytest.mark.parametrize(('stiffness', 'damping'), [
-    (400.0, 'critical'), (400.0, 'a tenth'), (100.0, 'none')])
-def test_an_impedance_does_not_oscillate(arm_name, rate, stiffness, damping):
-    """
-    A small disturbance shows any instability, which the loop would increase to a limit cycle.
-
-    Critical damping is that of each joint in the middle of its limits; `a tenth` of the stiffness
-    is far too much for the wrists. Without damping, the law cannot be stable with a delay: its
-    gains are scaled to zero.
-    """
-    M = ArmDynamics(arm_named(arm_name)).rigid_body.mass_matrix(middle(arm_named(arm_name)))
-    D = {'critical': 2.0 * np.sqrt(stiffness * np.diagonal(M)),
-         'a tenth': np.full(len(M), 0.1 * stiffness), 'none': np.zeros(len(M))}[damping]
-    trace = run(arm_name, rate, 2e-4, 4.0, PAGE['Impedance'](np.full(len(M), stiffness), D))
-    assert trace.last(0.5).speed.max() < AT_REST
 
 
 @pytest.mark.parametrize('scales', [True, False])

@@ -56,7 +56,9 @@ class Released(BristledArm):
         return float(0.5 * (self.v @ self.inertia @ self.v + bristles))
 
 
-def check(seed: int) -> None:
+@pytest.mark.parametrize('seed', [
+    *range(5), *(pytest.param(seed, marks=pytest.mark.soak) for seed in range(5, 205))])
+def test_a_released_arm_gains_no_energy_and_stands_within_a_second(seed):
     one = Released(seed)
     least = one.energy
     gain = 0.84e-3 * one.coulomb.sum()  # 0.84 of the true friction along 1 mrad, where it yields
@@ -67,17 +69,6 @@ def check(seed: int) -> None:
         least = min(least, one.energy)
     assert np.abs(one.v).max() < 0.01, seed
     assert one.loop.supervisor.fault_count == 0, seed
-
-
-@pytest.mark.parametrize('seed', range(5))
-def test_a_released_arm_gains_no_energy_and_stands_within_a_second(seed):
-    check(seed)
-
-
-@pytest.mark.soak
-@pytest.mark.parametrize('seed', range(5, 205))
-def test_200_released_arms_gain_no_energy_and_stand_within_a_second(seed):
-    check(seed)
 
 
 def test_a_hand_at_a_constant_speed_feels_no_brake():

@@ -122,18 +122,6 @@ def changes(one: StableGains, period: float, count: int) -> list[int]:
     return changed
 
 
-@pytest.mark.parametrize('period', [FAST, 0.02, SLOW])
-def test_the_scale_is_that_of_the_period(period):
-    one = after(period)
-    assert one.least == pytest.approx(scale_at(period))
-    assert one.scale == pytest.approx(np.full(2, one.least))
-    assert changes(one, period, 100) == []
-    delay = 0.02  # that of a velocity from positions
-    for _ in range(200):
-        take(one, period, ZERO, delay)
-    assert one.least == pytest.approx(scale_at(period + 2.0 * delay))
-
-
 def test_slower_states_lower_the_gains_at_once_and_faster_ones_raise_them_later():
     """Intervals that are more than 1.7 times the period are its gaps, until three in a row."""
     one = after(FAST)
@@ -196,15 +184,6 @@ def test_noise_that_begins_after_quiet_states_lowers_the_gains(sigma, rate):
     assert one.least == pytest.approx(expected, rel=0.15)
     noisy(one, 600, FAST, 0.0)
     assert one.least == 1.0
-
-
-def test_harmless_noise_does_not_lower_the_gains():
-    """At 30 Hz the delay lowers them more."""
-    one, rng = stable(loop_of(make_gains(NAMES, [OMEGA])), 1000.0), np.random.default_rng(1)
-    for k in range(400):
-        noise = rng.normal(0.0, 0.03, 2) if k > 100 else 0.0
-        take(one, 1.0 / 30.0 if k else 0.0, noise + ZERO)
-    assert one.least == pytest.approx(after(1.0 / 30.0).least)
 
 
 @settings(max_examples=30)

@@ -3,7 +3,6 @@
 
 """Start and end of the effort commands: the supervisor of the command, event by event."""
 
-
 import numpy as np
 import pytest
 from robot_dynamics.control.safety.ending import Ending
@@ -17,7 +16,6 @@ from supervised import (
     HOLD_TIME,
     LATCHED,
     limits,
-    make,
     PERIOD,
     PUSH,
     RAMP_TIME,
@@ -39,44 +37,7 @@ def states(one: CommandSupervisor, last: int, first: int = 1) -> list[Mode]:
     return modes
 
 
-# --- the first effort ----------------------------------------------------------------------------
-
-def test_no_effort_is_published_before_the_first_good_state():
-    one = make()
-    assert [answer(one, START), one.tick(START)] == SILENT
-    one.activate()
-    assert one.mode is Mode.WAITING
-    assert not one.is_commanding
-    assert [one.tick(START + after) for after in (0.0, 10.0, 1e6)] == [None] * 3
-    assert one.repeat() is None
-    assert one.limiter.active is None
-    assert one.fault_count == 0  # no timeout before the first effort
-
-
-def test_the_first_effort_is_the_gravity_torque():
-    one = make()
-    one.activate()
-    assert answer(one, START, PUSH) == HOLD.tolist()
-    assert one.mode is Mode.RUNNING
-    assert one.is_commanding
-    step = (PUSH - HOLD) * RATE * PERIOD / np.abs(PUSH - HOLD).max()
-    assert answer(one, START + PERIOD, PUSH) == pytest.approx(HOLD + step)
-    assert one.limiter.active.rate.tolist() == [True, True]
-
-
 # --- timeout of the states -----------------------------------------------------------------------
-
-def test_a_pause_is_a_fault_after_the_timeout_and_not_before():
-    timeout = 0.0625  # exact in binary, as START is
-    one = running(state_timeout=timeout)
-    assert one.deadline == START + timeout
-    assert one.tick(START + timeout) is None
-    assert one.mode is Mode.RUNNING
-    assert one.tick(np.nextafter(START + timeout, np.inf)) is not None
-    assert one.mode is Mode.FAULT
-    assert (one.fault.name, one.fault_count) == ('state_timeout', 1)
-    assert '0.0625 s (state_timeout)' in one.fault.message
-
 
 def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is():
     """All numbers are exact in binary."""
@@ -86,24 +47,7 @@ def test_a_state_within_the_timeout_is_no_fault_and_a_later_one_is():
         assert one.mode is mode
 
 
-def test_a_good_state_restarts_the_timeout_and_a_repeated_one_does_not():
-    one = running()
-    answer(one, START + 0.04)
-    assert one.tick(START + 0.09) is None
-    one.repeat()
-    one.tick(START + 0.0901)
-    assert one.mode is Mode.FAULT
-
-
 # --- the course of a fault -----------------------------------------------------------------------
-
-@pytest.mark.parametrize('recovery', [1, 5, 100])
-def test_a_fault_is_over_after_so_many_good_states(recovery):
-    one = running()
-    one.end(START, Ending.by(Fault('trouble', 'words', recovery=recovery)))
-    assert states(one, recovery) == [*(recovery - 1) * [Mode.FAULT], Mode.RUNNING]
-    assert one.fault_count == 1
-
 
 def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
     one = running()
@@ -117,54 +61,7 @@ def test_a_fault_is_replaced_by_one_with_a_stricter_recovery():
     assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME - 0.4, abs=1.5 * PERIOD)
 
 
-@pytest.mark.parametrize(('moment', 'dt'), [(0.02, None), (0.3, 30.0), (1.2, 0.002), (1.49, None)])
-def test_efforts_resume_without_a_jump(moment, dt):
-    """For any time between stamps of states: efforts were published since the last state."""
-    one = running(PUSH)
-    one.end(START, Ending.by(TROUBLE))
-    last = PUSH
-    for k in range(round(moment / PERIOD)):
-        effort = one.tick(START + k * PERIOD)
-        assert effort is not None
-        last = effort
-    back = answer(one, START + moment, PUSH, dt=dt)
-    assert one.mode is Mode.RUNNING
-    assert np.abs(back - last).max() <= RATE * PERIOD + 1e-9
-    assert np.abs(answer(one, START + moment + PERIOD, PUSH, dt=PERIOD) - np.array(back)).max() > 0
-
-
 # --- latched -------------------------------------------------------------------------------------
-
-def test_a_latched_fault_waits_for_a_reset():
-    one = running()
-    one.end(START, Ending.by(LATCHED))
-    assert set(states(one, 2000)) == {Mode.FAULT}
-    assert one.is_latched
-    course(one, START + 4.0)
-    assert answer(one, START + 8.0) is None
-    assert one.reset() == (True, 'reset broken: something is wrong')
-    assert one.mode is Mode.FAULT
-    assert answer(one, START + 8.01, PUSH) == HOLD.tolist()
-    assert one.mode is Mode.RUNNING
-
-
-@pytest.mark.parametrize('reset_while_inactive', [False, True])
-def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
-    one = running()
-    one.end(START, Ending.by(LATCHED))
-    course(one)
-    one.end(START + 2.0, RELEASE_NOW)
-    assert one.mode is Mode.INACTIVE
-    if reset_while_inactive:
-        one.reset()
-        assert one.mode is Mode.INACTIVE
-    one.activate()
-    if not reset_while_inactive:
-        assert one.mode is Mode.FAULT
-        assert answer(one, START + 2.1) is None
-        one.reset()
-    assert answer(one, START + 2.2, PUSH) == HOLD.tolist()
-
 
 @pytest.mark.parametrize(('fault', 'words'), [
     (LATCHED, 'broken persists: something is wrong'),
@@ -192,28 +89,7 @@ def test_while_states_are_valid_a_fault_holds_the_arm_indefinitely(action):
     assert effort == pytest.approx(HOLD)
 
 
-def test_the_hold_in_a_fault_is_damped():
-    """The brake gets the state, and the holding effort."""
-    one = running()
-    q, v = np.array([0.0, 1.2]), np.array([0.5, -0.25])
-    effort = one.answer(
-        START + 0.1, q, v, PUSH, HOLD.copy, 0.1,
-        lambda at, speed, hold: hold - 2.0 * speed + at)
-    assert one.mode is Mode.FAULT
-    assert effort == pytest.approx(HOLD - 2.0 * v + q)
-
-
 # --- deactivation --------------------------------------------------------------------------------
-
-def test_deactivation_publishes_nothing_after_the_last_effort():
-    one = running()
-    one.end(START + 0.04, RELEASE_NOW)
-    assert one.mode is Mode.INACTIVE
-    assert not one.is_commanding
-    assert [answer(one, START + 0.05, PUSH), one.tick(START + 0.1)] == SILENT
-    one.activate()
-    assert answer(one, START + 1.0, PUSH) == HOLD.tolist()
-
 
 def test_deactivation_ramps_to_zero_for_a_receiver_that_keeps_the_last_effort():
     one = running(end_action='ramp_to_zero')
@@ -296,3 +172,36 @@ def fails(one: CommandSupervisor, now: float, name: str) -> float:
     assert one.mode is Mode.RUNNING
     return now
 
+
+@pytest.mark.parametrize(('moment', 'dt'), [(0.02, None), (0.3, 30.0), (1.2, 0.002), (1.49, None)])
+def test_efforts_resume_without_a_jump(moment, dt):
+    """For any time between stamps of states: efforts were published since the last state."""
+    one = running(PUSH)
+    one.end(START, Ending.by(TROUBLE))
+    last = PUSH
+    for k in range(round(moment / PERIOD)):
+        effort = one.tick(START + k * PERIOD)
+        assert effort is not None
+        last = effort
+    back = answer(one, START + moment, PUSH, dt=dt)
+    assert one.mode is Mode.RUNNING
+    assert np.abs(back - last).max() <= RATE * PERIOD + 1e-9
+    assert np.abs(answer(one, START + moment + PERIOD, PUSH, dt=PERIOD) - np.array(back)).max() > 0
+
+
+@pytest.mark.parametrize('reset_while_inactive', [False, True])
+def test_a_latched_fault_outlives_deactivation(reset_while_inactive):
+    one = running()
+    one.end(START, Ending.by(LATCHED))
+    course(one)
+    one.end(START + 2.0, RELEASE_NOW)
+    assert one.mode is Mode.INACTIVE
+    if reset_while_inactive:
+        one.reset()
+        assert one.mode is Mode.INACTIVE
+    one.activate()
+    if not reset_while_inactive:
+        assert one.mode is Mode.FAULT
+        assert answer(one, START + 2.1) is None
+        one.reset()
+    assert answer(one, START + 2.2, PUSH) == HOLD.tolist()

@@ -25,27 +25,11 @@ from supervised import (
     TROUBLE,
 )
 
-ACTIONS = ('hold_gravity_then_ramp', 'ramp_to_zero', 'stop_publishing')
-
 
 def toward(last: np.ndarray, goal: np.ndarray, dt: float) -> np.ndarray:
     """Return the effort dt [s] after the last one; all joints change in proportion."""
     longest = np.abs(goal - last).max() / RATE
     return np.asarray(goal if longest <= dt else last + dt / longest * (goal - last))
-
-
-def test_hold_gravity_then_ramp():
-    """To the gravity torque at the rate limit; this for the hold time; then linearly to zero."""
-    one = running(PUSH)
-    one.end(START, Ending.by(TROUBLE))
-    t, efforts = course(one)
-    reached = np.abs(PUSH - HOLD).max() / RATE
-    for j in range(2):
-        way = np.interp(
-            t, [0.0, reached, HOLD_TIME, HOLD_TIME + RAMP_TIME], [PUSH[j], HOLD[j], HOLD[j], 0])
-        assert efforts[:, j] == pytest.approx(way, abs=1e-6)
-    assert efforts[-1].tolist() == [0.0, 0.0]
-    assert t[-1] == pytest.approx(HOLD_TIME + RAMP_TIME, abs=1.5 * PERIOD)
 
 
 @pytest.mark.parametrize('is_fault', [True, False])
@@ -122,14 +106,3 @@ def test_the_damped_hold_remains_until_the_states_time_out():
     for after in (0.06, 0.5):  # then the velocity is unknown
         effort = one.tick(START + 0.01 + after)
     assert effort.tolist() == HOLD.tolist()
-
-
-@pytest.mark.parametrize('action', ACTIONS)
-def test_after_the_action_the_next_effort_is_the_gravity_torque(action):
-    one = running(PUSH, fault_action=action)
-    one.end(START, Ending.by(TROUBLE))
-    course(one)
-    assert not one.acts_alone
-    assert answer(one, START + 10.0, PUSH, OTHER_HOLD, dt=0.002) == OTHER_HOLD.tolist()
-    assert one.mode is Mode.RUNNING
-

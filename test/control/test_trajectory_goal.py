@@ -301,28 +301,3 @@ def test_default_tolerances_are_those_of_the_goal_only():
     assert given.path.tolist() == [math.inf, 0.1, 0.2]
     assert np.isinf(given.goal).all()
     assert given.goal_time == math.inf
-
-
-# ---------------------------------------------------------------------- preemptions
-
-def test_preempted_plans_keep_the_limits():
-    """30 goals, each replaced at a random time by one to a random position."""
-    rng = np.random.default_rng(7)
-    arm = smooth_arm('panda')
-    bench, n = held(arm), arm.joint_count
-    start, limit = bench.q, arm.limits.velocity
-    rates = bench.loop.supervisor.limiter.limits.rate
-    goals = []
-    for _ in range(30):
-        goal = start + rng.uniform(-0.3, 0.3, n)
-        goals.append(bench.loop.execute(make_trajectory(
-            arm.joint_names, [rng.uniform(0.3, 1.0)], [goal])))
-        trace = bench.run(rng.uniform(0.05, 0.6))
-        assert (np.abs(trace.v) <= 1.05 * limit).all()
-        sent = trace.effort[~np.isnan(trace.effort).any(axis=1)]
-        assert (np.abs(np.diff(sent, axis=0)) <= 1.001 * 2e-3 * rates + 1e-9).all()
-    bench.run(3.0)
-    assert goals[-1].result.code is ResultCode.SUCCESSFUL
-    assert {goal.result.code for goal in goals[:-1]} <= {
-        ResultCode.INVALID_GOAL, ResultCode.SUCCESSFUL}
-

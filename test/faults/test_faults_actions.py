@@ -67,7 +67,7 @@ def check_course(answer: Timed, action: list[Timed], hold: float) -> None:
     Check that the commands decrease from g(q) to zero, and not faster than specified.
 
     A command that is published late is smaller than a punctual one. The number of commands and
-    their delays depend on the load of the machine. test_supervisor_actions.py checks the exact
+    their delays depend on the load of the machine. test_safety_promises.py checks the exact
     values at given times.
     """
     found = fractions(action)

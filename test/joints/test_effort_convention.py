@@ -25,10 +25,7 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
-from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from robot_dynamics.simulation.plant import InnerController
 from robot_dynamics.trajectories.joint_trajectory import make_trajectory
-from simulated_arms import released
 
 ARM = load_arm(default_arm_urdf())
 NAMES = ARM.joint_names
@@ -53,13 +50,6 @@ def motors(efficiency: float = 1.0) -> Actuators:
 ])
 def test_a_measured_effort_is_taken_to_the_joint_side(kind, expected):
     assert joint_effort_at_rest(kind, EFFORT, motors()) == pytest.approx(np.array(expected))
-
-
-@pytest.mark.parametrize('kind', ['joint_torque', 'motor_torque', 'motor_current'])
-def test_the_reported_effort_at_rest_is_converted_back(kind):
-    reported = measured_from_joint(kind, EFFORT, ZERO, G, motors())
-    back = joint_effort_at_rest(kind, np.tile(reported, (3, 1)), motors())
-    assert back == pytest.approx(np.tile(EFFORT, (3, 1)))
 
 
 @pytest.mark.parametrize('v', [-1.0, 1.0])
@@ -172,22 +162,6 @@ def test_joint_and_command_keep_within_their_limits(compensates, scale, target):
 
 
 # --- the simulated robot -------------------------------------------------------------------------
-
-def run(arm: ArmModel, compensates: tuple[str, ...], command: Any, v: Any = ZERO) -> ArmSimulation:
-    """Return the arm after a second of a constant command, with the compensation of its robot."""
-    robot = InnerController(arm, EffortConvention(robot_compensates=compensates))
-    simulation = released(arm, Q, v)
-    for _ in range(500):
-        effort = robot.with_own_compensation(np.array(command), *simulation.state)
-        simulation.step(effort, 2e-3)
-    return simulation
-
-
-def test_gravity_twice_lifts_the_arm():
-    assert run(ARM, (), G).q == pytest.approx(Q, abs=1e-6)
-    assert run(ARM, ('gravity',), ZERO).q == pytest.approx(Q, abs=1e-9)
-    assert np.abs(run(ARM, ('gravity',), G).q - Q).max() > 0.5
-
 
 def test_a_robot_that_is_at_its_own_limit_is_not_pushed_against():
     """If g(q) exceeds the limit, the command may be 0, and may reduce the load of the robot."""

@@ -14,14 +14,12 @@ from one_joint_arm import arm_of, inertial
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError, TrajectoryError
 from robot_dynamics.joints.actuator import make_actuators
-from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.joint_order import JointOrder
 from robot_dynamics.model.payload import make_payload
 from robot_dynamics.model_check.checks import check_model
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.validation import check_samples, check_vector
-from simulated_arms import released
 
 pytestmark = pytest.mark.filterwarnings('error::RuntimeWarning')
 
@@ -128,16 +126,6 @@ def test_a_chain_of_mimic_joints_multiplies_up_to_a_number():
         for i in range(8))
     with pytest.raises(ModelError, match=r"joint 'j2': mimic chain: multiplier=1e\+12, expected"):
         load_arm(f'<robot name="r">{links}{joints}</robot>')
-
-
-# --- the simulated arm ---------------------------------------------------------------------------
-
-def test_an_arm_with_stribeck_friction_that_is_flung_away_comes_to_an_end():
-    arm = ARM.with_friction(make_friction(NAMES, coulomb=[1.0], static=[2.0]))
-    simulation = released(arm)
-    with pytest.raises(InvalidInputError, match='no finite solution'):
-        simulation.step(np.full(2, LARGEST_VALUE), 0.002)
-    assert simulation.q.tolist() == [0.0, 0.0]
 
 
 # --- messages ------------------------------------------------------------------------------------

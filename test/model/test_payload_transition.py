@@ -3,7 +3,6 @@
 
 """A payload that replaces another one: properties of the transition."""
 
-
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
@@ -128,21 +127,6 @@ def test_inertia_and_gravity_are_not_underestimated_during_a_transition(old, tar
     ends = [WorkspaceInertia(ArmDynamics(loaded.arm.with_payloads(loads)))
             for loads in (old, target)]
     assert assumed.largest() == pytest.approx(np.maximum(ends[0].largest(), ends[1].largest()))
-
-
-def test_the_loads_of_an_arm_are_replaced_step_by_step():
-    loaded, done = loaded_with([OLD]), []
-    loaded.begin_transition(loaded.prepare([NEW]), 2.0, done.append)
-    assert loaded.planning.arm.payloads == (NEW,)
-    assert loaded.dynamics.arm.payloads == (OLD,)
-    loaded.advance(0)
-    loaded.advance(SECOND)
-    assert [load.mass for load in loaded.dynamics.arm.payloads] == pytest.approx([1.5, 0.75])
-    assert done == []
-    for stamp in (2 * SECOND, 3 * SECOND):
-        loaded.advance(stamp)
-        assert loaded.dynamics.arm.payloads == (NEW,)
-    assert done == [(NEW,)]
 
 
 def test_a_transition_to_no_load_ends_with_the_unloaded_arm():

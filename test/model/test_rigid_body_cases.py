@@ -42,14 +42,6 @@ def test_results_are_new_and_inputs_are_left_alone():
         npt.assert_array_equal(array, copy)
 
 
-@pytest.mark.parametrize('wrenches', [
-    (), [ExternalWrench('link0', np.full(3, 50.0), np.full(3, 9.0))]])
-def test_no_wrench_and_a_wrench_on_the_base_are_no_effort(wrenches):
-    case = random_case(12)
-    npt.assert_array_equal(
-        case.body.external(case.q, wrenches), np.zeros(case.arm.joint_count))
-
-
 def test_a_wrench_at_an_unknown_link_is_refused():
     case = random_case(13)
     wrench = ExternalWrench('gripper', np.zeros(3), np.zeros(3))

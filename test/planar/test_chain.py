@@ -48,17 +48,6 @@ def motions(draw, least=1, most=8):
     return chain, draw(vectors(n, 7.0)), draw(vectors(n, 2.0)), draw(vectors(n, 10.0))
 
 
-def along(q, v, a, t):
-    """Return the positions at t of the motion with q, v and a at t = 0."""
-    return q + t * v + 0.5 * t**2 * a
-
-
-def second_derivative(function, step=1e-3):
-    """Return the second derivative at 0 from five points, to fourth order."""
-    weights = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
-    return sum(w * function(k * step) for k, w in weights.items()) / (12.0 * step**2)
-
-
 def size(chain):
     """Return a torque from the reach and mass of the chain, as the unit of errors."""
     reach = sum(chain.lengths)
@@ -66,22 +55,6 @@ def size(chain):
 
 
 # --- properties -------------------------------------------------------------------------------
-
-
-@law
-@given(motion=motions())
-def test_accelerations_are_those_of_the_positions(motion):
-    chain, q, v, a = motion
-
-    def points(t):
-        found = planar_chain.forward_kinematics(chain, along(q, v, a, t))
-        return np.stack([found.joints, found.coms])
-
-    result = newton_euler(chain, q, v, a)
-    expected = np.stack([result.joint_acceleration, result.com_acceleration])
-    assert_close(
-        second_derivative(points), expected, atol=1e-7 * max(1.0, np.abs(expected).max()))
-
 
 @law
 @given(motion=motions(least=2, most=2))

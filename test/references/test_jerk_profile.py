@@ -20,7 +20,6 @@ from robot_dynamics.references.jerk_profile import (
     smooth_to_rest,
     stop,
     to_rest,
-    velocity_change,
 )
 
 NEAR_STOP = (0.0, 1e-13, -1e-13, 1e-12, -1e-11, 1e-9, -1e-9, 1e-6, -1e-6, 1e-4, -1e-4)
@@ -105,20 +104,6 @@ def test_motions_arrive_within_hull_and_bounds_also_if_they_arrive_later(
 
 
 @counts
-def test_a_velocity_change_ends_at_its_velocity(count):
-    for problem in problems(count, 3.0, symmetric=False):
-        v_end, v, a, bounds = problem
-        phases = velocity_change(v, a, v_end, bounds)
-        assert len(phases) <= 3
-        assert end(phases, 0.0, v, a)[1:] == pytest.approx((v_end, 0.0), abs=1e-9)
-        found = problem.extremes(phases)
-        assert min(bounds.a_min, a) - 1e-9 <= found.a_min
-        assert found.a_max <= max(bounds.a_max, a) + 1e-9
-        assert min(v, v_end, problem.reached()) - 1e-9 <= found.v_min
-        assert found.v_max <= max(v, v_end, problem.reached()) + 1e-9
-
-
-@counts
 def test_any_finite_problem_has_a_finite_motion(count):
     r = random.Random(2)
     for _ in range(count):
@@ -173,13 +158,6 @@ def test_a_smooth_motion_arrives_in_its_time_within_the_bounds(count):
 
 REST = (0.0, 0.0)
 WIDE = Bounds(-1e3, 1e3, -1e3, 1e3, 4.0)
-
-
-def test_short_and_long_motions_from_rest_have_the_known_durations():
-    assert duration(to_rest(1.0, *REST, WIDE)) == pytest.approx((32.0 * 1.0 / 4.0)**(1.0 / 3.0))
-    phases = to_rest(-9.0, *REST, Bounds(-1.5, 1.0, -2.0, 2.0, 8.0))
-    assert len(phases) == 7
-    assert duration(phases) == pytest.approx(9.0 / 1.5 + 1.5 / 2.0 + 2.0 / 8.0)
 
 
 def test_the_goal_at_the_stop_position_is_the_stop():

@@ -3,18 +3,13 @@
 
 """A reference that ends in motion: each joint stops at once, within its limits."""
 
-
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.model.arm import load_arm
-from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.references.jerk_profile import Bounds, duration, extremes, stop
-from robot_dynamics.references.motion_limits import WorkspaceInertia
 from robot_dynamics.references.reference_generator import ReferenceGenerator
-from robot_dynamics.trajectories.quintics import quintic_point_to_point, quintic_via_points
-from robots import robot_urdf
+from robot_dynamics.trajectories.quintics import quintic_via_points
 from sampled_references import at, generator, laws, NAMES, NOW, ns, samples, SECOND, ZERO
 
 BOUNDS = [Bounds(-1.0, 1.0, -5.0, 5.0, 90.0)] * 2
@@ -92,35 +87,3 @@ def test_a_stop_without_limits_holds_the_position_at_once():
     after = at(one, 1.5)
     assert after.position.tolist() == before.position.tolist()
     assert not after.velocity.any()
-
-
-# --- the UR10 at 1 rad/s -------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('along_path', 'pose'), [
-    (False, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), (True, (0.0, -1.0, 1.0, 0.0, 0.5, 0.0)),
-    (True, (0.0, -0.5, 0.5, 0.5, 1.5, 0.0))])
-def test_the_ur10_at_1_rad_per_s_stops_within_03_rad_and_54_percent_of_its_effort(
-    along_path, pose,
-):
-    arm = load_arm(robot_urdf('ur10'))
-    dynamics, effort = ArmDynamics(arm), arm.limits.effort
-    limits = WorkspaceInertia(dynamics).motion_limits(effort, effort / 0.1)
-    one = ReferenceGenerator(arm.joint_names, (), limits)
-    q, v = np.array(pose), np.eye(6)[0]
-    t = 0.0
-    if along_path:
-        goal = q + 3.0 * v
-        one.start(quintic_point_to_point(arm.joint_names, q, goal, 5.625), NOW, q, 0.0 * v)
-        t = 0.5 * 5.625
-        q = q + 1.5 * v
-    one.stop(ns(t), q, v)
-    found = samples(one, t, end_of(one))
-    assert found.v[0] == pytest.approx(v, abs=1e-9)
-    way = np.abs(found.q[-1] - q)
-    torque = dynamics.inverse_dynamics_batch(found.q, found.v, found.a)
-    gravity = dynamics.gravity_batch(found.q)
-    assert way[0] <= 0.3  # measured: 0.14 rad, and 37 % of the effort, 19 % without gravity
-    assert way[1:].max() <= 1e-9
-    assert (np.abs(torque - gravity) / effort).max() <= 0.54
-    if np.abs(gravity / effort).max() < 0.3:
-        assert (np.abs(torque) / effort).max() <= 0.54

@@ -221,24 +221,3 @@ def test_without_members_joint_states_are_answered(client, process, monkeypatch,
             wait_until(lambda: len(set(stamps_of(answers))) >= 20, 'answers to 20 joint states')
         assert client.call(Trigger, f'{name}/stop').success
         assert client.call(ListParameters, f'{name}/list_parameters').result.names
-
-
-def test_fallbacks_are_documented_members(client, monkeypatch):
-    for member in MEMBERS:
-        monkeypatch.setattr(rclpy_internals, member, 'no_such_member')
-    publisher = client.node.create_publisher(String, 'fallbacks', 1)
-    assert rclpy_internals.raw_publish(publisher) == publisher.publish
-    assert rclpy_internals.subscription_count(publisher) == publisher.get_subscription_count
-    subscription = client.node.create_subscription(
-        String, 'fallbacks', lambda _: None, 1, callback_group=rclpy_internals.LEFT_TO_A_THREAD)
-    publisher.publish(String())
-    assert rclpy_internals.raw_take(subscription, String)() is None
-    service, requests = rclpy_internals.service_with_inbox(
-        client.node, Trigger, 'fallback_service', lambda _, answer: answer)
-    assert requests is None
-    assert service.callback_group.can_execute(service)
-    assert not rclpy_internals.replace_callback(service, lambda *_: None)
-    rclpy_internals.replace_send_response(service, lambda *_: None)
-    client.call(Trigger, 'fallback_service')
-    assert rclpy_internals.request_number(object()) is None
-    assert rclpy_internals.parameter_overrides(client.node) == []

@@ -98,22 +98,6 @@ def test_the_home_pose_is_within_the_limits():
     assert not q[~outside].any()
 
 
-def test_an_arm_holds_under_the_effort_for_its_load():
-    arm, q0 = two_link(), np.array([1.0, 0.5])
-    payload = make_payload('tool0', 2.0, (0.1, 0.0, 0.05))
-    loaded = arm.with_payloads([payload])
-    tau = ArmDynamics(loaded).rigid_body.gravity(q0)
-    simulation = released(arm, q0)
-    simulation.brake()
-    simulation.set_payloads([payload], 1.0)  # at once while the brakes hold
-    simulation.release()
-    assert simulation.step(tau, 0.2).position == pytest.approx(q0, abs=1e-9)
-    simulation.set_payloads([])
-    assert simulation.arm.payloads == ()
-    simulation.step(tau, 0.2)
-    assert np.abs(simulation.q - q0).max() > 0.05
-
-
 def test_a_load_comes_and_goes_linearly_within_its_transition_time():
     """The arm holds under the effort for the part of the load that acts; energy is balanced."""
     arm, q0 = two_link(), np.array([1.0, 0.5])

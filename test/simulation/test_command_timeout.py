@@ -38,14 +38,6 @@ def steps_until_over(commands: CommandTimeout, passed: float, period: float = PE
 
 # --- the counter ---------------------------------------------------------------------------------
 
-def test_it_is_over_after_the_timeout_and_only_once():
-    commands = received_once()
-    assert steps_until_over(commands, PERIOD) == pytest.approx(ENOUGH, abs=1)
-    assert commands.silence == pytest.approx(TIMEOUT, abs=PERIOD)
-    assert commands.silent_steps == pytest.approx(ENOUGH, abs=1)
-    assert steps_until_over(commands, PERIOD) == 0
-
-
 def test_nothing_is_missed_before_the_first_command_or_with_a_timeout_of_0():
     assert steps_until_over(CommandTimeout(TIMEOUT), PERIOD) == 0
     assert steps_until_over(received_once(0.0), PERIOD) == 0

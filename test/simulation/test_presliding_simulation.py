@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.joints.presliding import presliding_state
 from robot_dynamics.model.arm import ArmModel, load_arm
@@ -180,26 +179,6 @@ def test_energy_never_grows_without_input(data):
         before, left = left, sum(simulation.energy) - simulation.work
         assert left <= before + 1e-7 * scale
         assert np.abs(simulation.presliding_state).max() <= 1.0
-
-
-@pytest.mark.parametrize('backlash', [None, 2e-3])
-def test_work_energy_and_heat_balance(backlash):
-    """Heat is integrated, except in exponential steps; springs are slow enough here."""
-    arm = rubbing(ARM, viscous=[0.5, 0.2], coulomb=[4.0, 1.5], offset=[0.3, -0.1],
-                  presliding_distance=[0.01, 0.02])
-    if backlash is not None:
-        arm = arm.with_actuators(make_actuators(
-            ARM.joint_names, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
-    simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
-    at_start, largest = sum(simulation.energy), 1.0
-    for k in range(200):
-        heat = simulation.heat
-        simulation.step(60.0 * np.sin(0.03 * k + np.array([0.0, 1.0])) * [1.0, 0.3], 0.002)
-        assert simulation.heat >= heat - 1e-9
-        change = sum(simulation.energy) - at_start
-        largest = max(largest, simulation.work, simulation.heat)
-        assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-6 * largest)
-    assert simulation.heat > 5.0
 
 
 def path(arm: ArmModel, q: np.ndarray) -> np.ndarray:

@@ -6,15 +6,12 @@
 import numpy as np
 import pytest
 from robot_dynamics.joints.friction import make_friction
-from robot_dynamics.model.arm import ArmModel, load_arm
+from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
 from scipy.integrate import solve_ivp
 from simulated_arms import released
-
-# --- viscous and dry friction --------------------------------------------------------------------
-
 
 # --- convergence and stiff friction --------------------------------------------------------------
 
@@ -30,40 +27,6 @@ def test_dry_friction_does_not_cost_the_method_its_order():
     exact = end(0.0005)
     errors = [np.abs(end(step) - exact).max() for step in (0.02, 0.01, 0.005)]
     assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 4.0).all(), errors
-
-
-def stiff_solution(
-    arm: ArmModel, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray, duration: float,
-) -> np.ndarray:
-    """Return the end of the motion from an implicit method (Radau IIA), including friction."""
-    dynamics = ArmDynamics(arm)
-    n = arm.joint_count
-
-    def slope(_: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate((y[n:], dynamics.forward_dynamics(y[:n], y[n:], tau)))
-
-    solution = solve_ivp(
-        slope, (0.0, duration), np.concatenate((q0, v0)), 'Radau', rtol=1e-10, atol=1e-12)
-    return np.asarray(solution.y[:, -1])
-
-
-def heavily_damped_arm() -> ArmModel:
-    """Return an arm whose last link has ten time constants in a step of 1 ms."""
-    return load_arm(planar_arm_urdf(
-        [5.0, 0.01], [1.0, 0.1], [0.5, 0.05], [0.1, 1e-5], viscous_friction=[1.0, 0.4]))
-
-
-def test_stiff_viscous_friction_is_followed_at_a_long_step():
-    arm = heavily_damped_arm()
-    q0, v0, tau = np.array([1.0, 0.5]), np.array([0.0, 2.0]), np.array([-20.0, 0.3])
-    exact = stiff_solution(arm, q0, v0, tau, 0.2)
-    errors = []
-    for step in (2e-3, 1e-3, 5e-4):
-        simulation = released(arm, q0, v0, max_step=step)
-        errors.append(np.abs(np.concatenate(simulation.step(tau, 0.2)) - exact).max())
-    assert errors[1] < 1e-5, errors
-    # the method does not reach order 2 with friction of this stiffness
-    assert (np.log2(np.array(errors[:-1]) / errors[1:]) >= 1.0).all(), errors
 
 
 def test_stuck_joints_with_stiff_friction_act_as_fixed_joints():

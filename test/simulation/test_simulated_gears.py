@@ -63,9 +63,12 @@ def test_a_coarse_step_agrees_with_a_fine_one_through_turns():
     assert ends[0] == pytest.approx(ends[1], abs=1e-6)
 
 
-@pytest.mark.parametrize(('width', 'backlash'), [([0.05, 0.1], 2e-3), ([0.002, 0.001], None)])
-def test_the_energy_balance_closes(width, backlash):
-    arm = geared(sigmoid_velocity=width, **({'load_coefficient': [0.0]} if backlash else {}))
+@pytest.mark.parametrize(('width', 'backlash', 'load', 'allowed'), [
+    ([0.05, 0.1], 2e-3, [0.0], 1e-6), ([0.002, 0.001], None, [0.1, 0.2], 1e-6),
+    ([0.05, 0.1], 2e-3, [0.1, 0.2], 1e-4)])
+def test_the_energy_balance_closes(width, backlash, load, allowed):
+    """Load-dependent friction acts where teeth touch."""
+    arm = geared(sigmoid_velocity=width, load_coefficient=load)
     if backlash is not None:
         arm = arm.with_actuators(make_actuators(
             NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[backlash]))
@@ -77,7 +80,7 @@ def test_the_energy_balance_closes(width, backlash):
         turns, before = turns + int((v * before < 0.0).sum()), v
         change = sum(simulation.energy) - at_start
         largest = max(largest, simulation.work, simulation.heat)
-        assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-6 * largest)
+        assert simulation.work - simulation.heat == pytest.approx(change, abs=allowed * largest)
     assert turns >= 3
     assert simulation.heat > 5.0
 
@@ -109,19 +112,6 @@ def test_a_robot_that_compensates_friction_compensates_that_of_its_gears():
     added = robot.with_own_compensation(effort, q, v) - effort
     assert added == pytest.approx(
         ArmDynamics(arm).friction_effort(v, effort, smooth=True), rel=1e-12)
-
-
-def test_load_dependent_friction_acts_where_teeth_touch():
-    motors = make_actuators(NAMES, [0.1], [100.0], rotor_inertia=[2e-5], backlash=[2e-3])
-    arm = geared(load_coefficient=[0.1, 0.2]).with_actuators(motors)
-    simulation = released(arm, [0.4, -0.3], [1.0, -2.0])
-    at_start = sum(simulation.energy)
-    for k in range(200):
-        simulation.step(
-            np.array([60.0, 20.0]) * np.sin(0.03 * k + np.array([0.0, 1.0])), 2e-3)
-        change = sum(simulation.energy) - at_start
-        assert simulation.work - simulation.heat == pytest.approx(change, abs=1e-3)
-    assert simulation.heat > 5.0
 
 
 def test_teeth_that_do_not_touch_bear_no_load():

@@ -29,7 +29,7 @@ ENGINES: dict[str, type[Engine]] = {'mujoco': MujocoEngine, 'drake': DrakeEngine
 
 # Links with negative principal moments, or with one of them above the sum of the others. MuJoCo
 # rejects such a description, and Drake replaces the inertia by that of a ball of water. Pinocchio
-# uses the inertia unchanged: test_rigid_body compares the result of the arm.
+# uses the inertia unchanged: test_pinocchio_xml.py compares the bodies that it reads.
 IMPLAUSIBLE = {
     'pr2': {'double_stereo_link', 'sensor_mount_link'},
     'tiago': {'base_antenna_left_link', 'base_antenna_right_link'},

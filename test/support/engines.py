@@ -12,7 +12,6 @@ link, a force (3,) [N] and a torque (3,) [N·m], which act at the origin of the 
 
 from collections.abc import Sequence
 import importlib
-import math
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -86,30 +85,6 @@ class Engine:
     def external(self, q: Array, wrenches: Sequence[Any]) -> Array:
         """Return −Jᵀ f."""
         return self.inverse_dynamics(q, 0.0 * q, 0.0 * q, wrenches) - self.gravity(q)
-
-    def mass_derivative(self, q: Array) -> Array:
-        """
-        Return ∂M_ij/∂q_k, (m, m, m), only from values of M.
-
-        M is a polynomial of degree 2 in the position of a prismatic joint, and a trigonometric
-        one of degree 2 in the angle of another, so the differences are exact: the central one,
-        and M. Riesz's interpolation formula with four nodes.
-        """
-        joints = {j.attrib['name']: j.attrib['type'] for j in self.bare.findall('joint')}
-        m = len(self.joint_names)
-        derivative = np.zeros((m, m, m))
-        for k, name in enumerate(self.joint_names):
-            if joints[name] == 'prismatic':
-                nodes = [(1.0, 0.5), (-1.0, -0.5)]
-            else:
-                angles = [(2 * r - 1) * math.pi / 4 for r in (1, 2, 3, 4)]
-                nodes = [
-                    (t, (-1) ** r / (8 * math.sin(t / 2) ** 2)) for r, t in enumerate(angles)]
-            for step, weight in nodes:
-                shifted = q.copy()
-                shifted[k] += step
-                derivative[:, :, k] += weight * self.mass_matrix(shifted)
-        return derivative
 
 
 class MujocoEngine(Engine):
@@ -332,11 +307,3 @@ class Projected(Engine):
 
     def potential_energy(self, q: Array) -> float:
         return self.engine.potential_energy(self.tree(q))
-
-    def christoffel(self, q: Array) -> Array:
-        """Return c_ijk = ½ (∂M_ij/∂q_k + ∂M_ik/∂q_j − ∂M_jk/∂q_i), (n, n, n)."""
-        d = self.engine.mass_derivative(self.tree(q))
-        for axis in range(3):
-            # Each axis of the tree in turn becomes the last, and is then moved back.
-            d = np.moveaxis(np.moveaxis(d, axis, -1) @ self.G, -1, axis)
-        return np.asarray(0.5 * (d + d.transpose(0, 2, 1) - d.transpose(2, 0, 1)))

@@ -15,7 +15,7 @@ from random_trees import laws, random_cases
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.payload import make_payload
-from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
+from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space import TaskSpace, TaskSpaceState
 from robots import robot_urdf
 
@@ -155,19 +155,6 @@ def assert_laws(state: TaskSpaceState, rng: np.random.Generator) -> None:
     assert np.abs(acceleration).max() <= 1e-5 * np.abs(free).max()  # rounding near rank losses
 
 
-@pytest.mark.parametrize('factor', [1, pytest.param(50, marks=pytest.mark.soak)])
-@pytest.mark.parametrize(('robot', 'link', 'count', 'singular'), [
-    ('ur5', 'tool0', 1_000, 300), ('panda', 'panda_link8', 600, 2),
-    ('default', 'link2', 200, 200), ('tiago_no_hand', 'wrist_ft_tool_link', 200, 2)])
-def test_poses_with_exact_singularities(robot, link, count, singular, factor):
-    arm, rng = load_arm(robot_urdf(robot)), np.random.default_rng(4)
-    q = singular_positions(rng, factor * count, arm.joint_count)
-    state = TaskSpace(arm, link).batch(q, rng.normal(size=q.shape))
-    print(f'{robot}: {len(q)} poses, {(state.rank < 6).sum()} singular')
-    assert (state.rank < 6).sum() >= factor * singular
-    assert_laws(state, rng)
-
-
 def test_every_distance_to_a_singularity():
     """The wrist of an arm from 1 rad to 1e-18 rad of its singularity, and exactly in it."""
     q = np.tile([0.3, -1.0, 1.2, 0.4, 0.0, 0.5], (20, 1))
@@ -178,18 +165,6 @@ def test_every_distance_to_a_singularity():
     assert_laws(state, np.random.default_rng(7))
     np.testing.assert_allclose(np.abs(state.directions[-1, 5]) @ np.abs(
         state.directions[15, 5]), 1.0, atol=1e-6)
-
-
-@pytest.mark.parametrize('n', [1, 2, 5])
-def test_fewer_than_six_joints(n):
-    ones = [1.0] * n
-    arm = load_arm(planar_arm_urdf(ones, ones, [0.5] * n, [0.1] * n))
-    rng = np.random.default_rng(n)
-    for link, rank in ((arm.link_names[-1], min(n, 3)), (arm.link_names[0], 0)):
-        state = TaskSpace(arm, link, POINT).batch(
-            singular_positions(rng, 100, n), rng.normal(size=(100, n)))
-        assert (state.rank <= rank).all()
-        assert_laws(state, rng)
 
 
 def test_one_state_and_many_are_equal():

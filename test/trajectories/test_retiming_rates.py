@@ -10,7 +10,6 @@ import pytest
 from retimed import distance_from_lines, sampled
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
-from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.trajectories.efforts import efforts_along
 from robot_dynamics.trajectories.goal_limits import motion_excesses
@@ -91,18 +90,3 @@ def test_rests_of_the_request_remain_rests():
     nearest = min(result.points, key=lambda point: np.abs(point.position - points[1]).max())
     assert nearest.position == pytest.approx(np.array(points[1]), abs=1e-9)
     assert nearest.velocity == pytest.approx(0.0, abs=1e-9)
-
-
-def test_lower_rates_and_loads_take_longer():
-    arm = arm_of('two_link')
-    path, rates = random_path(arm, 3), rates_of(arm)
-
-    def duration(one: ArmModel, factor: float) -> float:
-        return retime(ArmDynamics(one), path, corner_tolerance=0.05,
-                      effort_rate_limits=factor * rates).duration
-
-    fastest = retime(ArmDynamics(arm), path, corner_tolerance=0.05).duration
-    loaded = arm.with_payloads([make_payload('tool0', 5.0, (0.0, 0.0, 0.1), np.eye(3) * 0.02)])
-    limited = duration(arm, 1.0)
-    assert fastest < limited < duration(arm, 0.25)
-    assert duration(loaded, 1.0) > limited
