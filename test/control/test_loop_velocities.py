@@ -153,28 +153,6 @@ def test_a_joint_that_is_frozen_at_rest_stays_a_fault():
     assert all(mode is Mode.FAULT for mode in trace.mode[trace.mode.index(Mode.FAULT):])
     assert not np.isnan(trace.effort[-10:]).all()
     assert trace.last(1.0).speed.max() < 0.1
-<<<<<<< HEAD
-
-
-def test_velocities_that_are_always_zero_from_the_start_do_no_harm():
-    """The positions are those of an encoder, and repeat at rest."""
-    one = LockStep(arm_named('default'), true_arm=loaded(2.0), q=Q, rate=100.0, delay=4)
-    one.sensor = lambda q, v: (1e-4 * np.round(q / 1e-4), 0.0 * v)
-    trace = one.run(6.0)
-    print(f'at the end {trace.last(1.0).speed.max():.3g} rad/s, {one.q - Q} rad away')
-    assert np.abs(trace.q - Q).max() < 0.35
-    assert trace.last(1.0).speed.max() < 0.05
-
-
-def test_true_velocities_are_not_doubted_during_motions_and_stops():
-    for name in ('default', 'panda'):
-        one = in_motion(name, rate=250.0, delay=4)
-        one.loop.stop()
-        assert one.loop.goals.interruption == '~/stop was called'
-        assert rests(one.run(2.0))
-        assert not one.loop.gate.doubtful.any()
-        assert one.loop.goals.notice == ''
-        assert one.loop.supervisor.fault is None
 
 
 def test_states_without_velocities_are_dropped_if_they_are_required():
@@ -184,5 +162,3 @@ def test_states_without_velocities_are_dropped_if_they_are_required():
     with pytest.raises(ImplausibleStateError, match='require_measured_velocities'):
         one.answer(FIRST_STAMP, q, None)
     assert one.answer(FIRST_STAMP + MS, q, 0.0 * q).effort is not None
-=======
->>>>>>> cut

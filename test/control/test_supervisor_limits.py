@@ -43,45 +43,6 @@ def test_a_joint_past_its_limit_is_a_fault_until_it_is_back_for_five_states():
     assert one.fault_count == 1
 
 
-<<<<<<< HEAD
-def test_a_fault_begins_past_its_limit_and_not_at_it():
-    """All numbers are exact in binary."""
-    one = running(reach=1.0, velocity=2.0, fault_margin=0.0625, overspeed=1.25)
-    answer(one, START + PERIOD, q=(1.0625, -1.0625), v=(2.5, -2.5))
-    assert one.mode is Mode.RUNNING
-    answer(one, START + 2 * PERIOD, v=(np.nextafter(2.5, 3.0), 0.0))
-    assert one.fault.name == 'overspeed'
-    answer(one, START + 3 * PERIOD)
-    assert one.mode is Mode.RUNNING
-    answer(one, START + 4 * PERIOD, q=(np.nextafter(1.0625, 2.0), 0.0))
-    assert one.fault.name == 'position_limit'
-    assert one.mode is Mode.FAULT
-
-
-def test_no_effort_begins_past_a_limit():
-    one = make(reach=1.0)
-    one.activate()
-    for k in range(100):
-        assert answer(one, START + k * PERIOD, q=(0.0, 2.0)) is None
-    assert [answer(one, START + 1.0) for _ in range(5)] == [None] * 4 + [HOLD.tolist()]
-
-
-@pytest.mark.parametrize(('q', 'v'), [
-    ((0.995, 0.0), (0.0, 0.0)), ((0.0, -0.995), (0.0, 0.0)), ((0.0, 0.0), (2.1, 0.0)),
-    ((0.0, 0.0), (0.0, -2.1)), ((0.995, 0.0), (0.0, -2.1))])
-def test_a_push_toward_a_limit_is_taken_away(q, v):
-    """Within the margin of a position limit, and above the velocity limit."""
-    one = running(PUSH, reach=1.0, velocity=2.0)
-    for k in range(1, 100):
-        effort = answer(one, START + k * PERIOD, PUSH, q=q, v=v)
-    assert one.mode is Mode.RUNNING
-    pushed = [q[0] != 0.0 or v[0] != 0.0, q[1] != 0.0 or v[1] != 0.0]
-    assert effort == np.where(pushed, HOLD, PUSH).tolist()
-    active = one.limiter.active
-    assert active.position.tolist() == [bool(q[0]), bool(q[1])]
-    assert active.velocity.tolist() == [bool(v[0]), bool(v[1])]
-
-
 @pytest.mark.parametrize(('name', 'states', 'slowness', 'is_released'), [
     ('following_error', 30, 1, True), ('following_error', 10, 1, False),
     ('following_error', 10, 25, False), ('frozen_joint', 30, 1, False)])
@@ -94,13 +55,6 @@ def test_a_joint_that_becomes_faster_against_its_damping_is_released(
     But not while a joint without a signal may drive it: then its damping is all that brakes.
     """
     one = running(HOLD, velocity=1.0, state_timeout=60.0)
-=======
-@pytest.mark.parametrize(('name', 'is_released'), [
-    ('following_error', True), ('frozen_joint', False)])
-def test_a_joint_that_becomes_faster_against_its_damping_is_released(name, is_released):
-    """But not while a joint without a signal may drive it: then its damping is all that brakes."""
-    one = running(HOLD, velocity=1.0)
->>>>>>> cut
     one.end(START, Ending.by(Fault(name, 'words', recovery=999)))
     for k in range(1, states + 1):
         v = np.array([1.1 + 0.01 * k, 0.0])
