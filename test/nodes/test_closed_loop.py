@@ -116,8 +116,6 @@ def gated(
             client.node.destroy_subscription(gate.states)
 
 
-# --- gravity compensation ------------------------------------------------------------------------
-
 # --- following -----------------------------------------------------------------------------------
 
 def reference_at(path: JointTrajectory, t: float) -> np.ndarray:

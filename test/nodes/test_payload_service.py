@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The service `set_payload` of `dynamics`: effect on all services, and transitions."""
+"""The service `set_payload` of `dynamics`: effect on all services, and rejections."""
 
 
 from disturbances import set_payload

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Real nodes at default parameters: set-points of any size are reached within the limits.
+Real nodes: the first trial that docs/safety.md describes.
 
 The loop runs in lock-step, so that the result does not depend on the machine.
 `scripts/bench safe_motion` runs thousands of cases without ROS.

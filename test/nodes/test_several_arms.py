@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several arms: two in one description, which is a tree, and two in two namespaces."""
+"""Two arms in one description, which is a tree."""
 
 import re
 

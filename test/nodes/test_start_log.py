@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The log of an ordinary start, and of joint states that are dropped, as a new user reads it."""
+"""What a user reads when another model is loaded, and when joint states are dropped."""
 
 
 from fault_bench import fault_bench, NAMES, Q

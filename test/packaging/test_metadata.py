@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""What distributions read: manifests, setup.py, licences, changelogs, and the version in each."""
+"""What distributions read: manifests, setup.py, licences and changelogs."""
 
 from pathlib import Path
 import subprocess

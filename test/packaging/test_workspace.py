@@ -19,7 +19,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """
     Return a workspace in which the packages are built with the documented command.
 
-    The build takes a minute; the tests of it are long runs (mark `soak`).
+    The build takes a minute; the test of it is a long run (mark `soak`).
     """
     made = Workspace(tmp_path_factory.mktemp('workspace'))
     built = made.run(documented('colcon build'))

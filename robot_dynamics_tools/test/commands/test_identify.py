@@ -37,7 +37,7 @@ UR10 = Path(__file__).parents[3] / '../shared/data/ur10'
 PUBLISHED = np.array([21.6, 5.9, 4.6, 9.6, 20.2, 25.7]) / 100.0
 """Residuals of the published model of that arm, on the last 40 % of those samples."""
 CONSISTENT = 1.2
-DONE, FAILED, MISTAKE = 0, 1, 2
+DONE, MISTAKE = 0, 2
 ARM = load_arm(default_arm_urdf())
 ROTORS, FRICTION = np.array([0.3, 0.1]), np.array([2.0, 1.0])
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The external wrench from joint efforts, and whether its intervals contain the true wrench."""
+"""The external wrench from joint efforts, and its covariance."""
 
 from dataclasses import replace
 

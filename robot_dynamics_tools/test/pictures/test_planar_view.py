@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""A planar chain from a URDF: the passes of the recursion, and Newton's law for each link."""
+"""A planar chain from a URDF: the passes of the recursion."""
 
 import re
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Backlash and presliding in the running `simulated_arm`, answered with a constant effort."""
+"""Backlash in the running `simulated_arm`, answered with a constant effort."""
 
 from closed_loop import NAMES
 from lock_stepped_arm import lock_stepped, LockStepped
@@ -14,10 +14,7 @@ GEARED = {
     'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [100.0],
     'actuator.rotor_inertia': [1e-5], 'actuator.backlash': [GAP], 'joints': NAMES,
     'initial_position': [1.0, 0.5]}
-COULOMB, DISTANCE = np.array([4.0, 1.5]), np.array([4e-4, 2e-4])
 
-
-# --- backlash: motor and joint have separate states ----------------------------------------------
 
 def motor_offsets(arm: LockStepped, steps: int = 60) -> np.ndarray:
     """Return the offsets (steps, 2) of the motors from the measured joints during the motion."""
@@ -45,6 +42,3 @@ def test_joint_and_motor_are_apart_by_the_gap(client):
 def test_encoders_at_the_motor_do_not_see_the_gap(client):
     with lock_stepped(client, '/at_motor', **GEARED, encoders='motor') as arm:
         assert np.abs(motor_offsets(arm)).max() == 0.0
-
-
-# --- presliding: a joint yields before it slides -------------------------------------------------
