@@ -4,8 +4,8 @@
 """
 Draw docs/images/friction.png: the curve of friction, and a joint that sticks and slips.
 
-The joint is that of the running simulated arm, in the run that
-robot_dynamics_tools/test/recordings/test_stick_slip.py checks.
+The joint is that of the running simulated arm, in the run of
+robot_dynamics_tools/test/support/stick_slip.py.
 """
 
 import os

@@ -6,7 +6,6 @@
 import importlib
 from pathlib import Path
 import re
-import runpy
 
 import pytest
 import robot_dynamics
@@ -36,12 +35,6 @@ def test_every_folder_stands_in_the_table_in_the_order_of_the_layers():
     assert [rank[name] for name in folders] == sorted(rank[name] for name in folders)
 
 
-def test_every_folder_of_the_tools_stands_in_its_table():
-    tools = PACKAGE.parent / 'robot_dynamics_tools' / 'robot_dynamics_tools'
-    folders = [name for cell in rows('folder of the tools') for name in cell.split('`, `')]
-    assert sorted(folders) == sorted(path.parent.name for path in tools.glob('*/__init__.py'))
-
-
 def test_every_thread_stands_in_the_table():
     found = set()
     for path in (PACKAGE / 'ros').rglob('*.py'):
@@ -50,26 +43,6 @@ def test_every_thread_stands_in_the_table():
             found |= set(THREAD.findall(call))
     names = {name.replace('{topic}', 'joint_states').replace('{name}', '~/stop') for name in found}
     assert names == set(rows('thread')) - {'main'}
-
-
-def test_every_module_that_is_named_exists():
-    named = re.findall(r'`((?:\w+/)+\w+\.py)`', TEXT)
-    assert len(named) > 10
-    assert [name for name in named if not (PACKAGE / name).is_file()] == []
-
-
-def test_every_lock_that_is_named_exists():
-    sources = {path.read_text(encoding='utf-8') for path in PACKAGE.rglob('*.py')}
-    for name in rows('lock'):
-        owner, attribute = name.split('.')
-        assert any(f'class {owner}' in text and f'self.{attribute} = threading.' in text
-                   for text in sources), name
-
-
-def test_the_figure_names_existing_modules():
-    boxes = runpy.run_path(str(PACKAGE.parent / 'docs' / 'pictures' / 'architecture.py'))['BOXES']
-    named = {word for *_, words in boxes for word in words.split()}
-    assert named <= {path.stem for path in PACKAGE.rglob('*.py')}
 
 
 # --- performance ---------------------------------------------------------------------------------
@@ -106,11 +79,3 @@ def test_the_figures_of_the_guide_are_those_of_the_benchmark(result, benchmark):
     figures = numbers_in(CONDITIONS.sub('', result))
     assert figures
     assert figures <= numbers_in(printed(benchmark))
-
-
-def test_the_guide_names_each_faster_engine():
-    faster = re.findall(r'^Faster than robot_dynamics: (\S+)', printed('peers'), re.MULTILINE)
-    result, = (result for result, benchmark in rows_of_the_guide() if benchmark == 'peers')
-    assert faster
-    for engine in faster:
-        assert engine in result

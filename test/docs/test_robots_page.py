@@ -36,8 +36,6 @@ class Driver:
     """NaN where the driver has no effort; () for 0 at every joint."""
     robot: str = ''
     """Of example-robot-data; '' for a generated chain with the joints of the file."""
-    holds_itself: str = ''
-    """Log of the effort check for an arm that holds itself; '' if its effort is not used."""
 
     def message(self) -> JointState:
         """Return the joint states of an arm at rest."""
@@ -52,30 +50,30 @@ def numbered(prefix: str, count: int) -> tuple[str, ...]:
     return tuple(f'{prefix}{j}' for j in range(1, count + 1))
 
 
-PASSED = 'Effort check passed: '
-TWICE = r'\[WARN\].*Effort check: .* exceeds the command by 1\.00 times g\(q\), expected 0'
 DRIVERS = {
     'ros2_control.yaml': Driver(
-        (*numbered('joint', 6), 'finger'), (*[0.0] * 6, NAN), holds_itself=TWICE),
+        (*numbered('joint', 6), 'finger'), (*[0.0] * 6, NAN)),
     'ur.yaml': Driver((
         'elbow_joint', 'shoulder_lift_joint', 'shoulder_pan_joint', 'wrist_1_joint',
         'wrist_2_joint', 'wrist_3_joint'), robot='ur10'),
-    'franka_fr3.yaml': Driver(numbered('fr3_joint', 7), holds_itself=PASSED),
-    'franka_panda.yaml': Driver(numbered('panda_joint', 7), robot='panda', holds_itself=PASSED),
+    'franka_fr3.yaml': Driver(numbered('fr3_joint', 7)),
+    'franka_panda.yaml': Driver(numbered('panda_joint', 7), robot='panda'),
     'kinova_gen3.yaml': Driver(
-        (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN), holds_itself=TWICE),
+        (*numbered('joint_', 7), 'finger_joint'), (*[0.0] * 7, NAN)),
     'xarm.yaml': Driver(numbered('joint', 7), (NAN,) * 7, robot='xarm7'),
-    'kuka_lbr.yaml': Driver(numbered('lbr_A', 7), holds_itself=PASSED),
+    'kuka_lbr.yaml': Driver(numbered('lbr_A', 7)),
     'openarm.yaml': Driver(
-        (*numbered('openarm_joint', 7), 'openarm_finger_joint1'), holds_itself=TWICE),
-    'piper.yaml': Driver((*numbered('joint', 6), 'gripper'), holds_itself=TWICE),
-    'yam.yaml': Driver(numbered('joint', 6), holds_itself=PASSED),
-    'dm4310.yaml': Driver(numbered('joint', 6), holds_itself=TWICE),
+        (*numbered('openarm_joint', 7), 'openarm_finger_joint1')),
+    'piper.yaml': Driver((*numbered('joint', 6), 'gripper')),
+    'yam.yaml': Driver(numbered('joint', 6)),
+    'dm4310.yaml': Driver(numbered('joint', 6)),
 }
 """Of Piper the joint states that a relay has completed."""
 SPECS = {spec.name: spec for spec in (*SIMULATED_ARM_SPECS, *DYNAMICS_SPECS)}
+COMPENSATING = {
+    'ur.yaml', 'franka_fr3.yaml', 'franka_panda.yaml', 'kuka_lbr.yaml', 'yam.yaml'}
 RUN = ('ros2_control.yaml', 'ur.yaml', 'kuka_lbr.yaml')
-"""A gripper and twice the gravity, another order without effort, and a passed effort check."""
+"""A gripper, another order of the joints without effort, and a generated chain."""
 
 
 def parameters_of(file: str) -> dict[str, Any]:
@@ -114,6 +112,7 @@ def test_the_page_names_every_file_and_separates_documentation_from_trials():
 def test_files_are_valid_command_nothing_and_tune_nothing(file):
     parameters = parameters_of(file)
     assert parameters['command'] == 'none'
+    assert ('robot_compensates' in parameters) == (file in COMPENSATING)
     assert not {'gains', 'friction', 'actuator', 'robot_description'} & set(parameters)
     assert 'robot_description_file' in (FILES / file).read_text(encoding='utf-8')
     for name, value in parameters.items():
@@ -145,30 +144,13 @@ def running(file: str) -> NodeProcess:
         namespace='/cell', node_name='arm_model')
 
 
-def check_effort(
-    client: RosClient, states: Any, message: JointState, gravity: JointState, node: NodeProcess,
-) -> None:
-    """Publish the effort of a self-compensating arm until the effort check has a result."""
-    held = dict(zip(gravity.name, gravity.effort, strict=True))
-    message.effort = [held.get(name, NAN) for name in message.name]
-
-    def is_judged() -> bool:
-        publish_now(client, states, message)
-        return bool(re.search(f'{PASSED}|Effort check: in a static hold', node.log))
-    wait_until(is_judged, 'a result of the effort check')
-
-
 @pytest.mark.parametrize('file', [pytest.param(
     file, marks=() if file in RUN else pytest.mark.soak) for file in DRIVERS])
 def test_the_node_runs_on_the_file(client, file):
-    """
-    The node publishes g(q) for the joints of the file and joint states as the driver sends them.
-
-    The effort check has the result that the page names for an arm that compensates its gravity.
-    """
+    """It publishes g(q) for the joints of the file and joint states as the driver sends them."""
     driver = DRIVERS[file]
     message = driver.message()
-    with running(file) as node, \
+    with running(file), \
             client.collect(JointState, f'{NODE}/gravity_compensation') as efforts, \
             client.collect(JointState, '/cell/effort_command') as commands:
         efforts.wait_matched()
@@ -177,8 +159,5 @@ def test_the_node_runs_on_the_file(client, file):
         gravity = answer(client, states, message, efforts)
         assert list(gravity.name) == joints_of(file)
         assert np.linalg.norm(gravity.effort) > 1.0
-        if driver.holds_itself:
-            check_effort(client, states, message, gravity, node)
-            assert re.search(driver.holds_itself, node.log), node.log
         assert not commands.messages
         client.forget(NODE)

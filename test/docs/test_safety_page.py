@@ -16,8 +16,6 @@ PAGES = (
     'safety.md', 'command.md', 'joint_states.md', 'gains.md', 'contacts.md', 'external_effort.md')
 TEXT = ''.join(
     (DOCS / name).read_text(encoding='utf-8') for name in PAGES)
-PROSE = ' '.join(TEXT.split())
-"""The text with single spaces, whatever its line breaks."""
 
 
 def tables() -> Iterator[list[dict[str, str]]]:
@@ -61,20 +59,6 @@ def test_every_parameter_of_safety_is_explained():
         for choice in spec.choices:
             assert f'`{choice}`' in TEXT or f'`{spec.name}: {choice}`' in TEXT, choice
     assert [mode.value for mode in Mode if mode.value not in TEXT] == []
-
-
-def test_numbers_that_are_no_parameters_are_on_the_pages():
-    """The tests of the modules drive these numbers as literals, as do the safety promises."""
-    assert [words for words in (
-        'every 2 ms', 'after 100 valid states without a contradiction',
-        'until five more have followed', '(1 s without it) from one state to the next',
-        'After 30 s without a plausible state', 'further than 0.05 rad (m)',
-        '1.5 times the distance at its velocity limit', 'Five or more set-points form a stream',
-        'Stamps within an hour of the clock of this computer',
-        'Stamps before 2001 are simulated time', 'the positions over 8 ms',
-        'topic | 1,000,000 bytes', 'points of a trajectory | 2,000',
-        '`robot_description` | 10,000,000 bytes, 500 links, 100 joints in use', '1 GiB',
-    ) if words not in PROSE] == []
 
 
 def test_each_message_that_troubleshooting_quotes_is_in_the_code():

@@ -5,7 +5,7 @@
 Measured velocities that contradict the positions, and joints whose samples repeat.
 
 The driver reports a motion of both joints that does not depend on the commands.
-`test/nodes/test_disturbed_motion.py` has the same faults in closed loop.
+`test/control/test_loop_velocities.py` has the same faults in closed loop.
 """
 
 from collections.abc import Iterator

@@ -116,17 +116,6 @@ def gated(
             client.node.destroy_subscription(gate.states)
 
 
-# --- gravity compensation ------------------------------------------------------------------------
-
-def test_gravity_compensation_holds_an_arm_that_starts_first(client):
-    """The drift is below 1 mrad in 10 s."""
-    with client.collect(JointState, '/hold/joint_states') as states, \
-            simulated_arm('/hold', rate=100.0), \
-            NodeProcess(DYNAMICS, {'lock_step': True}, namespace='/hold'):
-        seen = until(states, 10.0)
-    assert np.abs(np.array([m.position for m in seen]) - START).max() < 1e-3
-
-
 # --- following -----------------------------------------------------------------------------------
 
 def reference_at(path: JointTrajectory, t: float) -> np.ndarray:

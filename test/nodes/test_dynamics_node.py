@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-import threading
 import time
 from typing import Any
 
@@ -15,8 +14,6 @@ import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf, planar_arm_urdf
 from robot_dynamics.references.follower import ActiveTrajectory
-from robot_dynamics.ros.dynamics.control_path import ControlCounters
-from robot_dynamics.ros.dynamics.state_log import StateReport
 from robot_dynamics.ros.middleware.conversions import trajectory_to_ros
 from robot_dynamics.trajectories.interpolation import Reference
 from robot_dynamics.trajectories.quintics import quintic_via_points
@@ -247,19 +244,3 @@ def test_a_description_on_its_topic_replaces_the_embedded_arm_if_there_is_no_par
     assert list(effort.name) == ['hinge']
     assert effort.effort == pytest.approx([-2.0 * 9.81 * 0.5])
     assert client.node.count_subscribers('/topics/robot_description') == 0
-
-
-def test_drops_may_be_counted_while_they_are_reported():
-    counters = ControlCounters()
-    report = StateReport(counters, lambda: None)
-
-    def drop() -> None:
-        for i in range(30_000):
-            counters.dropped[f'reason {i}'] += 1
-
-    thread = threading.Thread(target=drop)
-    thread.start()
-    while thread.is_alive():
-        report.statuses(0.05)
-    thread.join()
-    assert report.statuses(0.05)[0].values['dropped: reason 29999'] == 1

@@ -3,25 +3,17 @@
 
 """Real nodes: gravity compensation, declared correctly or not, and the logs of `dynamics`."""
 
-from pathlib import Path
 import re
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from closed_loop import closed_loop, NAMES, START
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics_interfaces.msg import DynamicsTerms
-from robots import robot_path
 from ros_harness import (
-    DYNAMICS,
     LONG,
-    NodeProcess,
-    running,
-    SIMULATED_ARM,
-    UNHURRIED,
     wait_until,
 )
 from sensor_msgs.msg import JointState
@@ -30,10 +22,6 @@ from simulated_arms import default_dynamics
 G = default_dynamics().rigid_body.gravity(np.array(START))
 SLOW = {'real_time_factor': 3.0}
 PASSED, WARNED = 'Effort check passed: ', r'\[WARN\].*Effort check: '
-MOTORS = {
-    'joints': NAMES, 'actuator.torque_constant': [0.1, 0.05], 'actuator.gear_ratio': [100.0, 50.0],
-    'actuator.efficiency': [0.9, 0.8]}
-UR10 = Path(__file__).resolve().parents[2] / 'config' / 'ur10.yaml'
 
 
 def numbers(line: str) -> tuple[float, dict[str, list[float]]]:
@@ -51,29 +39,6 @@ def checks(message: Any, namespace: str) -> list[DiagnosticStatus]:
 
 
 # --- correct declarations ------------------------------------------------------------------------
-
-@pytest.mark.parametrize(('declared', 'k'), [
-    ({'measured_effort': 'joint_torque_without_gravity'}, -1.0),
-    ({**MOTORS, 'measured_effort': 'motor_torque', 'robot_compensates': ['gravity', 'friction']},
-     1.0)], ids=['without gravity', 'motor torque'])
-def test_what_is_as_declared_passes(declared, k):
-    with closed_loop('/declared', declared, **SLOW, **declared) as node:
-        line = node.wait_for_log(PASSED, LONG)
-    # the losses of the gears, by which the measured effort may be too large or too small
-    margin = 0.13 if 'actuator.efficiency' in declared else 0.01
-    assert numbers(line)[0] == pytest.approx(k, abs=margin)
-    assert not re.search(WARNED, node.log)
-
-
-def test_the_parameter_file_of_the_ur10_warns_of_nothing():
-    """It sets command none, so that the simulated arm stays on its brakes."""
-    description = {'robot_description_file': str(robot_path('ur10'))}
-    arguments = ('--ros-args', '--params-file', str(UR10))
-    node = NodeProcess(DYNAMICS, description, arguments=arguments)
-    with running(node, NodeProcess(SIMULATED_ARM, description, arguments=arguments)):
-        node.wait_for_log('cannot decide: the measured effort does not carry the arm', LONG)
-    assert not re.search(WARNED, node.log)
-
 
 def test_with_both_declared_the_arm_holds_still_without_a_command(client):
     """A new model is checked again."""
@@ -120,19 +85,6 @@ def test_a_self_compensating_robot_is_found_before_the_first_command(client):
 
 
 # --- no effort, no check -------------------------------------------------------------------------
-
-def test_states_without_an_effort_are_answered_all_the_same(client):
-    with NodeProcess(DYNAMICS, UNHURRIED, namespace='/without') as node, \
-            client.collect(JointState, '/without/effort_command') as commands:
-        commands.wait_matched()
-        states = client.publisher(JointState, '/without/joint_states', 1)
-        for k in range(60):
-            state = JointState(name=NAMES, position=START, velocity=[0.0, 0.0], effort=[1.0])
-            state.header.stamp = Time(sec=1, nanosec=k * 10_000_000)
-            assert client.answer_to(states, state, commands).effort == pytest.approx(G)
-        node.wait_for_log('Effort check: no measured effort: effort has 1 values, expected 2 as')
-    assert node.log.count('Effort check') == 1
-
 
 @pytest.mark.parametrize(('declared', 'measured_effort', 'words'), [
     ({'measured_effort': 'none'}, 'none', "no measured effort (measured_effort is 'none')"),

@@ -5,7 +5,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-import os
 from typing import Any
 
 from action_clients import Client, seconds
@@ -17,7 +16,7 @@ from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointComponentTolerance, JointTolerance
 import numpy as np
 import pytest
-from ros_harness import DYNAMICS, NodeProcess, RosClient
+from ros_harness import NodeProcess, RosClient
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -103,24 +102,6 @@ def test_an_invalid_goal_is_aborted_with_its_reason(arm, goal, code, words):
     assert words in message
 
 
-def test_a_new_goal_a_topic_and_a_stop_end_a_goal(client, arm):
-    first = arm.send(goal_of((3600.0, GOAL)))
-    assert arm.send(goal_of()).result()[1] == Result.INVALID_GOAL  # and disturbs no other goal
-    second = arm.send(goal_of((3600.0, GOAL)))
-    assert first.result() == (
-        GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL,
-        'another goal has replaced this one: [0.4, 0.9]')
-    publisher = client.publisher(JointTrajectory, '/goals/dynamics/joint_trajectory')
-    publisher.publish(goal_of((3600.0, START)).trajectory)
-    assert second.result()[2] == 'another goal has replaced this one: [0.8, 0.5]'
-    client.node.destroy_publisher(publisher)
-    third = arm.send(goal_of((3600.0, GOAL)))
-    assert client.call(Trigger, '/goals/dynamics/stop').success
-    assert third.result() == (
-        GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL, '~/stop was called')
-    assert arm.send(goal_of((2.0, START))).result()[1] == Result.SUCCESSFUL
-
-
 def test_a_stop_ends_every_goal_that_was_accepted_before(client, arm):
     """The node executes a goal later than it accepts it, and answers ~/stop at once."""
     for _ in range(20):
@@ -141,13 +122,3 @@ def test_the_tolerances_of_the_parameters_are_the_defaults(client, arm):
     erased = {'path_tolerance': [JointTolerance(name='joint2', position=-1.0)]}
     assert result((2.0, START), **erased) == (Result.SUCCESSFUL, '')
     client.set_parameters('/goals/dynamics', {'goal.path_tolerance': [0.0]})
-
-
-def test_without_control_msgs_the_node_starts_and_says_so(tmp_path):
-    hidden = tmp_path / 'control_msgs'
-    hidden.mkdir()
-    (hidden / '__init__.py').write_text('raise ImportError("not installed")\n', 'utf-8')
-    node = NodeProcess(DYNAMICS, {}, namespace='/without', environment={
-        'PYTHONPATH': os.pathsep.join((str(tmp_path), os.environ.get('PYTHONPATH', '')))})
-    with node:
-        node.wait_for_log('~/follow_joint_trajectory is not offered: control_msgs is not')

@@ -13,7 +13,6 @@ import signal
 import threading
 
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, TIMEOUT, wait_until
 from std_msgs.msg import String
@@ -22,26 +21,12 @@ from unheard_client import UnheardClient
 
 SERVICE = '/answers/dynamics/inverse_dynamics'
 STOP = '/answers/dynamics/stop'
-UNMATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Requests of such a client arrive; no server offers responses of this durability."""
 
 
 @pytest.fixture(scope='module')
 def node() -> Iterator[NodeProcess]:
     with NodeProcess(DYNAMICS, namespace='/answers') as process:
         yield process
-
-
-def test_a_client_that_cannot_receive_a_response_is_logged(client, node):
-    request = InverseDynamics.Request(position=[0.0, 0.0])
-    client.call(InverseDynamics, SERVICE, request)
-    unmatched = client.node.create_client(InverseDynamics, SERVICE, qos_profile=UNMATCHED)
-    wait_until(lambda: client.node.count_clients(SERVICE) == 2, 'the second client in the graph')
-    future = unmatched.call_async(request)
-    node.wait_for_log(f'Discarded a response of {SERVICE}')
-    assert client.call(InverseDynamics, SERVICE, request).success
-    assert not future.done()
-    client.node.destroy_client(unmatched)
 
 
 def test_a_response_waits_until_its_reader_is_discovered(client, node):

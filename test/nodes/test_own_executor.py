@@ -37,31 +37,6 @@ def process() -> Iterator[OwnProcess]:
         yield process
 
 
-@pytest.mark.parametrize('state_thread', [True, False])
-def test_dynamics_answers_joint_states(client, process, state_thread):
-    """Also in its second executor."""
-    node = process.dynamics(state_thread=state_thread)
-    first = SingleThreadedExecutor(context=process.context)
-    first.add_node(node)
-    for _ in range(10):
-        first.spin_once(timeout_sec=0.0)
-    first.remove_node(node)
-    first.shutdown()
-    process.other('neighbour')
-    with process.spun(SingleThreadedExecutor):
-        effort = answer(client, process, NAMES, Q).effort
-        stopped = client.call(Trigger, f'{process.namespace}/dynamics/stop')
-    assert list(effort) == pytest.approx(GRAVITY)
-    assert stopped.success
-    assert node.callback_errors == 0
-
-
-def test_the_periods_of_its_timers(process):
-    """[ms] of the feedback of a goal, of the looks at statuses and subscribers."""
-    periods = sorted(round(1e-6 * timer.timer_period_ns, 1) for timer in process.dynamics().timers)
-    assert periods == [50.0, 100.0, 100.0]
-
-
 @pytest.mark.parametrize('executor', [SingleThreadedExecutor, MultiThreadedExecutor])
 def test_both_and_a_third_node_in_one_executor(client, process, executor):
     """No state is answered twice, and the threads of the nodes end with the nodes."""

@@ -1,9 +1,8 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The service `set_payload` of `dynamics`: effect on all services, and transitions."""
+"""The service `set_payload` of `dynamics`: effect on all services, and rejections."""
 
-from dataclasses import replace
 
 from disturbances import set_payload
 from geometry_msgs.msg import InertiaStamped
@@ -91,33 +90,6 @@ def test_payloads_of_the_parameters_are_in_force_after_the_start(client):
         client.set_parameters(arm_node, {'allow_implausible_payload': True})
         warning, = set_payload(client, arm_node, heavy).warnings
         assert warning.startswith("payload.inertia.m is 500 kg on 'tool0'")
-
-
-def test_a_transition_takes_the_time_of_the_joint_states(planar, client):
-    # The mass differs from earlier ones, which a late subscriber to the payload may receive too.
-    load = replace(LOAD, mass=1.5)
-    loaded = ArmDynamics(planar.arm.with_payloads([load]))
-    bare_g, loaded_g = (
-        d.rigid_body.gravity(np.array(Q)) for d in (planar.dynamics, loaded))
-    states = client.publisher(JointState, '/planar/joint_states', 1)
-    payload_topic = '/planar/dynamics/payload'
-    with client.collect(JointState, '/planar/effort_command') as efforts, \
-            client.collect(InertiaStamped, payload_topic, LATCHED) as payloads:
-        efforts.wait_matched()
-        payloads.wait_for(lambda message: message.inertia.m == 0.0)
-        planar.answer('set_payload', payload=payload_to_ros(load), transition_time=2.0)
-        for quarter in range(6):
-            state = JointState(name=planar.arm.joint_names, position=Q)
-            state.header.stamp.sec = 1000 + quarter // 2
-            state.header.stamp.nanosec = 500_000_000 * (quarter % 2)
-            effort = client.answer_to(states, state, efforts)
-            fraction = min(quarter / 4, 1.0)
-            assert effort.effort == pytest.approx(bare_g + fraction * (loaded_g - bare_g))
-            announced = [m for m in payloads.messages if m.inertia.m == load.mass]
-            assert quarter >= 4 or not announced
-        payloads.wait_for(lambda message: message.inertia.m == load.mass)
-        planar.answer('set_payload')
-    client.node.destroy_publisher(states)
 
 
 def test_a_payload_that_the_arm_cannot_hold_where_it_is(planar, client):

@@ -49,21 +49,6 @@ def some_state(arm: ArmModel, seed: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 # --- reference values of the planar arm ----------------------------------------------------------
 
-def test_manipulator_equation_of_the_planar_arm(planar):
-    response = planar.answer(
-        'manipulator_equation', position=Q, velocity=V, include_christoffel=True)
-    assert response.mass_matrix == pytest.approx(
-        [6.95846097, 1.56923048, 1.56923048, 0.53], abs=5e-9)
-    assert response.gravity == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)
-    C = np.reshape(response.coriolis_matrix, (2, 2))
-    assert pytest.approx([-0.234, 0.15], abs=5e-9) == C @ V
-    assert response.nonlinear == pytest.approx(C @ V + response.gravity)
-    assert list(response.friction) == [0.0, 0.0]
-    h = 3.0 * 1.0 * 0.4 * np.sin(Q[1])
-    assert response.christoffel == pytest.approx([0.0, -h, -h, -h, h, 0.0, 0.0, 0.0], abs=1e-12)
-    assert response.kinetic_energy == pytest.approx(1.12904219, abs=5e-9)
-
-
 def test_velocity_and_acceleration_left_out_are_zero(planar):
     still = planar.answer('inverse_dynamics', position=Q)
     assert still.effort == pytest.approx([-49.52282521, -11.37087883], abs=5e-9)

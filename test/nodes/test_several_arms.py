@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several arms: two in one description, which is a tree, and two in two namespaces."""
+"""Two arms in one description, which is a tree."""
 
-from contextlib import ExitStack
 import re
 
-from closed_loop import closed_loop, NAMES, send, START
+from closed_loop import closed_loop, NAMES, send
 import numpy as np
 import pytest
 from robot_dynamics.model import ArmDynamics, load_arm
@@ -45,21 +44,3 @@ def test_one_node_serves_the_two_arms_of_a_description(client):
         states.wait_for(lambda m: np.abs(np.subtract(m.position, goal)).max() < 1e-3, LONG)
         right = [m.position[2:] for m in states.messages]
     assert np.abs(np.subtract(right, start[2:])).max() < 1e-4
-
-
-def test_two_namespaces_are_two_arms(client):
-    """A goal for one arm moves it alone."""
-    goal = [START[0] - 0.3, START[1] + 0.3]
-    with ExitStack() as stack:
-        states = {side: stack.enter_context(
-            client.collect(JointState, f'/{side}/joint_states')) for side in ('west', 'east')}
-        for side in states:
-            stack.enter_context(closed_loop(f'/{side}'))
-        states['east'].wait_count(100)
-        send(client, '/west', (1.0, goal))
-        states['west'].wait_for(
-            lambda m: np.abs(np.subtract(m.position, goal)).max() < 1e-3, LONG)
-        count = len(states['east'].messages)
-        states['east'].wait_count(count + 100)
-        other = [m.position for m in states['east'].messages]
-    assert np.abs(np.subtract(other, START)).max() < 1e-4

@@ -161,19 +161,3 @@ def test_the_time_of_the_computer_advances_without_efforts_and_cannot_be_paused(
         assert client.node.count_publishers('/wall/clock') == 0
         reason = client.rejection('/wall/simulated_arm', 'paused', True)
         assert 'expected false, or lock_step or publish_clock as well' in reason
-
-
-def test_without_brakes_it_falls_freely(client):
-    parameters = {'rate': 200.0, 'initial_position': START, 'brakes': False,
-                  'publish_clock': True}
-    with client.collect(JointState, '/falling/joint_states') as states, \
-            NodeProcess(SIMULATED_ARM, parameters, namespace='/falling'):
-        last = states.wait_for(
-            lambda state: abs(state.position[0] - START[0]) > 0.1)
-        twin = released(ARM, START)
-        # the first state has the stamp of one period, so that the state at each stamp is known
-        ticks, rest = divmod(stamp_from_ros(last.header.stamp), 5_000_000)
-        assert rest == 0
-        for _ in range(ticks - 1):
-            twin.step(np.zeros(2), 1.0 / 200.0)
-        assert last.position == pytest.approx(twin.q, abs=1e-9)

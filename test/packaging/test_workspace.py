@@ -6,31 +6,12 @@
 import re
 import shlex
 import subprocess
-import sys
 
 import pytest
 from workspace import documented, PACKAGES, Workspace
 
 pytest.importorskip('colcon_core', reason='colcon is not installed')
 
-SELECTION = 'test/planar'
-"""Tests that need no ROS and take a few seconds."""
-FAILING = """
-import pytest
-
-
-def test_passes():
-    pass
-
-
-def test_fails():
-    assert 1 == 2
-
-
-@pytest.mark.skip(reason='to be counted')
-def test_is_skipped():
-    pass
-"""
 
 
 @pytest.fixture(scope='module')
@@ -38,21 +19,12 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """
     Return a workspace in which the packages are built with the documented command.
 
-    The build takes a minute; the tests of it are long runs (mark `soak`).
+    The build takes a minute; the test of it is a long run (mark `soak`).
     """
     made = Workspace(tmp_path_factory.mktemp('workspace'))
     built = made.run(documented('colcon build'))
     assert built.returncode == 0, built.stdout
     return made
-
-
-def run_tests(workspace: Workspace, selection: str) -> tuple[int, int, str]:
-    """Run some tests by `colcon test` as documented; return its status and those reported."""
-    command = documented('colcon test').removesuffix(' robot_dynamics_tools')
-    tested = workspace.run(
-        command, '--return-code-on-test-failure', '--pytest-args', selection)
-    result = workspace.run(documented('colcon test-result'))
-    return tested.returncode, result.returncode, result.stdout
 
 
 @pytest.mark.soak
@@ -65,26 +37,6 @@ def test_the_build_has_all_packages_in_the_version_of_the_manifest(workspace):
     assert shown[0].startswith(str(installed))
     manifest = (workspace.source / 'package.xml').read_text(encoding='utf-8')
     assert shown[1:] == re.findall('<version>(.+)</', manifest)
-
-
-@pytest.mark.soak
-def test_colcon_test_runs_the_tests_that_pytest_runs(workspace):
-    *statuses, reported = run_tests(workspace, SELECTION)
-    assert statuses == [0, 0], reported
-    passed = subprocess.run(
-        [sys.executable, '-m', 'pytest', '-q', SELECTION], cwd=workspace.source,
-        capture_output=True, text=True, check=True).stdout
-    count = int(re.findall(r'^(\d+) passed', passed, re.MULTILINE)[0])
-    assert count > 0
-    assert f'Summary: {count} tests, 0 errors, 0 failures, 0 skipped' in reported
-
-
-@pytest.mark.soak
-def test_a_failing_test_fails_colcon_test(workspace):
-    (workspace.source / 'test' / 'test_that_fails.py').write_text(FAILING, encoding='utf-8')
-    *statuses, reported = run_tests(workspace, 'test/test_that_fails.py')
-    assert all(statuses), reported
-    assert 'Summary: 3 tests, 0 errors, 1 failure, 1 skipped' in reported
 
 
 def test_a_build_without_the_interfaces_stops_with_the_command(tmp_path):

@@ -4,10 +4,8 @@
 """Many recordings: processes, cached results, failures, and a Dask cluster."""
 
 from pathlib import Path
-import subprocess
 import sys
 
-import children
 import numpy as np
 import pytest
 from robot_dynamics.exceptions import MissingDependencyError, RobotDynamicsError
@@ -112,36 +110,14 @@ def test_a_kept_result_that_does_not_hold_is_done_again(bags, configuration, tmp
         assert [outcome.resumed for outcome in outcomes] == expected
 
 
-def test_a_killed_run_is_resumed(bags, configuration, tmp_path):
-    """Two are complete, the third is running when the run and its workers get SIGKILL."""
-    bags('one', 'two', 'three', 'four')
-    program = f"""
-import sys
-sys.path.insert(0, {str(Path(__file__).parents[1] / 'support')!r})
-if __name__ == '__main__':
-    from pathlib import Path
-    from robot_dynamics_tools.analysis.batch import run_tasks
-    import tasks
-    directory = Path({str(tmp_path)!r})
-    run_tasks(
-        tasks.measure_until_file, sorted(directory.glob('*.db3')), {configuration!r}, 2,
-        directory / 'kept', on_done=lambda outcome: print(outcome.bag.name, flush=True))
-"""
-    script = tmp_path / 'run.py'
-    script.write_text(program)
-    with children.popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
-        done = sorted(run.stdout.readline().strip() for _ in range(2))
-        run.kill()
-    assert done == ['b0.db3', 'b1.db3']
-    again = run_tasks(
-        tasks.measure, sorted(tmp_path.glob('*.db3')), configuration, 1, tmp_path / 'kept')
-    assert [outcome.resumed for outcome in again] == [False] * 4  # another function
-    (tmp_path / 'b2.db3').unlink()
-    (tmp_path / 'b3.db3').unlink()
-    again = run_tasks(
-        tasks.measure_until_file, sorted(tmp_path.glob('*.db3')), configuration, 1,
-        tmp_path / 'kept')
-    assert [outcome.resumed for outcome in again] == [True, True]
+def test_an_interrupted_run_is_resumed(bags, configuration, tmp_path):
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    arguments = tasks.measure, bags('one', 'two'), configuration, 1, tmp_path / 'kept'
+    with pytest.raises(KeyboardInterrupt):
+        run_tasks(*arguments, on_done=interrupt)
+    assert [outcome.resumed for outcome in run_tasks(*arguments)] == [True, False]
 
 
 def test_the_key_depends_on_all_that_counts(tmp_path):
@@ -161,7 +137,7 @@ def test_the_key_depends_on_all_that_counts(tmp_path):
         AnalysisSettings(), origin=Origin('arm.urdf', 'another command', '1.2.3'))
     assert not is_new(task_key(tasks.measure, bag, task))
     assert is_new(task_key(tasks.measure, bag, {'a': 2}))
-    assert is_new(task_key(tasks.measure_until_file, bag, {'a': 1}))
+    assert is_new(task_key(tasks.scale, bag, {'a': 1}))
     assert is_new(task_key(tasks.measure, bag, {'a': 1}, 'other code'))
     (bag / 'metadata.yaml').write_text('a')
     assert is_new(task_key(tasks.measure, bag, {'a': 1}))

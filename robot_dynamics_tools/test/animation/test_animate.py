@@ -120,20 +120,6 @@ def test_the_motion_stops_for_both_passes_of_each_link(swing):
 
 # --- the tool ------------------------------------------------------------------------------------
 
-def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypatch, capsys):
-    """Progress is lines on stderr, of the simulation and of the frames."""
-    monkeypatch.chdir(tmp_path)
-    assert main(['--duration', '1', '--rate', '1']) == 0
-    out, err = capsys.readouterr()
-    path = tmp_path / 'out' / 'planar_arm.gif'
-    assert f'{path}: 7 frames' in out
-    with Image.open(path) as picture:
-        assert picture.n_frames == 7
-        assert picture.width <= 1000
-    assert [line.split()[0] for line in err.splitlines() if line.endswith(' 1.0 s')][-1] == '100'
-    assert err.splitlines()[-1].split() == ['100', '%', '7', '/', '7', 'frames']
-
-
 def write_bag(path, motion, names, urdf=None, extra=()):
     with RecordingWriter(path) as writer:
         writer.add_topic('/joint_states', JOINT_STATE)

@@ -6,9 +6,7 @@
 import csv
 import re
 import shutil
-import sys
 
-import children
 import numpy as np
 import pytest
 from recordings import cut, KnownMotion, stored_file, write_recording
@@ -129,18 +127,6 @@ def test_the_terms_are_a_recording_on_the_original_stamps(written):
         residual.effort[inside], (MOTION.tau - terms['effort'])[inside], atol=0.1)
 
 
-def test_an_unchanged_analysis_uses_the_cached_result(directory, written, capsys):
-    status, out, _ = run(
-        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
-    assert status == 0
-    assert 'from an earlier run' in out
-    (written / 'report.png').unlink()
-    status, out, _ = run(
-        directory, capsys, directory / 'bags' / 'whole', '--output', written, '--parquet')
-    assert 'from an earlier run' not in out
-    assert (written / 'report.png').exists()
-
-
 def test_a_folder_of_recordings(directory, capsys, tmp_path):
     """The outputs inside of the folder are no recordings in the next run."""
     shutil.copytree(directory / 'bags', tmp_path / 'bags')
@@ -179,17 +165,3 @@ def test_mistakes_get_one_clear_message(directory, capsys, arguments, words):
     lines = [line for line in err.splitlines() if not line.endswith(' steps')]  # the progress
     assert lines[0].startswith('analyze: ')
     assert re.search(words, err)
-
-
-def test_the_executable(directory):
-    """As a user starts it, with ROS out of reach: reading recordings does not need ROS."""
-    program = (
-        'import sys\n'
-        'for name in ("rclpy", "sensor_msgs", "rosidl_runtime_py"): sys.modules[name] = None\n'
-        'from robot_dynamics_tools.commands.analyze import main\n'
-        'sys.exit(main(sys.argv[1:]))')
-    done = children.run(
-        [sys.executable, '-c', program, str(directory / 'bags' / 'lone.mcap'), '--urdf',
-         str(directory / 'arm.urdf')], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert 'Residual, measured − model:' in done.stdout

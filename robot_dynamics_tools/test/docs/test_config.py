@@ -7,11 +7,8 @@ from pathlib import Path
 import re
 from typing import Any
 
-import pytest
 from robot_dynamics.ros.dynamics.parameters import SPECS as DYNAMICS_SPECS
 from robot_dynamics.ros.simulated_arm.node import SPECS as SIMULATED_ARM_SPECS
-from robot_dynamics_tools.identification.identified_arm import parameter_file
-from robots import robot_path
 from ros_harness import DYNAMICS, NodeProcess, RosClient, running, SIMULATED_ARM
 from sensor_msgs.msg import JointState
 import yaml
@@ -73,29 +70,6 @@ def values_of(text: str) -> dict[str, Any]:
     tree = yaml.safe_load(text)
     assert list(tree) == ['/**']
     return flat(tree['/**']['ros__parameters'])
-
-
-@pytest.mark.parametrize('file', [
-    'ur10.yaml', pytest.param('xarm7.yaml', marks=pytest.mark.soak)])
-def test_both_nodes_run_on_it_in_any_namespace_and_under_any_name(client, file):
-    path = ROOT / 'config' / file
-    written = values_of(path.read_text(encoding='utf-8'))
-    nodes = nodes_on(path, '/cell', robot_description_file=str(robot_path(path.stem)))
-    with running(*nodes):
-        check_parameters(client, '/cell', written)
-        state = client.wait_for(JointState, '/cell/joint_states')
-        assert list(state.name) == written['joints']
-        assert list(state.position) == pytest.approx(written['initial_position'], abs=1e-3)
-        efforts = client.wait_for(JointState, '/cell/my_model/gravity_compensation')
-        assert list(efforts.name) == list(state.name)
-        client.forget('/cell')
-    for node in nodes:
-        assert 'Unknown parameter' not in node.log, node.log
-
-
-def test_an_identified_file_is_for_any_namespace_and_any_name():
-    values = {'joints': ['joint1', 'joint2'], 'friction.viscous': [0.5, 0.25]}
-    assert values_of(parameter_file(values)) == values
 
 
 EXAMPLE = re.compile(r'^( +)# (( *)(\w+):( *\[.*)?)(#.*)?$')

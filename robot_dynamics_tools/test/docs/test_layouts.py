@@ -94,32 +94,6 @@ def test_every_curve_of_plotjuggler_is_published(messages):
     assert set(chosen.attrib['value'].split(';')) == set(TYPES)
 
 
-def test_plotjuggler_computes_the_tracking_error_at_the_stamp_of_both(messages):
-    """Also of plotted curves: PlotJuggler waits for no other curves when it starts."""
-    drawn = {curve.attrib['name'] for curve in PLOTJUGGLER.iter('curve')}
-    joints = messages['/dynamics/reference'].name
-    assert set(SNIPPETS) == {f'tracking error/{joint}' for joint in joints}
-    for joint in joints:
-        snippet = SNIPPETS[f'tracking error/{joint}']
-        sources = [snippet.findtext(tag) for tag in (
-            'function', 'linked_source', 'additional_sources/v1')]
-        assert sources == ['return value - v1', *(
-            f'{topic}/{joint}/position' for topic in ('/dynamics/reference', '/joint_states'))]
-        assert drawn.issuperset(sources[1:])
-    stamps = PLOTJUGGLER.find(".//plugin[@ID='ROS2 Topic Subscriber']/use_header_stamp")
-    assert stamps.attrib['value'] == 'true'
-
-
-def test_the_parts_of_plotjuggler_fit_together():
-    """A splitter with a wrong number of parts makes PlotJuggler exit."""
-    splitters = list(PLOTJUGGLER.iter('DockSplitter'))
-    for splitter in splitters:
-        assert len(splitter) == int(splitter.attrib['count'])
-        fractions = [float(fraction) for fraction in splitter.attrib['sizes'].split(';')]
-        assert len(fractions) == len(splitter)
-        assert sum(fractions) == pytest.approx(1.0, abs=1e-5)
-
-
 # --- Foxglove ------------------------------------------------------------------------------------
 
 PLOTS = {name: panel for name, panel in FOXGLOVE['configById'].items() if 'paths' in panel}

@@ -10,16 +10,9 @@ import json
 from math import exp, sqrt
 from pathlib import Path
 import re
-import socket
-import subprocess
-import sys
 from typing import Any
-from urllib.error import URLError
-from urllib.request import Request, urlopen
 
 import backlash_theory
-from bounded_waits import wait_until
-import children
 from matplotlib import rc_context
 import matplotlib.pyplot as plt
 import numpy as np
@@ -77,21 +70,6 @@ def test_the_cells_print_and_draw_what_is_stored(notebook, tmp_path, monkeypatch
     assert [cell['execution_count'] for cell in cells] == list(range(1, len(cells) + 1))
 
 
-@pytest.mark.parametrize('notebook', NOTEBOOKS, ids=lambda path: path.stem)
-def test_it_has_format_4_and_two_small_figures_of_the_common_style(notebook, monkeypatch):
-    # jsonschema takes seconds to load it, for a format that notebooks do not have
-    monkeypatch.setitem(sys.modules, 'rfc3987_syntax', None)
-    nbformat = pytest.importorskip('nbformat')
-    read = nbformat.read(notebook, as_version=nbformat.NO_CONVERT)
-    assert read.nbformat == 4
-    nbformat.validate(read)
-    cells = code_cells(notebook)
-    assert any('**style.STYLE' in ''.join(cell['source']) for cell in cells)
-    sizes = [len(figure) for cell in cells for figure in stored_figures(cell)]
-    assert len(sizes) == 2
-    assert max(sizes) < 60_000  # bytes
-
-
 @pytest.mark.parametrize(('name', 'pattern', 'expected', 'tolerance'), CLOSED_FORMS)
 def test_printed_numbers_are_those_of_the_theory(name, pattern, expected, tolerance):
     path, = [path for path in NOTEBOOKS if path.stem == name]
@@ -113,31 +91,3 @@ def stored_text(cell: dict[str, Any]) -> str:
 def stored_figures(cell: dict[str, Any]) -> list[bytes]:
     return [base64.b64decode(output['data']['image/png']) for output in cell['outputs']
             if 'image/png' in output.get('data', {})]
-
-
-@pytest.mark.soak
-def test_one_command_opens_the_notebooks():
-    """JupyterLab serves them, and can start a kernel of this environment."""
-    with socket.create_server(('127.0.0.1', 0)) as server:
-        port = server.getsockname()[1]
-    with children.popen(
-            [SCRIPTS / 'notebook', '--no-browser', f'--port={port}'], stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stderr is not None
-            pattern = re.compile(r'(http://localhost:\d+)/lab\?(token=\w+)')
-            address, token = next(filter(None, map(pattern.search, process.stderr))).groups()
-
-            def contents() -> set[str]:
-                try:  # the address is printed before the server listens
-                    with urlopen(f'{address}/api/contents?{token}') as answer:
-                        return {each['name'] for each in json.load(answer)['content']}
-                except URLError:
-                    return set()
-
-            wait_until(lambda: contents() == {each.name for each in NOTEBOOKS}, 'the notebooks')
-            with urlopen(Request(f'{address}/api/kernels?{token}', b'{}')) as answer:
-                assert json.load(answer)['name'] == 'python3'
-        finally:
-            process.terminate()
-            process.communicate(timeout=children.TIMEOUT)

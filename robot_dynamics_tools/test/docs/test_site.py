@@ -13,7 +13,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / 'docs' / 'site'))
 
-from check_site import faults_of, main  # noqa: E402
 import python_pages  # noqa: E402
 import site_links  # noqa: E402
 import words  # noqa: E402
@@ -126,45 +125,3 @@ def test_xml_in_docstrings_is_marked_as_code():
                 if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
                     text = re.sub(r'`[^`]*`', '', str(node.value.value))
                     assert not re.search(r'</?[A-Za-z]', text), f'{file.name}: {text}'
-
-
-# --- the check of the built site -----------------------------------------------------------------
-
-GOOD = ('<a href="https://elsewhere.example">e</a><img src="a.png"><script src="a.js"></script>'
-        '<img src="data:image/png;base64,AA=="><link href="a.css" rel="stylesheet">')
-STYLE = '@font-face {src: url("f.woff")} p {background: url(data:image/png;base64,AA==)}'
-
-
-def write_site(directory: Path, page: str = GOOD, style: str = STYLE) -> Path:
-    (directory / 'index.html').write_text(page, encoding='utf-8')
-    (directory / 'a.css').write_text(style, encoding='utf-8')
-    for name in ('a.png', 'a.js', 'f.woff'):
-        (directory / name).touch()
-    return directory
-
-
-def test_a_site_that_loads_its_own_files_has_no_faults(tmp_path):
-    assert faults_of(tmp_path) == [f'{tmp_path} has no page']
-    assert main([str(write_site(tmp_path))]) == 0
-
-
-@pytest.mark.parametrize(('page', 'style', 'fault'), [
-    *((f'<{tag}="{address}">', '', f'index.html: loads {address}') for tag, address in (
-        ('script src', 'https://elsewhere.example/a.js'),
-        ('link href', '//elsewhere.example/a.css'), ('img src', 'http://elsewhere.example/a.png'))),
-    ('', '@font-face {src: url(https://elsewhere.example/f.woff)}',
-     'a.css: loads https://elsewhere.example/f.woff'),
-    ('', '@import "https://elsewhere.example/f.css";',
-     'a.css: loads https://elsewhere.example/f.css'),
-    ('', '@font-face {src: url("../fonts/absent.ttf")}',
-     'a.css: links to ../fonts/absent.ttf, which does not exist'),
-    *((f'<a href="{address}">this</a>', '', fault) for address, fault in (
-        ('a.css', ''), ('/a.css', ''), ('index.html#any', ''), ('#any', ''),
-        ('https://elsewhere.example/', ''),
-        ('absent.html', 'index.html: links to absent.html, which does not exist'),
-        ('docs/a.css', 'index.html: links to docs/a.css, which does not exist'))),
-])
-def test_what_is_absent_or_loaded_from_another_server_is_found(tmp_path, page, style, fault):
-    write_site(tmp_path, GOOD + page, STYLE + style)
-    assert faults_of(tmp_path) == ([fault] if fault else [])
-    assert main([str(tmp_path)]) == bool(fault)

@@ -201,33 +201,6 @@ def test_what_is_no_trajectory_is_refused(tmp_path, text, words):
 
 # ------------------------------------------------------------------------------ the tool
 
-def test_the_tool_for_a_real_arm(tmp_path):
-    """As a user starts the tool, without ROS."""
-    path = tmp_path / 'ur10.yaml'
-    program = (
-        'import sys\n'
-        'for name in ("rclpy", "sensor_msgs", "trajectory_msgs"): sys.modules[name] = None\n'
-        'from robot_dynamics_tools.commands.excite import main\n'
-        'sys.exit(main(sys.argv[1:]))')
-    done = children.run(
-        [sys.executable, '-c', program, '--urdf', str(robot_path('ur10')),
-         '--harmonics', '3', '--output', str(path)],
-        capture_output=True, text=True, timeout=LONG)
-    assert done.returncode == 0, done.stderr
-    assert '100 %' in done.stderr
-    assert 'Collisions are not checked' in done.stdout
-    arm = load_arm(robot_urdf('ur10'))
-    trajectory = read_trajectory(path, arm.joint_names)
-    dense = np.linspace(0.0, trajectory.duration, 5000)
-    q, v, a = sample_trajectory(trajectory, dense)
-    low, high = arm.limits.lower, arm.limits.upper
-    assert (q >= low + 0.05 * (high - low)).all()
-    assert (q <= high - 0.05 * (high - low)).all()
-    assert (np.abs(v) <= 0.6 * arm.limits.velocity).all()
-    efforts = ArmDynamics(arm).inverse_dynamics_batch(q, v, a)
-    assert (np.abs(efforts) <= 0.8 * arm.limits.effort).all()
-
-
 @pytest.mark.parametrize(('arguments', 'words'), [
     (['--harmonics', '1'], 'harmonics is 1, expected at least 2'),
     (['--harmonics', '51'], 'harmonics is 51, expected at most 50'),

@@ -36,7 +36,6 @@ from robot_dynamics_tools.identification.pipeline import base_parameters_of, ide
 from robot_dynamics_tools.identification.qr_information import merge
 from robot_dynamics_tools.identification.regression import (
     correlation_time,
-    huber_weights,
     reduce_motion,
     regression_rows,
 )
@@ -248,14 +247,6 @@ def test_correlated_samples_count_less():
     slow = np.convolve(white, np.ones(10) / 10.0, 'valid')
     assert correlation_time(slow) == pytest.approx(10.0, rel=0.3)
     assert correlation_time(np.zeros(10)) == 1.0
-
-
-def test_outliers_weigh_less():
-    residual = np.random.default_rng(1).normal(size=(1000, 1))
-    residual[10] = 100.0
-    weights = huber_weights(residual)
-    assert weights[10] == pytest.approx(0.04, rel=0.1)
-    assert np.mean(weights == 1.0) > 0.99
 
 
 def test_without_effort_there_is_nothing_to_identify():

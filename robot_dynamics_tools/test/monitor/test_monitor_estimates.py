@@ -79,16 +79,6 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
         assert not deviations.messages  # the arm has no uncertainty
 
 
-def test_drives_that_are_known_leave_no_residual(client):
-    drives = {'joints': NAMES, 'effort.scale': [0.7, 1.3], 'effort.offset': [8.0, -4.0]}
-    noise = 0.02
-    with collecting(client, '/driven', 'dynamics_monitor/residual') as (residuals,), \
-            closed_loop('/driven', drives, monitor={}, **drives, rate=250.0, effort_noise=noise):
-        found = residuals.wait_count(40, LONG)[-20:]  # without the release of the brakes
-    # filtered at 10 Hz, of 250 Hz, so that little of the noise is left
-    assert np.abs([m.effort for m in found]).max() < noise
-
-
 # ------------------------------------------------------------------------- a robot without nodes
 
 NOISE = 0.05

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from disturbances import set_payload
 from geometry_msgs.msg import WrenchStamped
 from held_robot import HeldRobot
 import numpy as np
@@ -133,16 +132,6 @@ def test_a_push_is_drawn_as_its_published_wrench_at_the_chosen_link(client, robo
             ROTATION @ [vector.x, vector.y, vector.z], atol=1e-9)
         np.testing.assert_allclose(end if kind == 'force' else start, TOOL, atol=1e-9)
     assert {('external effort', 0), ('external effort', 1)} <= set(found)
-
-
-def test_a_payload_is_a_ball(client, robot):
-    with client.collect(MarkerArray, '/marked/dynamics_monitor/markers') as markers:
-        set_payload(client, '/marked/dynamics', make_payload('tool0', 2.0))
-        ball = by_name(stand_until(
-            robot, markers, lambda found: ('payload', 0) in found))['payload', 0]
-        set_payload(client, '/marked/dynamics')
-    assert at(ball.pose.position) == TOOL
-    assert ball.scale.x == ball.scale.z > 0.05
 
 
 def test_the_arrow_is_as_long_as_the_arm_at_half_of_its_weight():

@@ -67,17 +67,6 @@ def test_invalid_messages_are_named_and_nothing_ends(client, loop):
         states.wait_for(lambda state: state.header.stamp.sec > time.sec + 1)
 
 
-def test_without_commands_the_brakes_hold_again(client):
-    with NodeProcess(MUJOCO_ARM, {'initial_position': START}, namespace='/braked') as node:
-        efforts = client.publisher(JointState, '/braked/effort_command', 1)
-        with client.collect(JointState, '/braked/joint_states') as states:
-            assert list(states.wait_for(lambda _: True).position) == START
-            client.ask(efforts, JointState(name=NAMES, effort=[0.0, 0.0]), states,
-                       lambda state: list(state.position) != START)
-            node.wait_for_log('No valid effort for .*: the brakes hold the arm where it is')
-            states.wait_for(lambda state: not any(state.velocity))
-
-
 def test_an_invalid_start_is_one_line():
     log = log_of_failed_start(MUJOCO_ARM, {'joints': ['joint1', 'elbow']})
     line, = [line for line in log.splitlines() if line.startswith('robot_dynamics: ')]

@@ -97,16 +97,6 @@ def test_pictures_are_drawn(tmp_path, capsys, arguments, said):
     assert 0.1 < (pixels.min(axis=2) < 0.9).mean() < 0.95
 
 
-def test_without_arguments_the_path_of_the_picture_is_printed(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main([]) == 0
-    path = tmp_path / 'out' / 'planar_arm_gravity.png'
-    assert path.exists()
-    out, err = capsys.readouterr()
-    assert str(path) in out
-    assert err.splitlines()[-1].split() == ['100', '%', '3', '/', '3', 'steps']
-
-
 @pytest.mark.parametrize(('arguments', 'message'), [
     (['--joints', 'joint1', 'elbow'],
      "joints has 'elbow', expected joints out of ['joint1', 'joint2']"),

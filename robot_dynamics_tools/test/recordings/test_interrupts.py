@@ -19,22 +19,6 @@ def default_handler() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def test_the_block_is_completed_before_the_interrupt():
-    done = []
-
-    def work() -> None:
-        with uninterrupted():
-            signal.raise_signal(signal.SIGINT)
-            done.append('first half')
-            signal.raise_signal(signal.SIGINT)
-            done.append('second half')
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert done == ['first half', 'second half']
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
 def test_an_ignored_signal_stays_ignored():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with uninterrupted():

@@ -55,32 +55,10 @@ def test_lines_show_the_values(figure):
     assert np.ptp(error.lines[0].get_ydata()) == pytest.approx(2.0, abs=0.1)  # in mrad
 
 
-def test_lines_of_one_panel_can_be_distinguished_without_colour():
-    for together in (
-        ('gravity', 'inertial', 'coriolis', 'friction', 'effort'),
-        ('reference', 'measured'),
-        ('measured', 'model', 'residual'),
-    ):
-        styles = [(figures.LINES[name].dash, figures.LINES[name].width) for name in together]
-        assert len(set(styles)) == len(together)
-        assert len({figures.LINES[name].colour for name in together}) == len(together)
-
-
 def linear(colour):
     """Return the linear components of red, green and blue (3,) of a colour of sRGB."""
     s = np.array([int(colour[k:k + 2], 16) / 255.0 for k in (1, 3, 5)])
     return np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
-
-
-def luminance(colour):
-    return float(linear(colour) @ [0.2126, 0.7152, 0.0722])
-
-
-def test_black_text_is_readable_on_all_colours_of_maps():
-    from matplotlib.colors import to_hex
-    for colours in (figures.SIGNED_COLOURS, figures.POSITIVE_COLOURS):
-        for colour in figures.colour_map(colours)(np.linspace(0.0, 1.0, 33)):
-            assert (luminance(to_hex(colour).upper()) + 0.05) / 0.05 > 6.0
 
 
 DEUTERANOPIA = [

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 import json
 import signal
 import sys
-from typing import Any
 
 from builtin_interfaces.msg import Duration
 from children import TIMEOUT
@@ -19,14 +18,12 @@ from rclpy.qos import qos_profile_sensor_data
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.planar.urdf import default_arm_urdf
 from robot_dynamics.task_space.frame_kinematics import FrameKinematics
-from robot_dynamics_tools.ros2_dynamics.client import DynamicsClient
 from ros_harness import (
     DYNAMICS,
     NodeProcess,
     RosClient,
     running,
     SIMULATED_ARM,
-    UNHURRIED,
     wait_until,
 )
 from sensor_msgs.msg import JointState
@@ -263,25 +260,6 @@ def test_watch_and_status_show_the_values_of_the_node(ask, ros):
         assert 'stiffness' not in ask('watch', '--count', '1')[1]
     finally:
         ros.set_parameters('/dynamics', {'command': 'computed_torque'})
-
-
-def test_known_friction_can_hold_an_error(ask):
-    friction, rotors = [3.0, 2.0], [0.5, 0.2]
-    node = NodeProcess(DYNAMICS, {
-        **UNHURRIED, 'joints': ['joint1', 'joint2'], 'friction.coulomb': friction,
-        'actuator.reflected_inertia': rotors, 'scale_gains': False,
-    }, node_name='rubs', remaps={'effort_command': 'unused'})
-    with node, DynamicsClient('/rubs', TIMEOUT) as client:
-        def at_rest() -> Any:
-            return json.loads(ask('status', '--json', client=client)[1])['at_rest']
-
-        wait_until(lambda: len(at_rest()['friction_error']) == 2, 'the errors')
-        found = at_rest()
-        K = np.array(list(found['stiffness'].values()))
-        expected = np.array(friction) / (K + np.array(friction) / 0.025)
-        np.testing.assert_allclose(list(found['friction_error'].values()), expected, rtol=1e-2)
-        assert (400.0 * np.array(rotors) < K).all()
-        assert 'error held by friction [rad]' in ask('watch', '--count', '1', client=client)[1]
 
 
 def test_watch_without_joint_states(ask, dynamics_client, simulated_arm, monkeypatch):

@@ -4,10 +4,8 @@
 """`ros2 dynamics retime`: files in and out, the printed summary, and bad arguments."""
 
 from collections.abc import Iterator
-import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 from robot_dynamics.trajectories import (
     efforts_along,
@@ -50,18 +48,6 @@ def test_the_fastest_timing_is_written(ask, motion, tmp_path):
     assert first == f'/dynamics: {expected.summary}'
     assert last == f'{len(result.points)} points are written to {output}'
     assert 'effort' in out
-
-
-def test_acceleration_limits_take_time(ask, motion):
-    data = json.loads(ask('retime', motion, '--method', 'slow_down', '--json')[1])
-    assert (data['duration'], data['ratio'], data['points']) == (2.0, 1.0, 2)
-    assert data['limiting'][0]['joint'] in NAMES
-    durations = [json.loads(ask(
-        'retime', motion, '--json', '--efforts-may-jump', *options)[1])['duration']
-        for options in (
-            (), ('--acceleration', '2', '2'), ('--acceleration', 'joint1=1', 'joint2=1'))]
-    assert durations == sorted(durations)
-    assert durations[2] == pytest.approx(np.sqrt(2.0) * durations[1], rel=1e-3)
 
 
 @pytest.mark.parametrize(('words', 'message'), [

@@ -5,8 +5,8 @@
 Arms in MuJoCo whose masses, rotors, damping and friction are not those of their URDF.
 
 The kinematics are those of the sample URDFs. All other figures are those of MuJoCo Menagerie
-(github.com/google-deepmind/mujoco_menagerie): franka_emika_panda/panda.xml, unitree_z1/z1.xml,
-ufactory_xarm7/xarm7.xml and universal_robots_ur10e/ur10e.xml, on the geometry of a UR10.
+(github.com/google-deepmind/mujoco_menagerie): franka_emika_panda/panda.xml, unitree_z1/z1.xml and
+ufactory_xarm7/xarm7.xml.
 """
 
 from typing import Any, NamedTuple
@@ -92,18 +92,7 @@ ARMS = {
             ' 0.487612 0.512088 -0.512088 0.487612 | 0.000132176 9.3e-05 5.85236e-05'],
         (0.0, 0.0, 0.0), [0.0, -0.247, 0.0, 0.909, 0.0, 1.156, 0.0],
         [0.3, 0.35, -0.3, 0.1, 0.3, 0.2, -0.3]),
-    'ur10e': Published(
-        [0.1] * 6, [350.0, 350.0, 200.0, 30.0, 30.0, 30.0], [0.0] * 6, [
-            '7.778 | 0 0 0 | 1 0 0 0 | 0.0314743 0.0314743 0.0218756',
-            '12.93 | 0 0 0.3065 | 1 0 0 0 | 0.423074 0.423074 0.0363656',
-            '3.87 | 0 0 0.2855 | 1 0 0 0 | 0.11059 0.11059 0.0108844',
-            '1.96 | 0 0.135 0 | 0.5 0.5 -0.5 0.5 | 0.0055125 0.00510825 0.00510825',
-            '1.96 | 0 0 0.12 | 0.5 0.5 -0.5 0.5 | 0.0055125 0.00510825 0.00510825',
-            '0.202 | 0 0.092 0 | 0 1 -1 0 | 0.000204525 0.000144346 0.000144346'],
-        (0.0, 0.0922, 0.0), [-1.57, -1.57, 1.57, -1.57, -1.57, 0.0],
-        [0.2, 0.2, 0.15, -0.2, 0.2, 0.3]),
 }
-"""The arms; the URDF of ur10e is that of the UR10."""
 HANDS = {
     'panda': (
         {'pos': '0 0 0.107', 'quat': '0.9238795 0 0 -0.3826834'},
@@ -121,38 +110,32 @@ TOOL = 'tool'
 FLOOR = 'floor'
 
 
-def urdf_of(name: str) -> str:
-    return robot_urdf({'ur10e': 'ur10'}.get(name, name))
-
-
 def given_arm(name: str) -> ArmModel:
     """Return the arm of the URDF, as the controller has it; skip the test without it."""
-    return load_arm(urdf_of(name), JOINTS.get(name, ()))
+    return load_arm(robot_urdf(name), JOINTS.get(name, ()))
 
 
-def foreign_mjcf(
-    name: str, load: float = 0.0, floor: float | None = None, links: bool = False,
-) -> str:
+def foreign_mjcf(name: str, load: float = 0.0, floor: float | None = None) -> str:
     """
     Return the MJCF of an arm with its published figures, and a body `tool` at its tool.
 
     `load` [kg] is an unknown mass at the tool, `floor` [m] the height of a floor, which only the
-    tool touches. With `links`, capsules show the links.
+    tool touches.
     """
-    published, (root, bodies) = ARMS[name], _with_published_joints(name)
+    published, root = ARMS[name], ElementTree.fromstring(arm_to_mjcf(given_arm(name)))
+    bodies = [body for body in root.iter('body') if body.find('joint') is not None]
     for k, body in enumerate(bodies):
+        for field in ('armature', 'damping', 'frictionloss'):
+            body.find('joint').set(field, str(getattr(published, field)[k]))
         old = body.find('inertial')
         if old is not None:
             body.remove(old)
         body.append(_inertial(published.inertials[k]))
-        if links:
-            end = bodies[k + 1].get('pos') if k + 1 < len(bodies) else _text(published.tool)
-            _add_link(body, str(end))
     last = bodies[-1]
     if name in HANDS:
         pose, inertial = HANDS[name]
         SubElement(last, 'body', {'name': 'hand', **pose}).append(_inertial(inertial))
-    tool = SubElement(last, 'body', name=TOOL, pos=_text(published.tool))
+    tool = SubElement(last, 'body', name=TOOL, pos=' '.join(map(str, published.tool)))
     SubElement(tool, 'geom', type='sphere', size='0.02', mass=str(max(load, 1e-6)), name=TOOL)
     if floor is not None:
         world = root.find('worldbody')
@@ -162,40 +145,12 @@ def foreign_mjcf(
     return ElementTree.tostring(root, encoding='unicode')
 
 
-def mjcf_with_masses_of_the_urdf(name: str) -> str:
-    """Return the MJCF of an arm with the published figures of its joints, not of its masses."""
-    return ElementTree.tostring(_with_published_joints(name)[0], encoding='unicode')
-
-
-def _with_published_joints(name: str) -> tuple[Element, list[Element]]:
-    """Return the arm of the URDF with the published joints, and its moving bodies."""
-    published = ARMS[name]
-    root = ElementTree.fromstring(arm_to_mjcf(given_arm(name)))
-    bodies = [body for body in root.iter('body') if body.find('joint') is not None]
-    for k, body in enumerate(bodies):
-        joint = body.find('joint')
-        for field in ('armature', 'damping', 'frictionloss'):
-            joint.set(field, str(getattr(published, field)[k]))
-    return root, bodies
-
-
 def _inertial(text: str) -> Element:
     mass, pos, *moments = (part.strip() for part in text.split('|'))
     values = {'mass': mass, 'pos': pos}
     if len(moments) == 1:
         return Element('inertial', {**values, 'fullinertia': moments[0]})
     return Element('inertial', {**values, 'quat': moments[0], 'diaginertia': moments[1]})
-
-
-def _add_link(body: Element, end: str) -> None:
-    if np.abs(np.fromstring(end, sep=' ')).max() > 0.05:
-        SubElement(
-            body, 'geom', type='capsule', size='0.04', fromto=f'0 0 0 {end}', contype='0',
-            conaffinity='0', group='2')
-
-
-def _text(values: Any) -> str:
-    return ' '.join(map(str, values))
 
 
 def foreign_simulation(name: str, **scene: Any) -> Any:

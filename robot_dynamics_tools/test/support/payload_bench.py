@@ -22,10 +22,6 @@ RATE, CUTOFF = 25.0, 5.0
 """Rate and cut-off frequency of the filtered samples [Hz]."""
 NOISE, FRICTION = 0.004, 0.01
 """Deviation of the filtered effort noise, and dry friction, relative to the effort limits."""
-SEEDED_CASES = 200
-"""Cases per kind of data in tests of the coverage, divided among the robots."""
-FIRST_SEED = 6000
-"""The constants of the library were chosen with seeds below 5100."""
 SAG, SAG_TIME = 2e-3, 0.25
 """Displacement [rad] of a joint that yields to the load, and its time constant [s]."""
 SECONDS = 1.2

@@ -5,7 +5,7 @@
 A joint of the running simulated arm that a slow spring moves to and fro, recorded to a bag.
 
 The arm runs in lock-step, so that the motion does not depend on the speed of this machine. The
-test and the figure of the documentation use the same run.
+figure of the documentation shows the run.
 """
 
 from pathlib import Path

@@ -52,16 +52,6 @@ def measure(bag, configuration):
             'process': os.getpid(), 'one_thread': os.environ.get('OMP_NUM_THREADS')}
 
 
-def measure_until_file(bag, configuration):
-    """Return immediately for the first two; for others wait until the file `go` exists."""
-    go = Path(configuration['log']).with_name('go')
-    if bag.name not in ('b0.db3', 'b1.db3'):
-        os.mkfifo(go.with_name(f'{bag.name}.fifo'))
-        # Blocks indefinitely, because the pipe has no writer.
-        go.with_name(f'{bag.name}.fifo').read_text()
-    return measure(bag, configuration)
-
-
 def is_large(bag, result):
     """Return whether a cached result is valid; this test compares its size."""
     return result['size'] > 3

@@ -9,7 +9,6 @@ import signal
 
 from browser import Page, SIZE
 from demo_process import start_demo, wait_for_line
-from disturbances import wrench
 from geometry_msgs.msg import InertiaStamped, WrenchStamped
 import numpy as np
 import pytest
@@ -212,34 +211,7 @@ def size_of(message):
     return float(np.linalg.norm((force.x, force.y, force.z)))
 
 
-@pytest.mark.soak
-def test_the_wrench_on_a_link_its_axes_and_ellipsoid_are_drawn(page, client):
-    drawn = {f'/marks/{mark}' for mark in (
-        'external force/0', 'external torque/0', 'frame axes/0', 'frame axes/1', 'frame axes/2',
-        'manipulability/0')}
-    pushes = client.publisher(WrenchStamped, '/simulated_arm/external_wrench')
-    before = page.picture()
-    pushes.publish(wrench('tool0', (10.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-    wait_until(lambda: drawn <= set(page.tab.evaluate(
-        'Object.keys(window.__viserMutable.nodeRefFromName)')), 'the marks of the wrench')
-    assert page.differs_from(before, 0.01)
-    pushes.publish(wrench('tool0'))
-
-
 def test_a_reset_puts_the_simulated_arm_back(page, client):
     with client.collect(JointState, '/joint_states', KEEP_MANY) as states:
         page.press('Reset')
         wait_for_position(states, 'joint1', START[0])
-
-
-@pytest.mark.soak
-def test_the_arcs_have_the_colour_of_their_ratio_to_the_limit(page):
-    """At the start joints take 33 and 19 % of their limits; with 6 kg at the tool, 91 and 95 %."""
-    blue, red = '#0072B2', '#D55E00'
-    assert page.shows(blue)
-    assert not page.has(page.picture(), red)
-    page.tab.get_by_label('mass [kg]').fill('6')
-    page.press('Attach')
-    page.wait_for_words('payload of the controller: 6 kg on tool0')
-    assert page.shows(red)
-    page.press('Detach')

@@ -1,29 +1,20 @@
 # SPDX-FileCopyrightText: 2026 The robot_dynamics authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""Backlash and presliding in the running `simulated_arm`, answered with a constant effort."""
+"""Backlash in the running `simulated_arm`, answered with a constant effort."""
 
-from closed_loop import NAMES, START
+from closed_loop import NAMES
 from lock_stepped_arm import lock_stepped, LockStepped
 import numpy as np
 import pytest
 from ros_harness import has_stamp
-from std_srvs.srv import Trigger
 
 GAP = 0.02
 GEARED = {
     'actuator.torque_constant': [0.1], 'actuator.gear_ratio': [100.0],
     'actuator.rotor_inertia': [1e-5], 'actuator.backlash': [GAP], 'joints': NAMES,
     'initial_position': [1.0, 0.5]}
-COULOMB, DISTANCE = np.array([4.0, 1.5]), np.array([4e-4, 2e-4])
-STICKY = {
-    'joints': NAMES, 'gravity': [0.0, 0.0, 0.0], 'friction.viscous': [0.2],
-    'friction.coulomb': COULOMB.tolist(), 'friction.presliding_distance': DISTANCE.tolist()}
-SHARES = np.array([0.5, -0.25])
-"""Of F_c: the step of effort."""
 
-
-# --- backlash: motor and joint have separate states ----------------------------------------------
 
 def motor_offsets(arm: LockStepped, steps: int = 60) -> np.ndarray:
     """Return the offsets (steps, 2) of the motors from the measured joints during the motion."""
@@ -51,22 +42,3 @@ def test_joint_and_motor_are_apart_by_the_gap(client):
 def test_encoders_at_the_motor_do_not_see_the_gap(client):
     with lock_stepped(client, '/at_motor', **GEARED, encoders='motor') as arm:
         assert np.abs(motor_offsets(arm)).max() == 0.0
-
-
-# --- presliding: a joint yields before it slides -------------------------------------------------
-
-def displacement(arm: LockStepped, steps: int = 400) -> np.ndarray:
-    """Return the largest and the last displacement (2, 2) under the step of effort."""
-    moved = np.array([
-        arm.step((SHARES * COULOMB).tolist()).position for _ in range(steps)]) - START
-    return np.array([np.abs(moved).max(axis=0), moved[-1]])
-
-
-def test_a_joint_yields_by_its_part_of_the_presliding_distance(client):
-    with lock_stepped(client, '/yields', **STICKY) as arm:
-        largest, last = displacement(arm)
-        assert last == pytest.approx(SHARES * DISTANCE, rel=0.01)
-        assert (largest < DISTANCE).all()
-        assert client.call(Trigger, '/yields/simulated_arm/reset').success
-        _, last = displacement(arm)  # the bristles are relaxed at first
-        assert last == pytest.approx(SHARES * DISTANCE, rel=0.01)
