@@ -40,9 +40,6 @@ ROBOTS = tuple(_FILES)
 ARMS = ('kinova', 'panda', 'so100', 'talos_left_arm', 'ur3', 'ur5', 'ur10', 'xarm7', 'z1')
 """Single arms, six to eight actuated joints each."""
 
-MIMIC = ('baxter', 'panda', 'pr2', 'talos_full_v2', 'tiago_pro')
-"""Robots with mimic joints."""
-
 JOINTS = {
     'panda': [f'panda_joint{i + 1}' for i in range(7)], 'z1': [f'joint{i + 1}' for i in range(6)]}
 """Joints of an arm without its gripper."""
@@ -86,11 +83,6 @@ def robot_path(name: str) -> Path:
         if path.is_file():
             return path
     missing(f'{PACKAGE} is not installed: no description of {name}')
-
-
-def is_installed() -> bool:
-    """Return whether there is a directory with the robots."""
-    return any(directory.is_dir() for directory in robot_directories())
 
 
 def arm_without_gripper(name: str) -> ArmModel:
