@@ -107,7 +107,7 @@ class GoalExecution:
         self.epoch, self._revoked = object(), reason
 
     def end(self, ending: Ending) -> None:
-        """End the goal, and refuse what was sent before."""
+        """End the goal, and refuse the references that were sent before."""
         self.refuse(ending.reason)
         self.stream.end()
         if self._controller.trajectory is not None:

@@ -45,7 +45,7 @@ class FollowedDynamics:
         Follow the node with a full `name`.
 
         `take_values` is called with the values of the parameters `names`, `take_payloads` with
-        all payloads in force, each at the start and after a change.
+        all active payloads, each at the start and after a change.
         """
         self.name, self._node, self._names = name, node, list(names)
         self._take_values, self._take_payloads = take_values, take_payloads

@@ -113,7 +113,7 @@ class DynamicsClient:
 
     @property
     def monitor(self) -> str:
-        """The full name of the `dynamics_monitor` beside the node; raises NoAnswerError."""
+        """The full name of the `dynamics_monitor` next to the node; raises NoAnswerError."""
         name = self.resolve(MONITOR)
         if not self.wait(lambda: self.has_monitor):
             raise NoAnswerError(
