@@ -48,7 +48,7 @@ HELD = {'position': START, 'effort': (GRAVITY - LIFT).tolist()}
 
 
 def test_a_push_is_the_external_effort_and_the_residual(client):
-    """In lock-step, so that the values at each stamp do not depend on the machine."""
+    """In lock-step; the values are compared at the same stamp."""
     wrench = ExternalWrench('tool0', FORCE, np.zeros(3))
 
     def is_estimated() -> bool:
@@ -58,9 +58,11 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
         for stamp in found[0].keys() & found[1].keys() & found[2].keys():
             state, estimate, residual = (one[stamp] for one in found)
             true = -BODY.external(np.array(state.position), [wrench])
-            if np.abs(true).max() > 20.0 and np.allclose(estimate.effort, true, atol=0.05):
-                # measured − model is the torque that the actuators exert on the environment
-                assert residual.effort == pytest.approx(-true, abs=0.1)
+            # measured − model is the torque that the actuators exert on the environment; it settles
+            # later than the estimate if the monitor skips states
+            if np.abs(true).max() > 20.0 and np.allclose(
+                    estimate.effort, true, atol=0.05) and np.allclose(
+                    residual.effort, -true, atol=0.1):
                 return True
         return False
 
