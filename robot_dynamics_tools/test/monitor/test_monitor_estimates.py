@@ -58,8 +58,8 @@ def test_a_push_is_the_external_effort_and_the_residual(client):
         for stamp in found[0].keys() & found[1].keys() & found[2].keys():
             state, estimate, residual = (one[stamp] for one in found)
             true = -BODY.external(np.array(state.position), [wrench])
-            # measured − model is the torque that the actuators exert on the environment; it settles
-            # later than the estimate if the monitor skips states
+            # measured − model is the torque that the actuators exert on the environment; it
+            # settles later than the estimate if the monitor skips states
             if np.abs(true).max() > 20.0 and np.allclose(
                     estimate.effort, true, atol=0.05) and np.allclose(
                     residual.effort, -true, atol=0.1):
