@@ -110,6 +110,7 @@ class CommandOutput:
             self.loop = loop
             self._faults_seen = loop.supervisor.fault_count
             self._templates = effort_template(names), array_template(len(names))
+            self.order.look_now()
             self._changed.notify()
 
     def forget(self) -> None:

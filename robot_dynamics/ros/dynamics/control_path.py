@@ -80,6 +80,7 @@ class ControlPath:
         """
         self._node = node
         self._has_several_publishers = lambda: count_publishers() > 1
+        self.when_changed = when_changed
         self._served: _Served | None = None
         self._state_max_age = self._sample_max_age = 0.0
         self._foreign_joints = ''

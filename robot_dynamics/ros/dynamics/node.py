@@ -307,6 +307,7 @@ class DynamicsNode(GuardedCallbacks, LifecycleNode):
 
     def _statuses(self) -> list[Status]:
         self._models.take_waiting()
+        self._path.command.order.check()
         model = self._arm.name if self._arm is not None else 'none yet'
         statuses = [
             *self._report.statuses(state_timeout(self._settings.values)),

@@ -95,11 +95,14 @@ class TrajectoryInput:
         self._goal = trajectory.points[-1].position.tolist()
         if loop.goals.stream.deadline == math.inf:
             self._reported = self._accepted
+            self._path.when_changed()
 
     def refuse(self, error: Exception) -> None:
         """Count a goal that is rejected, and log the reason."""
         before, self.refusal = self.refusal, describe_error(error)
         self._refused += 1
+        if not before:
+            self._path.when_changed()
         words = f'Rejected a joint trajectory: {self.refusal}'
         if _NUMBER.sub('', self.refusal) == _NUMBER.sub('', before):  # of the same stream
             self._node.get_logger().error(words, throttle_duration_sec=LOG_PERIOD)
