@@ -31,8 +31,8 @@ from robot_dynamics.ros.middleware.cdr_templates import (
     MessageTemplate,
     SensedState,
     state_template,
+    terms_template,
 )
-from robot_dynamics.ros.middleware.conversions import stamp_to_ros, terms_to_ros
 from robot_dynamics.ros.middleware.joint_state_reader import JointStateReader, OtherJointsError
 from robot_dynamics.ros.middleware.message_bytes import UnreadableMessageError
 from robot_dynamics.ros.middleware.rclpy_internals import raw_publish, subscription_count
@@ -60,6 +60,7 @@ class _Served:
         self.reader = JointStateReader(names)
         self.template: MessageTemplate = effort_template(names)
         self.reference_template: MessageTemplate = state_template(names, has_effort=False)
+        self.terms_template: MessageTemplate = terms_template(names)
         self.layout: Layout | None = None
         """The layout of complete states whose numbers `places` finds."""
         self.places = np.zeros(0, dtype=np.intp)
@@ -94,13 +95,13 @@ class ControlPath:
 
         gravity = publisher(JointState, '~/gravity_compensation')
         computed_torque = publisher(JointState, '~/computed_torque')
-        self._terms = publisher(DynamicsTerms, '~/terms')
-        self._reference = publisher(JointState, '~/reference')
-        self._send_gravity = raw_publish(gravity)
-        self._send_computed_torque = raw_publish(computed_torque)
+        terms = publisher(DynamicsTerms, '~/terms')
+        reference = publisher(JointState, '~/reference')
+        (self._send_gravity, self._send_computed_torque, self._send_terms,
+         self._send_reference) = map(raw_publish, (gravity, computed_torque, terms, reference))
         self._drives = DriveCommands(node, NEWEST_ONLY)
         self._counts = [*(subscription_count(one) for one in (
-            gravity, computed_torque, self._terms, self._reference)), *self._drives.counts]
+            gravity, computed_torque, terms, reference)), *self._drives.counts]
         self.command = CommandOutput(node, NEWEST_ONLY, when_changed)
 
     @property
@@ -273,7 +274,7 @@ class ControlPath:
             if count():
                 self._publish(state, served, answer)
                 break
-        if served.external.is_on or not served.check.done:
+        if served.external.is_on or served.check.needs(state):
             self._examine(served, state, answer, q)
 
     def _examine(
@@ -307,10 +308,10 @@ class ControlPath:
         if terms_count:
             terms = output.terms
             if terms is not None:
-                self._terms.publish(
-                    terms_to_ros(terms, served.names, stamp_to_ros(state.stamp_ns)))
+                self._send_terms(served.terms_template.filled(
+                    state.stamp, *terms[:6], np.array(terms[6:])))
         reference = output.reference if reference_count else None
         if reference is not None:
-            self._reference.publish(served.reference_template.filled(
+            self._send_reference(served.reference_template.filled(
                 state.stamp, reference.position, reference.velocity))
         self._drives.publish(state.stamp, answer)

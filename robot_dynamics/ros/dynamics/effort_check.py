@@ -40,6 +40,15 @@ class EffortCheck:
         elif convention.measured_effort == 'none':
             self._finish(f"{gravity_check.NO_EFFORT} (measured_effort is 'none')")
 
+    def needs(self, message: SensedState) -> bool:
+        """Return whether the check needs this state: it runs, and the state has efforts."""
+        if self.done:
+            return False
+        if message.layout.effort.start == message.layout.effort.stop:
+            self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
+            return False
+        return True
+
     def add_state(
         self, reader: JointStateReader, message: SensedState, q: FloatArray,
         v: FloatArray | None, gravity: FloatArray, command: FloatArray | None,
@@ -57,7 +66,6 @@ class EffortCheck:
             self._wait(f'{gravity_check.NO_EFFORT}: {error}')
             return
         if effort is None:
-            self._wait(f'{gravity_check.NO_EFFORT} in the joint states')
             return
         try:
             verdict = self._check.add(
