@@ -12,7 +12,7 @@ docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after e
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import auto, Enum
 import math
 from typing import NamedTuple
 
@@ -39,15 +39,15 @@ DEFAULT_GOAL_TIME = 5.0
 """Default time [s] after the end of the trajectory for the arm to reach the goal."""
 
 
-class ResultCode(IntEnum):
-    """The error codes of the result of `FollowJointTrajectory`."""
+class ResultCode(Enum):
+    """The names of the error codes of the result of `FollowJointTrajectory`."""
 
-    SUCCESSFUL = 0
-    INVALID_GOAL = -1
-    INVALID_JOINTS = -2
-    OLD_HEADER_TIMESTAMP = -3
-    PATH_TOLERANCE_VIOLATED = -4
-    GOAL_TOLERANCE_VIOLATED = -5
+    SUCCESSFUL = auto()
+    INVALID_GOAL = auto()
+    INVALID_JOINTS = auto()
+    OLD_HEADER_TIMESTAMP = auto()
+    PATH_TOLERANCE_VIOLATED = auto()
+    GOAL_TOLERANCE_VIOLATED = auto()
 
 
 class GoalResult(NamedTuple):

@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_dynamics.arrays import BoolArray, FloatArray
+from robot_dynamics.control.gate import DECAY
 
 LONGEST_STEP = 0.05
 """Longest time [s] for which one effort may change at the rate limit since the last effort."""
@@ -106,9 +107,6 @@ MotionEquation = Callable[
     [FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 """Returns M(q) (n, n), and C(q, v) v + friction (n,)."""
 
-BRAKING = 20.0
-"""[1/s]: acceleration toward a limit, by the velocity away from it, that only brakes a joint."""
-
 
 class ActiveLimits(NamedTuple):
     """The joints (n,) whose effort each limit has changed."""
@@ -151,7 +149,7 @@ class EffortLimiter:
             M, passive = (np.eye(len(q)), np.zeros_like(q)) if equation is None else (
                 equation(q, v))
             a = np.linalg.solve(M, effort - still - passive)
-            braking = -BRAKING * v  # of a joint that moves away from a limit
+            braking = -DECAY * v  # of a joint that moves away from a limit
             by_position = ((a > np.maximum(braking, 0.0)) & (q > limits.soft_upper)) | (
                 (a < np.minimum(braking, 0.0)) & (q < limits.soft_lower))
             by_velocity = (np.abs(v) > limits.velocity) & (a * v > 0.0)

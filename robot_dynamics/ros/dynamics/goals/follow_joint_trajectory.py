@@ -245,7 +245,8 @@ class FollowJointTrajectoryServer:
         return message
 
     def _result(self, code: ResultCode, message: str) -> Any:
-        return self._type.Result(error_code=int(code), error_string=message)
+        result = self._type.Result
+        return result(error_code=getattr(result, code.name), error_string=message)
 
 
 def _point(
