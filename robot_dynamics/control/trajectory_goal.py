@@ -10,7 +10,7 @@ docs/moveit.md lists. `ControlLoop.execute` starts a goal, and judges it after e
 """
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import auto, Enum
 import math
@@ -19,7 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from robot_dynamics.arrays import FloatArray, NANOSECONDS_PER_SECOND
 from robot_dynamics.control.controller import Controller
-from robot_dynamics.exceptions import InvalidInputError, JointNamesError
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.trajectories.interpolation import Reference
 
@@ -31,8 +30,6 @@ MOVED, REST_TIME_NS = 5e-4, 20_000_000
 """An arm at rest moves less than MOVED [rad] or [m] in REST_TIME_NS [ns], at most at this rate."""
 LONGEST_STOP = 5.0
 """[s] after a planned stop within which the arm must be at rest."""
-DEFAULT, ERASED = 0.0, -1.0
-"""Values of a tolerance: use the default, and use no tolerance."""
 DEFAULT_GOAL_TOLERANCE = 0.01
 """Default distance [rad] or [m] from the goal at which it is reached."""
 DEFAULT_GOAL_TIME = 5.0
@@ -88,32 +85,6 @@ def default_tolerances(
     return Tolerances(
         bound(path, 0.0), np.full(n, math.inf), bound(goal, DEFAULT_GOAL_TOLERANCE),
         np.full(n, math.nan), goal_time if goal_time > 0.0 else math.inf)
-
-
-def with_given(
-    field: str, given: Mapping[str, float], defaults: FloatArray, joint_names: Sequence[str],
-) -> FloatArray:
-    """
-    Return tolerances (n,): those that are `given` by joint name, and the defaults.
-
-    0 keeps the default, −1 means none. Raises JointNamesError for an unknown joint, and
-    InvalidInputError for another negative value or one that is not finite.
-    """
-    values = defaults.copy()
-    for name, value in given.items():
-        if name not in joint_names:
-            raise JointNamesError(
-                f'{field} has a tolerance for {name!r}, expected joints of this arm: '
-                f'{list(joint_names)}')
-        if value == ERASED:
-            values[list(joint_names).index(name)] = math.inf
-        elif not 0.0 <= value < math.inf:
-            raise InvalidInputError(
-                f'{field} of {name!r} is {value:g}, expected a tolerance above 0, 0 for the '
-                'default, or -1 for none')
-        elif value != DEFAULT:
-            values[list(joint_names).index(name)] = value
-    return values
 
 
 class GoalFeedback(NamedTuple):

@@ -9,7 +9,6 @@ reason. An invalid goal does not disturb the motion.
 """
 
 from collections.abc import Callable, Generator
-from dataclasses import replace
 import math
 import threading
 import time
@@ -21,19 +20,15 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.control.loop import ControlLoop
 from robot_dynamics.control.trajectory_goal import (
-    ERASED,
     GoalFeedback,
     ResultCode,
-    Tolerances,
     TrajectoryGoal,
-    with_given,
 )
 from robot_dynamics.exceptions import InvalidInputError, JointNamesError, PastTrajectoryError
 from robot_dynamics.ros.dynamics.control_path import ControlPath
+from robot_dynamics.ros.dynamics.goals.tolerances import tolerances_of
 from robot_dynamics.ros.dynamics.goals.trajectory_input import TrajectoryInput
-from robot_dynamics.ros.dynamics.parameters import goal_tolerances
 from robot_dynamics.ros.middleware.answer_delivery import (
     LONGEST_WAIT,
     request_writers,
@@ -200,7 +195,7 @@ class FollowJointTrajectoryServer:
                     f'{field} has {len(values)} entries, expected none: each joint of an arm has '
                     'one degree of freedom')
         trajectory = trajectory_from_ros(request.trajectory, names)
-        tolerances = _tolerances(request, loop, self._values())
+        tolerances = tolerances_of(request, loop.controller.arm, self._values())
         goal = loop.goals.execute(
             trajectory, stamp_from_ros(request.trajectory.header.stamp), tolerances,
             self._ended.trigger, self._open[id(request)])
@@ -263,42 +258,6 @@ def _code_of(error: Exception) -> ResultCode:
     if isinstance(error, PastTrajectoryError):
         return ResultCode.OLD_HEADER_TIMESTAMP
     return ResultCode.INVALID_GOAL
-
-
-def _tolerances(request: Any, loop: ControlLoop, values: Values) -> Tolerances:
-    """Return the tolerances of a goal, by default those of the parameters."""
-    arm = loop.controller.arm
-    names = arm.joint_names
-    defaults = goal_tolerances(values, arm)
-    for field in ('path_tolerance', 'goal_tolerance'):
-        for one in getattr(request, field):
-            if one.acceleration not in (0.0, ERASED):
-                raise InvalidInputError(
-                    f'{field} of {one.name!r} has the acceleration {one.acceleration:g}, '
-                    'expected 0 or -1: accelerations are not measured')
-    goal_time = stamp_from_ros(request.goal_time_tolerance)
-
-    def given(field: str, quantity: str, default: FloatArray) -> FloatArray:
-        return with_given(f'{field}.{quantity}', {
-            one.name: getattr(one, quantity) for one in getattr(request, field)}, default, names)
-
-    return replace(
-        defaults,
-        path=given('path_tolerance', 'position', defaults.path),
-        path_velocity=given('path_tolerance', 'velocity', defaults.path_velocity),
-        goal=given('goal_tolerance', 'position', defaults.goal),
-        goal_velocity=given('goal_tolerance', 'velocity', defaults.goal_velocity),
-        goal_time=_goal_time(1e-9 * goal_time, defaults.goal_time))
-
-
-def _goal_time(given: float, default: float) -> float:
-    if given == ERASED:
-        return math.inf
-    if given < 0.0:
-        raise InvalidInputError(
-            f'goal_time_tolerance is {given:g} s, expected a time above 0, 0 for the default, or '
-            '-1 for any time')
-    return given or default
 
 
 class _Turn:
