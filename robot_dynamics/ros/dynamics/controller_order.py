@@ -102,7 +102,7 @@ class ControllerOrder:
     """
     Checks the subscribers of `~/commands` in the executor.
 
-    `check` is to be called once per second; a new subscriber is also noticed with the next command.
+    `check` is to be called once per second; the next command notices a new subscriber, too.
     """
 
     def __init__(
