@@ -37,7 +37,7 @@ class Terminal:
                 self._changed.notify_all()
 
     def _wait_for(self, pattern: 're.Pattern[str]', timeout: float) -> 're.Match[str]':
-        """Return the first match in what was printed since the last typed command."""
+        """Return the first match in the output since the last typed command."""
         with self._changed:
             found = self._changed.wait_for(
                 lambda: pattern.search(self._text, self._place), timeout)
@@ -50,7 +50,7 @@ class Terminal:
         self._process.stdin.flush()
 
     def printed(self) -> str:
-        """Return what was printed since the last typed command, with its echo."""
+        """Return the output since the last typed command, with its echo."""
         return self._text[self._place:]
 
     def start(self, command: str, shows: str) -> None:
