@@ -22,15 +22,33 @@ fail() {
   exit "${3:-1}"
 }
 
+# groups_of WORD…: the groups of libraries that only some commands need, for the command of these words.
+groups_of() {
+  local word option='' found=''
+  for word in "$@"; do
+    case "$option$word" in
+      analyze | animate | calibrate_gravity | estimate_payload | identify | learn_contact_levels | --replay*) found+=' analysis' ;;
+      viewer | --viewer*) found+=' viewer' ;;
+      --robot*[./]* | --urdf*[./]*) ;;  # a file or a package
+      --robot[=\ ]?* | --urdf[=\ ]?*) found+=' robots' ;;  # a name, such as ur10
+    esac
+    option=''
+    case "$word" in --robot | --urdf) option="$word " ;; esac
+  done
+  echo "$found"
+}
+
 # The environment of ROS, without this workspace.
 enter_ros() {
+  # Python keeps what it compiles: a node of uncompiled modules takes twice as long to start. Many containers forbid it.
+  unset PYTHONDONTWRITEBYTECODE
   if has_ros; then
     set +u  # setup.bash of ROS reads variables that may not be set
     # shellcheck source=/dev/null
     source "$ros_prefix/setup.bash"
     set -u
   else
-    export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv ROS_DISTRO=jazzy ROS_VERSION=2
+    export AMENT_PREFIX_PATH=$venv CMAKE_PREFIX_PATH=$venv ROS_DISTRO=jazzy ROS_VERSION=2 CMAKE_GENERATOR=Ninja
   fi
   export PATH=$venv/bin:$PATH VIRTUAL_ENV=$venv
 }

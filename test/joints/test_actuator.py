@@ -6,13 +6,13 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
+from optional_library import library
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.actuator import Actuators, make_actuators
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
-from scipy.linalg import expm
 from simulated_arms import released
 
 laws = settings(deadline=None, derandomize=True, max_examples=50)
@@ -177,7 +177,7 @@ def test_a_motors_step_response_is_that_of_its_linear_equations():
     K, N, R, L, V, t = 0.05, 100.0, 0.8, 0.05, 24.0, 0.15
     J = ABOUT_JOINT + N**2 * 2e-5
     A = np.array([[0.0, N * K / J, 0.0], [-K * N / L, -R / L, V / L], [0.0, 0.0, 0.0]])
-    v, i, _ = expm(A * t) @ np.array([0.0, 0.0, 1.0])
+    v, i, _ = library('scipy.linalg').expm(A * t) @ np.array([0.0, 0.0, 1.0])
     actuators, errors = motor(efficiency=[1.0], voltage_limit=[V], inductance=[L]), []
     for step in (2e-3, 1e-3, 5e-4):
         simulation = released(one_link(actuators), max_step=step)

@@ -9,6 +9,7 @@ from engine_cases import with_other_relations
 from largest_error import assert_small
 import numpy as np
 import numpy.typing as npt
+from optional_library import library
 import pytest
 from robot_dynamics.exceptions import InvalidInputError
 from robot_dynamics.joints.friction import make_friction
@@ -119,6 +120,7 @@ def test_derivatives_are_those_of_central_differences(robot):
 
 @pytest.mark.parametrize('robot', ['default', pytest.param('xarm7', marks=pytest.mark.soak)])
 def test_discrete_model_against_differences_of_the_simulation(robot):
+    library('scipy')
     rng, T = np.random.default_rng(9), 0.004
     arm = load_arm(robot_urdf(robot))
     n = arm.joint_count

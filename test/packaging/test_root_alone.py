@@ -5,7 +5,7 @@
 The package `robot_dynamics` in an environment with its own dependencies only, without the tools.
 
 The environment is a new virtual one. It has the wheel of the package, and of the libraries that
-are installed here those that the package requires, with theirs.
+are installed here those that the package requires, with theirs. Its tests get pytest and hypothesis.
 """
 
 from importlib import metadata
@@ -16,6 +16,7 @@ import re
 import shutil
 import subprocess
 import sys
+from xml.etree import ElementTree
 import zipfile
 
 import children
@@ -27,6 +28,18 @@ from workspace import is_of_this_project
 
 ROOT = Path(__file__).resolve().parents[2]
 REQUIRED = ('numpy', 'pin', 'pyyaml', 'setuptools')
+TEST_TOOLS = ('hypothesis', 'pytest')
+LIBRARY_TESTS = (
+    'control/test_control_law.py', 'control/test_controller_events.py',
+    'control/test_supervisor.py', 'joints', 'model/test_engines.py', 'model/test_public_input.py',
+    'model/test_rigid_body.py', 'model_check/test_model_check.py', 'monitoring/test_state_age.py',
+    'monitoring/test_contact_levels.py', 'planar', 'references/test_follower.py',
+    'references/test_jerk_profile.py', 'simulation/test_arm_simulation.py',
+    'simulation/test_brakes.py', 'task_space', 'trajectories/test_quintics.py',
+    'trajectories/test_trajectory_efforts.py', 'urdf')
+"""Quick tests of each folder of the library, and those that compare with other libraries."""
+ABSENT = ('scipy', 'mujoco', 'pydrake', 'ruckig', 'example-robot-data')
+"""What tests compare with, one of them in each reason to skip."""
 OF_TOOLS = (
     'matplotlib', 'scipy', 'PIL', 'rosbags', 'viser', 'trimesh', 'xacro', 'mujoco', 'bokeh',
     'pytest', 'robot_dynamics_tools.recordings')
@@ -43,11 +56,14 @@ print(json.dumps(found))
 """
 
 
-def distributions() -> dict[str, metadata.Distribution]:
-    """Return what the package requires: ROS from wheels, REQUIRED, and what these require."""
-    installed = {re.sub('[-_.]+', '-', one.metadata['Name']).lower(): one
-                 for one in metadata.distributions() if one.metadata['Name']}
-    left = [name for name in installed if name.startswith('ros-jazzy-')] + list(REQUIRED)
+def installed_distributions() -> dict[str, metadata.Distribution]:
+    return {re.sub('[-_.]+', '-', one.metadata['Name']).lower(): one
+            for one in metadata.distributions() if one.metadata['Name']}
+
+
+def required_by(*names: str) -> dict[str, metadata.Distribution]:
+    """Return the distributions of these names, and what they require."""
+    installed, left = installed_distributions(), list(names)
     found: dict[str, metadata.Distribution] = {}
     while left:
         name = left.pop()
@@ -77,8 +93,13 @@ class Environment:
         subprocess.run(
             [sys.executable, '-m', 'venv', '--without-pip', directory / 'venv'], check=True)
         site, = (directory / 'venv').glob('lib/python*/site-packages')
-        for one in distributions().values():
+        ros = [name for name in installed_distributions() if name.startswith('ros-jazzy-')]
+        for one in required_by(*ros, *REQUIRED).values():
             link(one, site)
+        self.test_tools = directory / 'test_tools'
+        self.test_tools.mkdir()
+        for one in required_by(*TEST_TOOLS).values():
+            link(one, self.test_tools)
         source = directory / 'source'
         for name in ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'):
             shutil.copytree(ROOT / name, source / name)
@@ -94,6 +115,12 @@ class Environment:
             if path and ('robot_dynamics_interfaces' in path
                          or not is_of_this_project(Path(path)) and path != str(ROOT)))
             for name in ('PYTHONPATH', 'AMENT_PREFIX_PATH')}
+        self.tests = directory / 'tests'
+        for name in ('test', 'docs'):
+            shutil.copytree(
+                ROOT / name, self.tests / name, ignore=shutil.ignore_patterns('__pycache__'))
+        for name in ('README.md', 'conftest.py', 'pyproject.toml'):
+            shutil.copy(ROOT / name, self.tests)
         # without the current directory, which may be that of the source
         self.variables = {**os.environ, **paths, 'PYTHONSAFEPATH': '1'}
 
@@ -102,6 +129,19 @@ class Environment:
         return children.run(
             [self.python, *arguments], capture_output=True, text=True, env=self.variables,
             cwd=self.python.parent)
+
+    def run_tests(self, *files: str) -> Path:
+        """Run tests of the library, with the installed package; return the results as XML."""
+        results = self.tests / 'results.xml'
+        variables = {**self.variables, 'PYTHONPATH': os.pathsep.join(
+            [str(self.test_tools), self.variables['PYTHONPATH']])}
+        variables.pop('CI', None)  # without the libraries to compare with, tests are skipped
+        done = children.run(
+            [self.python, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '--junit-xml', results,
+             *(f'test/{file}' for file in files)],
+            capture_output=True, text=True, env=variables, cwd=self.tests, timeout=children.LONG)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return results
 
     def importable(self, *names: str) -> list[str]:
         """Return which of these modules can be imported."""
@@ -113,7 +153,7 @@ class Environment:
 
 @pytest.fixture(scope='module')
 def alone(tmp_path_factory: pytest.TempPathFactory) -> Environment:
-    if 'ros-jazzy-rclpy' not in distributions():
+    if 'ros-jazzy-rclpy' not in installed_distributions():
         pytest.skip('ROS is not installed from wheels, whose metadata name their files')
     return Environment(tmp_path_factory.mktemp('alone'))
 
@@ -141,6 +181,20 @@ def test_every_module_is_imported(alone):
                            'getattr(r, name) for name in r.__all__))')
     assert done.stdout.split()[1:] == ['True'], done.stderr
     assert str(alone.python.parents[1]) in done.stdout
+
+
+def test_the_tests_of_the_library_run(alone):
+    """Those that compare with another library are skipped, and name it."""
+    passed, reasons = set(), []
+    for case in ElementTree.parse(alone.run_tests(*LIBRARY_TESTS)).iter('testcase'):
+        skipped = case.find('skipped')
+        if skipped is None:
+            passed.add(case.attrib['classname'].split('.')[1])
+        else:
+            reasons.append(skipped.attrib['message'])
+    assert passed == {path.parent.name for path in (ROOT / 'robot_dynamics').glob('*/__init__.py')
+                      } - {'ros', 'tools'}
+    assert [reason for reason in reasons if not any(name in reason for name in ABSENT)] == []
 
 
 def test_both_nodes_close_the_loop(client, alone):

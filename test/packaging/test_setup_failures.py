@@ -57,7 +57,7 @@ def test_an_interrupt_during_a_download(tmp_path):
         'robot_dynamics: Set-up was interrupted. Run the same command again to continue: '
         'completed steps are kept.')
     assert len(steps) == 1
-    assert 'Installing ros libraries' in steps[0]
+    assert 'Installing libraries of requirements/: ros python' in steps[0]
 
 
 def test_a_certificate_that_is_not_accepted_is_named(tmp_path):

@@ -4,6 +4,7 @@
 """The simulated arm: energy, convergence, brakes, payloads, wrenches."""
 
 import numpy as np
+from optional_library import library
 import pytest
 from robot_dynamics.exceptions import InvalidInputError, ModelError
 from robot_dynamics.joints.friction import make_friction
@@ -14,7 +15,6 @@ from robot_dynamics.model.payload import make_payload
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
 from robots import robot_urdf
-from scipy.integrate import solve_ivp
 from simulated_arms import COM, INERTIA, LENGTH, MASS, released, two_link
 
 
@@ -27,7 +27,7 @@ def exact_motion(
     def slope(_: float, x: np.ndarray) -> np.ndarray:
         return np.concatenate((x[n:], dynamics.forward_dynamics(x[:n], x[n:], np.zeros(n))))
 
-    solution = solve_ivp(
+    solution = library('scipy.integrate').solve_ivp(
         slope, (0.0, duration), np.concatenate((q, v)), method='DOP853', rtol=1e-12, atol=1e-13)
     return solution.y[:n, -1], solution.y[n:, -1]
 

@@ -4,6 +4,7 @@
 """Backlash in the simulated arm: gap, impacts, energy, an exact solution, convergence order."""
 
 import numpy as np
+from optional_library import library
 import pytest
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.exceptions import InvalidInputError
@@ -13,7 +14,6 @@ from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from scipy.integrate import solve_ivp
 from simulated_arms import released
 
 CONTACT_TIME = 2e-4
@@ -36,6 +36,7 @@ class ExactJoint:
         self._side = 0.0
         """Side of the contact, 0 without contact."""
         self.impacts = 0
+        self._solve_ivp = library('scipy.integrate').solve_ivp
 
     def step(self, tau: float, h: float) -> None:
         """Advance by h [s] with a constant motor effort."""
@@ -54,8 +55,9 @@ class ExactJoint:
         while h > 1e-12:
             if self._side and event(0.0, self.state) < 0.0:
                 self._side = 0.0
-            found = solve_ivp(slope, (0.0, h), self.state, 'DOP853', events=event, rtol=1e-12,
-                              atol=1e-14, max_step=1e-4)
+            found = self._solve_ivp(
+                slope, (0.0, h), self.state, 'DOP853', events=event, rtol=1e-12, atol=1e-14,
+                max_step=1e-4)
             h, self.state = h - found.t[-1], found.y[:, -1]
             if found.status == 1:
                 self._side = 0.0 if self._side else self._reach_contact(tau)

@@ -4,13 +4,13 @@
 """The simulated arm with friction: exact solutions, stiction, convergence, stiff friction."""
 
 import numpy as np
+from optional_library import library
 import pytest
 from robot_dynamics.joints.friction import make_friction
 from robot_dynamics.model.arm import load_arm
 from robot_dynamics.model.arm_dynamics import ArmDynamics
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robots import robot_urdf
-from scipy.integrate import solve_ivp
 from simulated_arms import released
 
 # --- convergence and stiff friction --------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_falling_friction_is_followed_where_viscous_friction_is_stiff(v0, tau):
         return float(y[1])
 
     speed.terminal, speed.direction = True, -1.0  # type: ignore[attr-defined]
-    exact = solve_ivp(
+    exact = library('scipy.integrate').solve_ivp(
         slope, (0.0, duration), [0.0, v0], 'Radau', events=speed, rtol=1e-11, atol=1e-13).y[:, -1]
     for step in (4e-3, 1e-3):
         simulation = released(arm, (0.0,), (v0,), step)

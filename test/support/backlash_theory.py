@@ -14,12 +14,12 @@ the figure of the documentation use the same runs.
 from typing import NamedTuple
 
 import numpy as np
+from optional_library import library
 from robot_dynamics.arrays import FloatArray
 from robot_dynamics.joints import make_actuators, make_friction
 from robot_dynamics.model.arm import ArmModel, load_arm
 from robot_dynamics.planar.urdf import planar_arm_urdf
 from robot_dynamics.simulation.arm_simulation import ArmSimulation
-from scipy.optimize import fsolve
 
 HALF_GAP = 0.01
 """b [rad]"""
@@ -112,7 +112,8 @@ def predicted_cycle() -> Cycle:
             HALF_GAP * (1.0 + np.exp(unknown[0]))) + 1.0
         return [rest.real, rest.imag]
 
-    logarithms, _, found, message = fsolve(balance, [0.0, np.log(5.0)], full_output=True)
+    logarithms, _, found, message = library('scipy.optimize').fsolve(
+        balance, [0.0, np.log(5.0)], full_output=True)
     assert found == 1, message
     return Cycle(float(HALF_GAP * (1.0 + np.exp(logarithms[0]))), float(np.exp(logarithms[1])))
 

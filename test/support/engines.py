@@ -11,13 +11,12 @@ link, a force (3,) [N] and a torque (3,) [N·m], which act at the origin of the 
 """
 
 from collections.abc import Sequence
-import importlib
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
-from robots import missing
+from optional_library import library
 
 Array = npt.NDArray[np.float64]
 MOVING = ('revolute', 'continuous', 'prismatic')
@@ -35,14 +34,6 @@ class PointMotion(NamedTuple):
     rotation: Array
     jacobian: Array
     bias: Array
-
-
-def load(module: str, wheel: str) -> Any:
-    """Return the module of an engine; without it, skip the test (or fail it, see `missing`)."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        missing(f'the engine {wheel} to compare with is not installed ({error})')
 
 
 def bare_urdf(urdf: str, damping: bool) -> ElementTree.Element:
@@ -91,7 +82,7 @@ class MujocoEngine(Engine):
     """MuJoCo, with its constraint solver off and its bounds on mass and inertia unset."""
 
     def build(self) -> None:
-        self.mj = load('mujoco', 'mujoco')
+        self.mj = library('mujoco')
         options = ElementTree.SubElement(self.bare, 'mujoco')
         ElementTree.SubElement(options, 'compiler', {
             'fusestatic': 'false', 'discardvisual': 'true', 'balanceinertia': 'false'})
@@ -188,10 +179,10 @@ class DrakeEngine(Engine):
     """
 
     def build(self) -> None:
-        multibody = load('pydrake.multibody.plant', 'drake')
-        parsing = load('pydrake.multibody.parsing', 'drake')
-        self.tree = load('pydrake.multibody.tree', 'drake')
-        self.force_of = load('pydrake.multibody.math', 'drake').SpatialForce
+        multibody = library('pydrake.multibody.plant')
+        parsing = library('pydrake.multibody.parsing')
+        self.tree = library('pydrake.multibody.tree')
+        self.force_of = library('pydrake.multibody.math').SpatialForce
         self.applied = multibody.ExternallyAppliedSpatialForce
         self.plant = multibody.MultibodyPlant(0.0)
         parsing.Parser(self.plant).AddModelsFromString(

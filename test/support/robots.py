@@ -73,7 +73,7 @@ def missing(reason: str) -> NoReturn:
     """Skip the test for this reason, or fail it if all optional packages are required."""
     if must_have_everything():
         pytest.fail(f'{reason}; with CI set this is a failure')
-    pytest.skip(reason)
+    pytest.skip(reason, allow_module_level=True)
 
 
 def robot_path(name: str) -> Path:

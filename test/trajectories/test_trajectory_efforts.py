@@ -4,6 +4,7 @@
 """The efforts of a trajectory: at its points, and along the motion against the limits."""
 
 import numpy as np
+from optional_library import library
 import pytest
 from robot_dynamics.joints.actuator import make_actuators
 from robot_dynamics.joints.friction import make_friction
@@ -29,7 +30,6 @@ def trajectory(
 
 def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
     """Return times, position, velocity and acceleration at `count` samples of each segment."""
-    BPoly = pytest.importorskip('scipy.interpolate').BPoly
     rows = []
     for p0, p1 in zip(path.points, path.points[1:]):
         ends = [
@@ -39,7 +39,8 @@ def densely(path: JointTrajectory, count: int) -> tuple[np.ndarray, ...]:
             if pair[0] is not None and pair[1] is not None]
         t0, t1 = p0.time_from_start, p1.time_from_start
         t = t0 + (t1 - t0) * 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, count)))
-        way = BPoly.from_derivatives([t0, t1], [list(side) for side in zip(*ends)])
+        way = library('scipy.interpolate').BPoly.from_derivatives(
+            [t0, t1], [list(side) for side in zip(*ends)])
         v = way(t, 1)
         rows.append((t, way(t), np.where(np.abs(v) < 1e-9, 0.0, v), way(t, 2)))
     return tuple(np.concatenate(parts) for parts in zip(*rows))

@@ -44,10 +44,10 @@ def text_of(page: str) -> str:
 
 
 def quick_start() -> list[list[str]]:
-    """Return the commands that README runs in a clone, without `scripts/run`."""
+    """Return the commands of README that need neither a clone nor ros2cli."""
     section = text_of('README.md').split('\n## Quick start\n')[1].split('\n## ')[0]
     _, commands = files_and_commands(section)
-    return [command[1:] for command in commands if command[0] == 'scripts/run']
+    return [command for command in commands if command[0] == 'ros2' and command[1] != 'service']
 
 
 def interrupted(command: list[str], directory: Path) -> str:

@@ -27,8 +27,6 @@ NAMED = re.compile(r'(?:# |<!-- )([\w.]+)(?: -->)?\n')
 FILE = re.compile(r'(?<![\w./$-])[\w./-]+\.(?:urdf|xacro|yaml|xml|py|mcap)(?![\w.])')
 RECORDING = re.compile(r'[a-z]\w*(/\w+)*')
 PLACEHOLDER = re.compile(r'[A-Z]{2,}(\.\w+)?…?')
-ADDRESS = 'REPOSITORY'
-"""The only placeholder: no file, and explained next to the command."""
 TOOLS = ('planar_urdf', 'check_model', 'excite', 'analyze', 'identify', 'export_mjcf')
 DESCRIBED = {'mujoco_arm.md': {'panda.urdf'}}
 """Files of other packages that a page names."""
@@ -102,7 +100,7 @@ def test_commands_read_only_files_that_the_page_provides(page):
         given.add(block.file_name)
         for words in block.commands:
             for word in words:
-                assert word == ADDRESS or not PLACEHOLDER.fullmatch(word), f'{words}: {word}'
+                assert not PLACEHOLDER.fullmatch(word), f'{words}: {word}'
             for path in read_by(words):
                 assert is_there(path, given), f'{words}: the page does not provide {path}'
             given.update(written_by(words))

@@ -5,9 +5,9 @@
 
 from typing import Any
 
-from engines import load
 import numpy as np
 import one_joint_arm
+from optional_library import library
 import pinocchio as pin
 import pytest
 from robot_dynamics.exceptions import ModelError
@@ -42,7 +42,7 @@ class Exported:
     """MuJoCo's model of an exported arm, with its constraint solver off."""
 
     def __init__(self, arm: ArmModel) -> None:
-        self.mj: Any = load('mujoco', 'mujoco')
+        self.mj: Any = library('mujoco')
         self.model = self.mj.MjModel.from_xml_string(arm_to_mjcf(arm))
         self.data = self.mj.MjData(self.model)
         self.model.opt.disableflags |= self.mj.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -183,7 +183,7 @@ def test_the_tool_writes_the_arm_of_urdf_and_parameters(tmp_path, capsys):
     assert main([*arguments, '--output', str(output)]) == 0
     assert capsys.readouterr() == (
         '', 'export_mjcf: MuJoCo has no counterpart of the effort offset F_b\n')
-    model = load('mujoco', 'mujoco').MjModel.from_xml_path(str(output))
+    model = library('mujoco').MjModel.from_xml_path(str(output))
     assert model.dof_frictionloss.tolist() == [2.0, 1.0]
     assert main(arguments) == 0
     assert capsys.readouterr().out == output.read_text(encoding='utf-8')
