@@ -12,8 +12,8 @@ import re
 import time
 from typing import Any
 
-from fault_bench import FaultBench, figure_of, G, Q
-from fault_stimuli import follow, move_by_hand, Swing
+from fault_bench import FaultBench, G, Q
+from fault_stimuli import follow, move_by_hand
 from fault_table import fault
 from interruption_bench import (
     check_held,
@@ -33,8 +33,6 @@ from robot_dynamics_interfaces.srv import InverseDynamicsBatch
 from ros_harness import LONG, RosClient, TIMEOUT, wait_until
 from std_srvs.srv import Trigger
 
-SWING = 43.0
-"""Angular frequency of an arm that is too fast [rad/s]."""
 
 # --- trajectories that are sent while no reference can be followed ------------------------------
 
@@ -107,35 +105,6 @@ def test_another_command(arm):
 
 
 # --- faults --------------------------------------------------------------------------------------
-
-@fault(GROUP, 'joint velocities of -14 and 14 rad/s while a reference is followed',
-       'fault `overspeed` that names joint and velocity; g(q) with damping, finite and within '
-       'the limits; ends automatically; after the third, references wait for `~/reset_fault`')
-def test_overspeed(arm):
-    before = arm.known('command', 'faults: overspeed')
-    arm.efforts.clear()
-    # above the limit of 10 rad/s a joint becomes faster for less than 24 ms: no wrong drive
-    arm.driver.change = Swing(Q, [-14.0 / SWING, 14.0 / SWING], SWING)
-    status = arm.wait_fault('overspeed')
-    assert "velocity of 'joint" in status.message
-    assert 'expected at most 1.2 times' in status.message
-    assert '(overspeed_factor)' in status.message
-    assert figure_of(status, 'faults: overspeed') > before  # again, if the status is late
-    # damping against the motion of joint1, and never zero
-    arm.efforts.wait_for(lambda message: abs(message.effort[0] - G[0]) > 50.0)
-    arm.wait_message('reference', 'ended early: fault overspeed: .*')
-    arm.wait_message('command', '.*waits for ~/reset_fault')
-    arm.driver.go_on()
-    wait_rejected(arm, 'no reference can be followed now: fault overspeed: ')
-    response = arm.client.call(Trigger, arm.name('reset_fault'))
-    assert response.success
-    assert response.message.startswith("reset overspeed: velocity of 'joint")
-    arm.wait_running()
-    follow(arm, Q)
-    wait_until(
-        lambda: np.allclose(arm.efforts.messages[-1].effort, G, atol=1e-6), 'the gravity torque')
-    arm.check_efforts()
-    assert all((np.abs(m.effort) <= [150.0, 60.0]).all() for m in arm.efforts.messages)
 
 
 @fault(GROUP, 'an arm that does not follow its reference',
