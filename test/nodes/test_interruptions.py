@@ -106,7 +106,6 @@ def test_another_command(arm):
 
 # --- faults --------------------------------------------------------------------------------------
 
-
 @fault(GROUP, 'an arm that does not follow its reference',
        'fault `following_error` that names joint and distance; the arm is held at its '
        'measured position; the reference has ended')
