@@ -74,7 +74,7 @@ if find_spec('hypothesis') is not None:
 
 NEEDED_FOR_ROS = ('rclpy', 'robot_dynamics_interfaces')
 IMPORTS_ROS = re.compile(
-    r'^(from|import) (ros_harness|stick_slip|fault_bench|fuzz_nodes|rclpy|'
+    r'^(from|import) (ros_harness|fault_bench|fuzz_nodes|rclpy|'
     r'robot_dynamics_interfaces|robot_dynamics\.ros|robot_dynamics_tools\.(monitor|viewer|mujoco\.mujoco_arm)|'
     r'builtin_interfaces|\w+_msgs|std_srvs|rcl_interfaces)\b', re.MULTILINE)
 

@@ -458,7 +458,7 @@ STATED: dict[str, Any] = {
     'given 0.6 to 1.4 times': test_wrong_friction,
     'the arm stops and is held, within 2.5 s': test_stop_at_the_end,
     'After three faults of the motion, references wait': test_three_faults,
-    'brakes that engage 0.02 to 0.2 s after': 'test_command_timeout_node.py',
+    'brakes that engage 0.02 to 0.2 s after': 'test_command_end.py',
     'the last command | 0.000 rad | **0.4 to 1.3 rad** | 0.000 rad |': 'test_command_end.py',
     'floats: 0.000 rad |': 'test_command_end.py',
     'floats: 0.000 rad ': 'test_command_end.py',

@@ -42,7 +42,7 @@ def bench(client: RosClient) -> Iterator[LifecycleBench]:
 
 @pytest.fixture
 def latched(client: RosClient) -> Iterator[LifecycleBench]:
-    """Return such a node for tests that latch a fault."""
+    """Return such a node for a test that latches a fault."""
     with lifecycle_bench(client, '/faults_latched', PARAMETERS) as one:
         yield one
 
@@ -138,50 +138,30 @@ def test_no_model_while_unconfigured(client, bench):
 
 
 @fault(GROUP, 'a latched fault, then deactivation, activation, cleanup and configuration; '
-       '`~/reset_fault` while the node is inactive',
+       '`~/reset_fault` while the node is unconfigured',
        'the fault persists, and no command is published after activation; after the reset '
        'commands resume at the next activation, not earlier')
 def test_a_latched_fault_survives_transitions(latched):
-    latch(latched)
+    latched.check_alive()
+    follow(latched, Q)
+    run_away(latched)
+    latched.driver.go_on()
+    latched.efforts.clear()  # the answer to valid states is g(q), but for the released joint
+    wait_effort(latched, [0.0, G[1]])
     for transitions in ([DEACTIVATE, ACTIVATE], [DEACTIVATE, CLEANUP, CONFIGURE, ACTIVATE]):
         for transition in transitions:
             assert latched.change(transition)
         assert 'waits for ~/reset_fault' in latched.wait_fault('wrong_drive').message
         latched.check_silent()
     assert latched.change(DEACTIVATE)
-    check_reset(latched)
-    latched.check_silent()
-    assert latched.change(ACTIVATE)
-
-
-@fault(GROUP, '`~/reset_fault` after a latched fault while the node is unconfigured',
-       '`success` true; commands resume at the next activation, not earlier')
-def test_a_reset_while_unconfigured(latched):
-    latch(latched)
-    assert latched.change(DEACTIVATE)
     assert latched.change(CLEANUP)
-    check_reset(latched)
+    response = latched.ask('reset_fault', Trigger)
+    assert response.success
+    assert response.message.startswith('reset wrong_drive')
+    assert not latched.ask('reset_fault', Trigger).success
     assert latched.change(CONFIGURE)
     latched.check_silent()
     assert latched.change(ACTIVATE)
-
-
-def check_reset(bench: LifecycleBench) -> None:
-    """Check that `~/reset_fault` resets the latched fault, once."""
-    response = bench.ask('reset_fault', Trigger)
-    assert response.success
-    assert response.message.startswith('reset wrong_drive')
-    assert not bench.ask('reset_fault', Trigger).success
-
-
-def latch(bench: LifecycleBench) -> None:
-    """Cause a latched fault."""
-    bench.check_alive()
-    follow(bench, Q)
-    run_away(bench)
-    bench.driver.go_on()
-    bench.efforts.clear()  # the answer to valid states is g(q), but for the released joint
-    wait_effort(bench, [0.0, G[1]])
 
 
 # --- configuration that fails, and shutdown ------------------------------------------------------

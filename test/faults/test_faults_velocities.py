@@ -11,10 +11,10 @@ The driver reports a motion of both joints that does not depend on the commands.
 from collections.abc import Iterator
 
 from fault_bench import FaultBench, figure_of, nanoseconds_of, Q
-from fault_stimuli import altered, follow, Swing, wait_states
+from fault_stimuli import follow, Swing, wait_states
 from fault_table import fault
 import pytest
-from ros_harness import KEEP_MANY, wait_until
+from ros_harness import KEEP_MANY
 from sensor_msgs.msg import JointState
 from simulated_arms import default_dynamics
 
@@ -95,37 +95,3 @@ def test_a_frozen_joint(bench):
     bench.driver.stream_changed(moving)
     bench.wait_message('reference', 'ended early: fault frozen_joint.*')
     bench.wait_running()
-
-
-@fault(GROUP, 'repeated positions and velocities of all joints in motion, with new stamps',
-       'no joint states: fault `state_timeout`; no fault `frozen_joint`; commands resume with '
-       'positions that change')
-def test_frozen_joints_are_no_states(bench):
-    samples: list[tuple[list[float], list[float]]] = []
-
-    def frozen(message: JointState) -> JointState:
-        moving(message)
-        if not samples and abs(message.velocity[0]) > 0.4:
-            samples.append((list(message.position), list(message.velocity)))
-        if samples:
-            message.position, message.velocity = samples[0]
-        return message
-
-    before = bench.known('command', 'faults: frozen_joint')
-    bench.driver.stream_changed(frozen)
-    wait_until(lambda: bool(samples), 'repeated states')
-    bench.wait_state_timeout()
-    bench.driver.stream_changed(moving)
-    bench.wait_running()
-    assert bench.figure('command', 'faults: frozen_joint') == before
-
-
-@fault(GROUP, 'repeated position and velocity of an arm at rest', 'no fault: the arm stands still')
-def test_an_arm_at_rest_may_repeat_its_sample(bench):
-    faults = bench.known('command', 'faults: frozen_joint')
-    bench.driver.go_on()  # at rest
-    wait_states(bench, 50)
-    bench.driver.change = altered(position=Q, velocity=[0.0, 0.0])
-    wait_states(bench, 300)
-    assert bench.figure('command', 'faults: frozen_joint') == faults
-    bench.wait_status('joint states', lambda status: status.message == 'arriving')

@@ -17,11 +17,12 @@ import shutil
 import subprocess
 import sys
 from xml.etree import ElementTree
-import zipfile
 
 import children
 from closed_loop import receiving
+from package_contents import unpacked_wheel
 import pytest
+import robot_dynamics
 from robot_dynamics_interfaces.srv import InverseDynamics
 from ros_harness import DYNAMICS, NodeProcess, running, SIMULATED_ARM, UNHURRIED
 from workspace import is_of_this_project
@@ -100,16 +101,9 @@ class Environment:
         self.test_tools.mkdir()
         for one in required_by(*TEST_TOOLS).values():
             link(one, self.test_tools)
-        source = directory / 'source'
-        for name in ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'):
-            shutil.copytree(ROOT / name, source / name)
-        for name in ('LICENSE', 'setup.py', 'setup.cfg', 'package.xml'):
-            shutil.copy(ROOT / name, source)
-        subprocess.run(
-            [sys.executable, 'setup.py', '-q', 'bdist_wheel', '--dist-dir', directory],
-            cwd=source, check=True, capture_output=True)
-        wheel, = directory.glob('*.whl')
-        zipfile.ZipFile(wheel).extractall(site)
+        wheel = unpacked_wheel(
+            ROOT, ('robot_dynamics', 'resource', 'config', 'launch', 'rviz'), directory)
+        shutil.copytree(wheel, site, dirs_exist_ok=True)
         paths = {name: os.pathsep.join(
             path for path in os.environ.get(name, '').split(os.pathsep)
             if path and ('robot_dynamics_interfaces' in path
@@ -177,9 +171,9 @@ def test_every_module_is_imported(alone):
              for path in (ROOT / 'robot_dynamics').rglob('*.py')
              if path.stem not in ('__init__', 'launch_actions')]
     assert set(names) - set(alone.importable(*names)) == set()
-    done = alone.run('-c', 'import robot_dynamics as r; print(r.__file__, all('
+    done = alone.run('-c', 'import robot_dynamics as r; print(r.__file__, r.__version__, all('
                            'getattr(r, name) for name in r.__all__))')
-    assert done.stdout.split()[1:] == ['True'], done.stderr
+    assert done.stdout.split()[1:] == [robot_dynamics.__version__, 'True'], done.stderr
     assert str(alone.python.parents[1]) in done.stdout
 
 

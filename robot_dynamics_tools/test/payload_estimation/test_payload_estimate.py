@@ -54,8 +54,6 @@ def test_a_hidden_load_is_recovered_from_raw_samples():
 
 
 def estimate_of(case: Case, kind: str) -> PayloadEstimate:
-    if kind == 'raw':
-        return estimated_from_raw_samples(case, 20.0)
     samples = samples_of(case, kind)
     return estimated(case, samples, measured(case, samples))
 

@@ -76,12 +76,9 @@ class KnownMotion:
 
     def loop_topics(self):
         """Return the messages of a closed loop of this motion, by topic."""
-        gravity = ArmDynamics(self.arm).rigid_body.gravity
-        held = np.array([gravity(q) for q in self.q])
         return {
             '/joint_states': self.messages(),
-            '/effort_command': encoded(self.stamps_ns, self.names, effort=self.tau),
-            '/dynamics/gravity_compensation': encoded(self.stamps_ns, self.names, effort=held)}
+            '/effort_command': encoded(self.stamps_ns, self.names, effort=self.tau)}
 
 
 def encoded(stamps_ns, names, position=None, velocity=None, effort=None):
