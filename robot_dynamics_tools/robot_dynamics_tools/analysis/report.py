@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from robot_dynamics.arrays import FloatArray
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.analysis.bag_analysis import BagAnalysis, LimitUse
 from robot_dynamics_tools.analysis.residual import ResidualStatistics
 from robot_dynamics_tools.reporting.figures import (

@@ -18,7 +18,7 @@ import sys
 import numpy as np
 from robot_dynamics.dependencies import require
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.html_page import Origin
+from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics.tools import command_line
 from robot_dynamics_tools import options
 from robot_dynamics_tools.analysis import tasks

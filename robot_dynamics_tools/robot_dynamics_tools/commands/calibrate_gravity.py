@@ -20,8 +20,8 @@ import sys
 
 from robot_dynamics.dependencies import require, require_ros
 from robot_dynamics.exceptions import InvalidInputError
-from robot_dynamics.html_page import summary
 from robot_dynamics.model.payload import make_payload, Payload
+from robot_dynamics.model_check.html_page import summary
 from robot_dynamics.tools import command_line
 from robot_dynamics.validation import check_scalar, LARGEST_VALUE
 from robot_dynamics_tools import options

@@ -26,8 +26,8 @@ from robot_dynamics_tools import options
 from robot_dynamics_tools.viewer.cli import DEFAULT_PORT, port_number
 
 if TYPE_CHECKING:
-    from robot_dynamics.html_page import Origin
     from robot_dynamics.model.arm import ArmModel
+    from robot_dynamics.model_check.html_page import Origin
     from robot_dynamics_tools.excitation.demo_motion import ReferenceMotion
 
 DEFAULT_DURATION = 10.0

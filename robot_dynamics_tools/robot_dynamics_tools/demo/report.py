@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from robot_dynamics.arrays import FloatArray, IntArray, wrap_to_pi
 from robot_dynamics.exceptions import RecordingError
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.units import units_of
 from robot_dynamics.model.arm import ArmModel
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.demo.loop import LoopRun
 from robot_dynamics_tools.demo.session import EFFORT_COMMAND, JOINT_STATES, TERMS
 from robot_dynamics_tools.excitation.demo_motion import sample_trajectory

@@ -4,8 +4,8 @@
 """The results of a calibration of gravity: verdicts, rows of text, and the HTML report."""
 
 import numpy as np
-from robot_dynamics.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics.joints.effort_calibration import LARGEST_OFFSET, LARGEST_SCALE, LEAST_SCALE
+from robot_dynamics.model_check.html_page import Grade, Origin, Page, Verdict
 from robot_dynamics_tools.gravity_calibration.calibration import (
     Calibration,
     LEAST_POSES,

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from robot_dynamics.html_page import Origin
 from robot_dynamics.joints.friction import FRICTION_FIELDS
+from robot_dynamics.model_check.html_page import Origin
 from robot_dynamics_tools.identification import identified_arm, summary
 from robot_dynamics_tools.identification.bag_identification import BagIdentification
 from robot_dynamics_tools.identification.friction_regressor import INERTIA

@@ -8,7 +8,7 @@ from html import escape
 from io import BytesIO
 from typing import TYPE_CHECKING
 
-from robot_dynamics.html_page import Page
+from robot_dynamics.model_check.html_page import Page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 from report_page import ReportPage
-from robot_dynamics.html_page import command_line, Grade, Origin, Page, Verdict
+from robot_dynamics.model_check.html_page import command_line, Grade, Origin, Page, Verdict
 from robot_dynamics_tools.reporting.figures import effort_panel, TimeBoundary
 from robot_dynamics_tools.reporting.interactive import zoomable_figures
 
